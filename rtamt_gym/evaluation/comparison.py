@@ -66,7 +66,7 @@ class Comparison:
     @property
     def sentence(self) -> str:
         """What is shown about each requirement, and if there are several about all at once."""
-        return " ".join(each.sentence for each in self.results)
+        return " ".join(result.sentence for result in self.results)
 
     @property
     def results(self) -> tuple[Compared, ...]:
@@ -83,8 +83,8 @@ class Comparison:
             import pandas as pd
         except ModuleNotFoundError as error:
             raise naming_extra(error, "Comparison.to_frame") from error
-        names = pd.Index([each.name for each in self.results], name="requirement")
-        return pd.DataFrame([_cells(each) for each in self.results], index=names)
+        names = pd.Index([result.name for result in self.results], name="requirement")
+        return pd.DataFrame([_cells(result) for result in self.results], index=names)
 
     def to_json(self) -> str:
         """Strict JSON that holds all of the comparison; infinities are ``"inf"`` and ``"-inf"``."""
@@ -169,8 +169,8 @@ def compare(
         InputTypeError: If they are neither two evaluations nor two policies with an environment.
     """
     own = {"env": env, "specs": specs, "signals": signals}
-    given = {name: each for name, each in own.items() if each is not None} | options
-    _check_arguments(a, b, given)
+    arguments = {name: value for name, value in own.items() if value is not None} | options
+    _check_arguments(a, b, arguments)
     named = None if names is None else _two_names(names)
     if env is not None:
         from rtamt_gym.evaluation.evaluate import check_repeats, evaluate_policy
@@ -187,9 +187,9 @@ def _changes(a: Evaluation, b: Evaluation, *, accept_changed: bool) -> list[str]
     Raises:
         InputError: If it has, and that is not accepted.
     """
-    of_a, of_b = (each.record.provenance.fingerprint for each in (a, b))
+    of_a, of_b = (item.record.provenance.fingerprint for item in (a, b))
     if of_a is None or of_b is None:
-        names = " and ".join(n for n, each in (("A", of_a), ("B", of_b)) if each is None)
+        names = " and ".join(n for n, value in (("A", of_a), ("B", of_b)) if value is None)
         return [f"no hashes of {names}: a change of the environment cannot be seen"]
     without = {*of_a.policy, *of_b.policy}
     every = of_a.changes(of_b, without=without)
@@ -201,20 +201,20 @@ def _changes(a: Evaluation, b: Evaluation, *, accept_changed: bool) -> list[str]
             "compare all the same with ",
             Argument("accept_changed", value=True),
         )
-    return [*(f"of B {each}" for each in every), *(f"of B {n}" for n in of_a.notes(of_b))]
+    return [*(f"of B {item}" for item in every), *(f"of B {n}" for n in of_a.notes(of_b))]
 
 
 def _two_names(names: object) -> tuple[str, str]:
     """The names of A and B, which are two different texts."""
-    found = list(names) if isinstance(names, list | tuple) else []
-    for each in found:
-        check_name_of_policy(each)
-    if len(found) != 2 or found[0] == found[1] or None in found:
+    result = list(names) if isinstance(names, list | tuple) else []
+    for item in result:
+        check_name_of_policy(item)
+    if len(result) != 2 or result[0] == result[1] or None in result:
         raise InputError(
             Argument("names"),
             f": expected two different texts, such as ('before', 'after'), got {names!r}",
         )
-    return found[0], found[1]
+    return result[0], result[1]
 
 
 def _told_apart(a: str, b: str) -> tuple[str, str]:
@@ -223,7 +223,7 @@ def _told_apart(a: str, b: str) -> tuple[str, str]:
 
 def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
     """Refuses what is neither two evaluations nor two policies with an environment."""
-    evaluations = sum(isinstance(each, Evaluation) for each in (a, b))
+    evaluations = sum(isinstance(item, Evaluation) for item in (a, b))
     if evaluations == 2:
         if given:
             raise InputError(
@@ -249,7 +249,7 @@ def _paired(
 ) -> Comparison:
     """Compares two evaluations, whose policies have these names."""
     _check_alike(a, b)
-    places = [{row.seed: place for place, row in enumerate(each.record)} for each in (a, b)]
+    places = [{row.seed: place for place, row in enumerate(item.record)} for item in (a, b)]
     seeds = [seed for seed in places[0] if seed is not None and seed in places[1]]
     if not seeds:
         raise InputError(
@@ -261,7 +261,7 @@ def _paired(
 
     def compared(name: str, names: Collection[str]) -> Compared:
         of_a, of_b = (
-            each.success if name == SUCCESS else each.requirements[name] for each in (a, b)
+            item.success if name == SUCCESS else item.requirements[name] for item in (a, b)
         )
         heights = [
             (of_a.robustness[places[0][seed]], of_b.robustness[places[1][seed]]) for seed in seeds
@@ -270,13 +270,13 @@ def _paired(
         return compared_of(name, of_a.formula, counts, _effect(heights), (a.interval, b.interval))
 
     found = {name: compared(name, [name]) for name in a.requirements}
-    adjusted = holm({name: each.p for name, each in found.items()})
+    adjusted = holm({name: value.p for name, value in found.items()})
     rewards = [(a.returns[places[0][seed]], b.returns[places[1][seed]]) for seed in seeds]
     return Comparison(
         a.system,
         *names,
         tuple(seeds),
-        {name: replace(each, adjusted=adjusted[name]) for name, each in found.items()},
+        {name: replace(value, adjusted=adjusted[name]) for name, value in found.items()},
         compared(SUCCESS, list(a.requirements)),
         _effect(rewards),
         (*_notes(a, b, rows, len(found)), *changes),
@@ -295,7 +295,7 @@ def _check_alike(a: Evaluation, b: Evaluation) -> None:
         if one != two:
             raise InputError(f"cannot compare: the {what} is {one} of A and {two} of B")
     # A policy that draws numbers of its own still meets the same start of the environment.
-    if any(each.repeats is False and not each.differing for each in (a, b)):
+    if any(item.repeats is False and not item.differing for item in (a, b)):
         refuse_unrepeated(a.system)
     texts_a, texts_b = a.record.requirements, b.record.requirements
     if set(texts_a) != set(texts_b):
@@ -382,7 +382,7 @@ def _notes(
                 f"{name} ran until its answer was known, so its rate may lean to that answer; "
                 "a comparison is sound of fixed numbers of episodes"
             )
-    if len({any(row.ended in STOPPED for row in each.record) for each in (a, b)}) == 2:
+    if len({any(row.ended in STOPPED for row in item.record) for item in (a, b)}) == 2:
         yield (
             "episodes of one side alone were stopped early, which leaves requirements open and "
             "changes robustness and returns; a comparison is sound with the same stop="
@@ -393,7 +393,7 @@ def _notes(
 
 def _by_end(row: Trial) -> bool:
     """Whether the end alone of an episode violates a requirement."""
-    return any(each.by_end for each in row.outcomes.values())
+    return any(value.by_end for value in row.outcomes.values())
 
 
 def _cells(compared: Compared) -> dict[str, Any]:
@@ -421,15 +421,15 @@ def _written(comparison: Comparison) -> str:
 
     What follows from the rest, such as rates and sentences, is there for other programs.
     """
-    kept = {each.name: getattr(comparison, each.name) for each in fields(comparison)}
-    del kept["ids"]
+    stored = {field.name: getattr(comparison, field.name) for field in fields(comparison)}
+    del stored["ids"]
     compared = comparison.requirements
     return document(
         "comparison",
         {
-            **kept,
-            "requirements": {name: each.formula for name, each in compared.items()},
-            "compared": [_plain_compared(each) for each in compared.values()],
+            **stored,
+            "requirements": {name: value.formula for name, value in compared.items()},
+            "compared": [_plain_compared(value) for value in compared.values()],
             "success": _plain_compared(comparison.success),
             **plain_provenance(Provenance(comparison.ids)),
         },
@@ -438,13 +438,13 @@ def _written(comparison: Comparison) -> str:
 
 def _comparison_of(kept: Mapping[str, Any]) -> Comparison:
     """Read the result that `_written` has made."""
-    requirements = [read_fields(Compared, each) for each in kept["compared"]]
+    requirements = [read_fields(Compared, item) for item in kept["compared"]]
     return Comparison(
         kept["system"],
         kept["a"],
         kept["b"],
         tuple(kept["seeds"]),
-        {each.name: each for each in requirements},
+        {requirement.name: requirement for requirement in requirements},
         read_fields(Compared, kept["success"]),
         None if kept["returns"] is None else read_fields(Effect, kept["returns"]),
         tuple(kept["notes"]),

@@ -127,8 +127,8 @@ class Evaluation:
         It says so in ``is_success`` of the info that ends an episode; None if it never does, and of
         a vector environment.
         """
-        found = [row.reported for row in self.record if row.reported is not None]
-        return (sum(found), len(found)) if found else None
+        result = [row.reported for row in self.record if row.reported is not None]
+        return (sum(result), len(result)) if result else None
 
     @property
     def episodes(self) -> int:
@@ -155,9 +155,9 @@ class Evaluation:
             raise InputError(
                 f"expected the seed of an episode, from {self.seed} to {last}, got {seed!r}"
             )
-        kept = [run for runs in self.worst_runs.values() for run in runs if run.seed == seed]
-        if kept:
-            return kept[0]
+        stored = [run for runs in self.worst_runs.values() for run in runs if run.seed == seed]
+        if stored:
+            return stored[0]
         if self.differing:
             raise StateError(
                 f"cannot play episode {seed} again: episode {self.differing[0]} differed when it "
@@ -176,7 +176,7 @@ class Evaluation:
                 f"episodes=1, seed={seed} plays it"
             )
         run = played(self._runner, seed)
-        (row,) = (each for each in self.record if each.seed == seed)
+        (row,) = (row for row in self.record if row.seed == seed)
         differs = replay_difference(self._runner, row, run)
         if differs:
             warn_of_difference(self.system, seed, differs)
@@ -247,14 +247,14 @@ class Evaluation:
         if len(results) > 1:
             results.append(self.success)
         rows = []
-        for each in results:
-            low, high = each.interval
-            rate, interval = f"{each.rate:.1%}", f"{low:.1%} to {high:.1%}"
-            texts = each.name, f"{each.satisfied} of {each.counted}", rate, interval
+        for result in results:
+            low, high = result.interval
+            rate, interval = f"{result.rate:.1%}", f"{low:.1%} to {high:.1%}"
+            texts = result.name, f"{result.satisfied} of {result.counted}", rate, interval
             drawn = markup.plain("")  # interrupted before the first episode was over
-            if each.counted:
-                drawn = markup.bar(each.rate, low, high, f"{rate}, in truth {interval}")
-            rows.append([*map(markup.plain, texts), drawn, markup.code(each.formula)])
+            if result.counted:
+                drawn = markup.bar(result.rate, low, high, f"{rate}, in truth {interval}")
+            rows.append([*map(markup.plain, texts), drawn, markup.code(result.formula)])
         head = ["", "satisfied", "rate", "95 % interval", "from 0 to 1", "formula"]
         return f"{markup.plain(repr(self)[1:-1])}{markup.table(head, rows)}"
 
@@ -283,17 +283,17 @@ def _written(evaluation: Evaluation) -> str:
     places: dict[str, list[int]] = {}
     for name, worst in evaluation.worst_runs.items():
         for run in worst:
-            if all(run is not each for each in runs):
+            if all(run is not item for item in runs):
                 runs.append(run)
-        places[name] = [next(i for i, each in enumerate(runs) if each is run) for run in worst]
-    found = plain_results(evaluation.record)
+        places[name] = [next(i for i, value in enumerate(runs) if value is run) for run in worst]
+    result = plain_results(evaluation.record)
     every = {**evaluation.requirements, evaluation.success.name: evaluation.success}
     return document(
         "evaluation",
         {
             **{name: getattr(evaluation, name) for name in _KEPT},
             **({} if evaluation.interrupted is None else {"interrupted": evaluation.interrupted}),
-            **found,
+            **result,
             "results": every,
             "runs": [
                 _run(run) | {"frames": _frames(evaluation.frames.get(run.seed or 0, ()))}
@@ -306,13 +306,13 @@ def _written(evaluation: Evaluation) -> str:
 
 def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
     """Reads the result that `_written` has made."""
-    runs = [Run(**run_fields(each)) for each in kept["runs"]]
+    runs = [Run(**run_fields(item)) for item in kept["runs"]]
     frames = {
-        each["seed"]: tuple(
-            Frame(number_of(frame["time"]), b64decode(frame["webp"])) for frame in each["frames"]
+        item["seed"]: tuple(
+            Frame(number_of(frame["time"]), b64decode(frame["webp"])) for frame in item["frames"]
         )
-        for each in kept["runs"]
-        if each.get("frames")
+        for item in kept["runs"]
+        if item.get("frames")
     }
     worst = kept["worst_runs"]
     return Evaluation(
@@ -335,16 +335,16 @@ def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
 
 def _kind_of(kept: Mapping[str, Any]) -> IntervalKind:
     """The kind of the intervals; files that do not say it have those of Wilson."""
-    kinds = {each.get("interval_kind", "wilson") for each in kept.get("results", {}).values()}
+    kinds = {value.get("interval_kind", "wilson") for value in kept.get("results", {}).values()}
     return "exact" if kinds == {"exact"} else "wilson"
 
 
 def _run(run: Run) -> dict[str, Any]:
     """A run in full, with the predicate that decided each robustness."""
-    kept = plain_run(run)
-    for name, course in kept["courses"].items():
+    stored = plain_run(run)
+    for name, course in stored["courses"].items():
         course["deciding"] = _deciding(run, name)
-    return kept
+    return stored
 
 
 def _frames(frames: Sequence[Frame]) -> list[dict[str, Any]]:
@@ -361,7 +361,7 @@ def _deciding(run: Run, name: str) -> dict[str, Any] | None:
         return None
     last = explanation.steps[-1]
     values = {cause.variable: cause.value for cause in explanation.causes}
-    kept: dict[str, Any] = plain(
+    stored: dict[str, Any] = plain(
         {"predicate": last.text, "sample": last.sample, "time": last.time, "values": values}
     )
-    return kept
+    return stored

@@ -74,8 +74,8 @@ class MethodComparison:
     def sentence(self) -> str:
         """What is shown about each method beside the baseline."""
         return " ".join(
-            self._sentence(name, found)
-            for name, found in self.methods.items()
+            self._sentence(name, result)
+            for name, result in self.methods.items()
             if name != self.baseline
         )
 
@@ -112,7 +112,7 @@ class MethodComparison:
 
     def to_json(self) -> str:
         """Strict JSON that holds all of the comparison."""
-        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        own = {field.name: getattr(self, field.name) for field in fields(self)}
         return document("methods", own | {"sentence": self.sentence})
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -145,15 +145,15 @@ class MethodComparison:
         head = ["method", "runs", "mean", share, "IQM", share, "least", "median"]
         head += [f"above {self.baseline}", "p"]
         rows = [head]
-        for name, found in self.methods.items():
-            row = [name, str(found.runs)]
-            for each in (found.mean, found.interquartile_mean):
-                row += [f"{each.value:.3g}", _ends(each)]
-            row += [f"{found.quartiles[0]:.3g}", f"{found.quartiles[2]:.3g}"]
-            if found.improvement is None or found.adjusted is None:
+        for name, result in self.methods.items():
+            row = [name, str(result.runs)]
+            for item in (result.mean, result.interquartile_mean):
+                row += [f"{item.value:.3g}", _ends(item)]
+            row += [f"{result.quartiles[0]:.3g}", f"{result.quartiles[2]:.3g}"]
+            if result.improvement is None or result.adjusted is None:
                 row += ["", ""]
             else:
-                row += [f"{found.improvement.value:.2f}", p_text(found.adjusted)[2:].lstrip("= ")]
+                row += [f"{result.improvement.value:.2f}", p_text(result.adjusted)[2:].lstrip("= ")]
             rows.append(row)
         of = "" if self.tasks == ("",) else f" over {counted(len(self.tasks), 'task')}"
         title = f"{self.score}{of}, a run for each training seed"
@@ -233,13 +233,13 @@ def compare_methods(
         for name, of_task in scores.items()
     }
     ends = {name: curve[..., -1] for name, curve in curves.items()}
-    every = np.concatenate([each.ravel() for each in ends.values()])
+    every = np.concatenate([value.ravel() for value in ends.values()])
     low, high = min(0.0, float(every.min())), max(1.0, float(every.max()))
     thresholds = np.linspace(low, high, _POINTS)
     interval = partial(stratified_bootstrap, confidence=confidence, resamples=resamples, seed=seed)
     chances = {
-        name: permutation_p(each, ends[named], seed=seed)
-        for name, each in ends.items()
+        name: permutation_p(value, ends[named], seed=seed)
+        for name, value in ends.items()
         if name != named
     }
     adjusted = holm(chances)
@@ -297,23 +297,23 @@ def _scores(runs: object, points: tuple[float, ...] | None) -> dict[str, dict[st
         )
     if not runs:
         raise InputError("expected one method at least, got none")
-    found = {}
-    for name, given in runs.items():
-        by_task = given if isinstance(given, Mapping) else {"": given}
+    result = {}
+    for name, argument in runs.items():
+        by_task = argument if isinstance(argument, Mapping) else {"": argument}
         if not by_task:
             raise InputError(f"expected one task at least of {name!r}, got none")
-        found[str(name)] = {
-            str(task): _curves(each, points, f"{name!r}" + (f" on {task!r}" if task else ""))
-            for task, each in by_task.items()
+        result[str(name)] = {
+            str(task): _curves(value, points, f"{name!r}" + (f" on {task!r}" if task else ""))
+            for task, value in by_task.items()
         }
-    return found
+    return result
 
 
 def _curves(given: Any, points: tuple[float, ...] | None, of: str) -> Floats:  # noqa: ANN401
     """The curves of the runs of one method on one task; a score is a curve of one point."""
     listed = [
-        each.success.rate if isinstance(each, Evaluation) else each
-        for each in (given if isinstance(given, list | tuple) else np.asarray(given))
+        item.success.rate if isinstance(item, Evaluation) else item
+        for item in (given if isinstance(given, list | tuple) else np.asarray(given))
     ]
     try:
         array = np.array(listed, np.float64)
@@ -345,7 +345,7 @@ def _tasks(scores: Mapping[str, Mapping[str, Floats]]) -> tuple[str, ...]:
                 f"{listing(its)} of {name!r}"
             )
     for name, of_task in scores.items():
-        counts = {task: len(each) for task, each in of_task.items()}
+        counts = {task: len(value) for task, value in of_task.items()}
         if len(set(counts.values())) > 1:
             raise InputError(
                 f"expected as many runs of {name!r} in each task, got {counts}; compare tasks with "

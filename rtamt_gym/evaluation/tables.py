@@ -73,28 +73,28 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
     columns = columns_of(results, rates=True)
     for spared in _SPARED:
         if _width(columns, results) + _LEAST_NAME > terminal.width:
-            columns = [each for each in columns if each.key != spared]
+            columns = [column for column in columns if column.key != spared]
     # The name of all at once is short, so that it is never cut.
-    names = ["all" if each is evaluation.success else each.name for each in results]
+    names = ["all" if result is evaluation.success else result.name for result in results]
     rows = [
-        [name, *(column.cell(each) for column in columns)]
-        for name, each in zip(names, results, strict=True)
+        [name, *(column.cell(value) for column in columns)]
+        for name, value in zip(names, results, strict=True)
     ]
-    head = ["requirement", *(each.heading for each in columns)]
+    head = ["requirement", *(column.heading for column in columns)]
     yield from terminal.table([head, *rows], "<" + ">" * len(columns))
     stopped = {i for name in evaluation.requirements for i in open_at_stop(evaluation.record, name)}
     at_stop = f" (at the stop in {counted(len(stopped), 'open episode')})" if stopped else ""
-    of_robustness = ", ".join(each.heading for each in columns if each.robustness)
+    of_robustness = ", ".join(column.heading for column in columns if column.robustness)
     yield terminal.cut(f"{of_robustness}: of the robustness{at_stop}")
     yield terminal.cut(f"95% interval: {promise(evaluation.interval)}")
     yield from map(terminal.cut, end_note(evaluation.record))
     yield ""
-    for each in evaluation.requirements.values():
-        name = evaluation.record.provenance.called(each.name)
-        yield terminal.cut(f"{name}: {each.formula}")
+    for value in evaluation.requirements.values():
+        name = evaluation.record.provenance.called(value.name)
+        yield terminal.cut(f"{name}: {value.formula}")
     yield ""
     unit = "s" if evaluation.period is not None else "steps"
-    lines = [line for each in evaluation.requirements.values() for line in _worst(each, unit)]
+    lines = [line for value in evaluation.requirements.values() for line in _worst(value, unit)]
     yield from map(terminal.cut, (*lines, _around(evaluation)))
     if evaluation.reported is not None:
         count, total = evaluation.reported
@@ -111,7 +111,7 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
             yield from terminal.wrapped(f"{name}: {decision}", _style(decision))
     if lines := failures(evaluation.record):
         yield ""
-        yield from (line for each in lines for line in terminal.wrapped(each, "red"))
+        yield from (line for item in lines for line in terminal.wrapped(item, "red"))
     reused = reuse_lines(evaluation.record.provenance, "episode")
     yield from ["", *reused] if reused else []
 
@@ -140,7 +140,8 @@ def _heading(evaluation: Any) -> list[str]:  # noqa: ANN401
 def _width(columns: Sequence[Statistic], results: Sequence[RequirementResult]) -> int:
     """How wide the columns are beside the names."""
     return sum(
-        2 + max(len(each.heading), *(len(each.cell(of)) for of in results)) for each in columns
+        2 + max(len(column.heading), *(len(column.cell(result)) for result in results))
+        for column in columns
     )
 
 
@@ -167,7 +168,7 @@ def _around(evaluation: Any) -> str:  # noqa: ANN401
     known = evaluation.returns[~np.isnan(evaluation.returns)]
     if known.size:
         parts.insert(0, f"return {short(float(np.mean(known)))} on average")
-    if saved := max(each.saved for each in evaluation.requirements.values()):
+    if saved := max(value.saved for value in evaluation.requirements.values()):
         parts.append(f"{short(saved)} {unit} saved by stopping")
     return ", ".join(parts)
 
@@ -189,11 +190,11 @@ def _of_comparison(
     yield from map(terminal.cut, heads)
     yield ""
     names = ["requirement", "A", "B", "B - A", "95%", "p", "robustness", "95%"]
-    rows = [[each.name, *_cells(each)] for each in results]
+    rows = [[result.name, *_cells(result)] for result in results]
     yield from terminal.table([names, *rows], "<" + ">" * 7)
-    for each in results:
+    for result in results:
         yield ""
-        yield from terminal.wrapped(each.sentence)
+        yield from terminal.wrapped(result.sentence)
     below = [] if returns is None else [effect_sentence(returns, "the return")]
     if len(results) > 1:
         below.append(
@@ -211,7 +212,7 @@ def _cells(compared: Compared) -> list[str]:
     pairs = compared.pairs
     rates = (f"{points(rate, pairs)}%" for rate in (compared.rate_a, compared.rate_b))
     gap, *ends = (
-        _signed(points(each, pairs)) for each in (compared.difference, *compared.interval)
+        _signed(points(item, pairs)) for item in (compared.difference, *compared.interval)
     )
     p = p_text(compared.adjusted).removeprefix("p ").removeprefix("= ").replace(" ", "")
     return [*rates, gap, " to ".join(ends), p, *_effect(compared.robustness)]

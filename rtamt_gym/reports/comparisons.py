@@ -54,7 +54,7 @@ def of_comparison(comparison: Comparison) -> Section:
             Facts((("A", comparison.a, ""), ("B", comparison.b, ""))),
         ),
         requirements=tuple(
-            _compared(each, comparison.ids.get(each.name)) for each in comparison.results
+            _compared(result, comparison.ids.get(result.name)) for result in comparison.results
         ),
     )
 
@@ -165,7 +165,7 @@ def _curves(methods: MethodComparison) -> list[Figure]:
     """Return the learning curves if they are known, and the performance profiles."""
     figures, score = [], methods.score
     if methods.steps:
-        curves = [_curve(name, each.curve) for name, each in methods.methods.items()]
+        curves = [_curve(name, method.curve) for name, method in methods.methods.items()]
         best = max(curves, key=lambda curve: curve.values[-1])
         summary = (
             f"The mean {score} over the runs of each method, with its interval. At the end "
@@ -177,7 +177,7 @@ def _curves(methods: MethodComparison) -> list[Figure]:
         f"The share of runs whose {score} is above each number: a curve further to the right is of "
         "a better method, and one that falls early has failed runs."
     )
-    profiles = [_curve(name, each.profile) for name, each in methods.methods.items()]
+    profiles = [_curve(name, method.profile) for name, method in methods.methods.items()]
     x = (score, rounded(methods.thresholds))
     profile = curves_figure("Performance profile", summary, x, "share of runs above", profiles)
     return [*figures, profile]

@@ -94,14 +94,14 @@ class PlayedEpisode:
         return rounded_moment(at)
 
     def _predicates(self) -> dict[str, Floats]:
-        found = {}
+        result = {}
         for predicate in self.spec.predicates():
             # A term that the verdict does not need may have no value.
             with suppress(RtamtError):
-                found[str(predicate)] = rtamt.evaluate(
+                result[str(predicate)] = rtamt.evaluate(
                     predicate, self.signals, self.period, n=len(self.times), **self.interface
                 )
-        return found
+        return result
 
     def _explanation(self) -> Explanation | None:
         try:
@@ -147,8 +147,8 @@ def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) ->
         curves={key: getattr(course, key) for key in ("robustness", "lower", "upper")},
         first=run.first_sample,
     )
-    given = {"seed": run.seed, "case": case_texts(run.case or {}), "of_instant": step}
-    return played.episode(room, episodes, **given)
+    argument = {"seed": run.seed, "case": case_texts(run.case or {}), "of_instant": step}
+    return played.episode(room, episodes, **argument)
 
 
 def rounded_moment(moment: Moment) -> Moment:
@@ -159,7 +159,7 @@ def rounded_moment(moment: Moment) -> Moment:
 def case_texts(case: Mapping[str, Any]) -> tuple[str, ...]:
     """A case, a text for each entry."""
     lines = (case_lines(Case({name: entry})) for name, entry in case.items())
-    return tuple(" ".join(" ".join(each).split()) for each in lines)
+    return tuple(" ".join(" ".join(line).split()) for line in lines)
 
 
 def in_words_of(formula: str, period: object, *, unit: str = "s", step: bool = False) -> str:

@@ -165,10 +165,10 @@ def _success(evaluation: Evaluation) -> Requirement:
 def _answer(evaluation: Evaluation, name: str) -> Word | None:
     """What sequential stopping has said of a requirement under a target; None without a target."""
     decisions = evaluation.decision or {}
-    if any(each.startswith("known") for each in decisions.values()):  # they are of widths
+    if any(value.startswith("known") for value in decisions.values()):  # they are of widths
         return None
     text = decisions.get(name, "")
-    return next((word for said, word in _ANSWERS.items() if text.startswith(said)), None)
+    return next((word for start, word in _ANSWERS.items() if text.startswith(start)), None)
 
 
 def _saved(evaluation: Evaluation, result: RequirementResult) -> str:

@@ -64,7 +64,7 @@ def with_examples(
         OSError: If there is no such file.
     """
     shown = [each for section in sections for each in section.requirements]
-    texts = {each.formula for each in shown if each.formula}
+    texts = {item.formula for item in shown if item.formula}
     formulas = {text: rtamt.parse(text).formula for text in texts}
     known: dict[Formula, _Known] = {}
     for each in several:
@@ -75,12 +75,12 @@ def with_examples(
             known.setdefault(one.formula, one)
 
     def shown_with(requirement: Requirement) -> Requirement:
-        found = known.get(formulas[requirement.formula]) if requirement.formula else None
-        if found is None or not found.examples:
+        result = known.get(formulas[requirement.formula]) if requirement.formula else None
+        if result is None or not result.examples:
             return requirement
-        chosen = _chosen(found.examples)
-        drawn = tuple(_shown(each, found) for each in chosen)
-        more = len(found.examples) - len(chosen)
+        chosen = _chosen(result.examples)
+        drawn = tuple(_shown(item, result) for item in chosen)
+        more = len(result.examples) - len(chosen)
         return replace(requirement, examples=drawn, more_examples=more)
 
     return tuple(
@@ -96,14 +96,14 @@ def _of_others(
 ) -> str:
     """Why examples are of no requirement of the page, and what to do."""
     where = os.fspath(given) if isinstance(given, str | os.PathLike) else "the examples"
-    ours = {each.name: each.formula for each in shown}
+    ours = {item.name: item.formula for item in shown}
     for one in of_one:
         if one.name in ours:
             return (
                 f"{where}: {one.name} is {shorten(str(one.formula), 200)} there, and "
                 f"{shorten(ours[one.name], 200)} in the results; make the examples of these"
             )
-    names = listing(each.name for each in of_one)
+    names = listing(item.name for item in of_one)
     return f"{where}: examples of {names}, and none of {listing(ours)}, which the results have"
 
 
@@ -114,14 +114,14 @@ def _read(given: ExamplesLike) -> Iterator[_Known]:
         InputError: If a file holds none.
     """
     if isinstance(given, Mapping):
-        for name, found in given.items():
-            if not isinstance(found, RequirementExamples):
+        for name, result in given.items():
+            if not isinstance(result, RequirementExamples):
                 raise InputError(
                     Argument("examples"),
-                    f": expected what rtamt.examples returns, got {type(found).__name__}",
+                    f": expected what rtamt.examples returns, got {type(result).__name__}",
                 )
-            formula = rtamt.parse(found.text).formula
-            yield _Known(name, formula, found.period, found.examples)
+            formula = rtamt.parse(result.text).formula
+            yield _Known(name, formula, result.period, result.examples)
         return
     yield from read_as(given, "examples", _kept)
 
@@ -133,7 +133,7 @@ def _kept(kept: Mapping[str, Any]) -> list[_Known]:
             name,
             rtamt.parse(text).formula,
             period,
-            [_example(each) for each in kept["results"][name]["examples"]],
+            [_example(item) for item in kept["results"][name]["examples"]],
         )
         for name, text in kept["requirements"].items()
     ]
@@ -158,10 +158,10 @@ def _chosen(examples: Sequence[Example]) -> list[Example]:
     """Those that are shown, in their order: some of each verdict."""
     left = {Verdict.SATISFIED: _EACH, Verdict.VIOLATED: _EACH}
     chosen = []
-    for each in examples:
-        if left[each.verdict]:
-            left[each.verdict] -= 1
-            chosen.append(each)
+    for example in examples:
+        if left[example.verdict]:
+            left[example.verdict] -= 1
+            chosen.append(example)
     return chosen
 
 
@@ -238,7 +238,7 @@ def _band(name: str, values: Sequence[float], levels: Sequence[float]) -> Band:
 
 def _levels(formula: Formula) -> dict[str, tuple[float, ...]]:
     """The numbers that each variable is compared with."""
-    found: dict[str, dict[float, None]] = {}
+    result: dict[str, dict[float, None]] = {}
     for node in formula.nodes():
         if node.op is None or node.op.notation != "infix" or node.op.result == "term":
             continue
@@ -248,8 +248,8 @@ def _levels(formula: Formula) -> dict[str, tuple[float, ...]]:
                 continue
             name, signs = _compared(side)
             for sign in signs:
-                found.setdefault(name, {})[sign * other.leaf + 0.0] = None
-    return {name: tuple(levels) for name, levels in found.items()}
+                result.setdefault(name, {})[sign * other.leaf + 0.0] = None
+    return {name: tuple(levels) for name, levels in result.items()}
 
 
 def _compared(side: Term) -> tuple[str, tuple[float, ...]]:

@@ -102,10 +102,10 @@ def _histogram(requirement: Requirement, noun: str) -> Figure:
     places = Counter((w, _place(v, result.width)) for v, w in pairs if abs(v) <= _LARGEST)
     numbers = range(result.first, result.first + len(result.counts))
     counts = {word: [places[word, i] for i in numbers] for word in WORDS}
-    verdicts = {word: each for word, each in counts.items() if any(each)}
+    verdicts = {word: count for word, count in counts.items() if any(count)}
     edges = aligned([result.width * i for i in (*numbers, numbers.stop)])
     rows = [
-        (f"{low} to {high}", str(count), *(str(each[i]) for each in verdicts.values()))
+        (f"{low} to {high}", str(count), *(str(value[i]) for value in verdicts.values()))
         for i, ((low, high), count) in enumerate(
             zip(itertools.pairwise(edges), result.counts, strict=True)
         )

@@ -89,7 +89,9 @@ def render(report: Report) -> str:
         counted=counted,
         digits=lambda sha: sha[:DIGITS],
     )
-    names = dict.fromkeys(each.name for section in report.sections for each in section.requirements)
+    names = dict.fromkeys(
+        requirement.name for section in report.sections for requirement in section.requirements
+    )
     environment.globals.update(
         symbols=_SYMBOLS,
         open_examples=len(names) <= _FEW,
@@ -137,7 +139,7 @@ class _Layout:
         if not requirement.together:
             key = self._keys.setdefault(key_of(requirement), len(self._keys))
         figures = self._placed(requirement.figures, own, section)
-        worst = tuple(self._episode(own, section, of, each) for each in requirement.worst)
+        worst = tuple(self._episode(own, section, of, worst_run) for worst_run in requirement.worst)
         placed = replace(requirement, place=own, key=key, figures=figures, worst=worst)
         if not placed.trials:
             return placed
@@ -166,7 +168,7 @@ def _all_facts(section: Section) -> Facts:
     """Return the facts of a section, with its system, its policy and the spread of its episodes."""
     named = (("system", section.system), ("policy", section.policy))
     rows = [
-        (name, text, "") for name, text in (*(each for each in named if each[1]), *section.facts)
+        (name, text, "") for name, text in (*(item for item in named if item[1]), *section.facts)
     ]
     for name, values in (("return", section.returns), ("length", section.durations)):
         if values:
@@ -180,10 +182,10 @@ def _all_facts(section: Section) -> Facts:
 
 def _survivors(name: str, score: mutation.MutationScore) -> Table | None:
     """Return the table of the mutants that no trace kills; None if there are none."""
-    survivors = [each for each in score.mutants if each.says in ("missed", "unknown")]
+    survivors = [mutant for mutant in score.mutants if mutant.says in ("missed", "unknown")]
     if not survivors:
         return None
-    notes = any(each.remark for each in survivors)
+    notes = any(item.remark for item in survivors)
     head = ("at", "change", "kind", *["note"] * notes)
     rows = (Row((m.place, Cell(codes=(m.change,)), m.kind, *[m.remark] * notes)) for m in survivors)
     label = f"Mutants of {name} that no trace notices"
@@ -205,11 +207,11 @@ class PageIds:
     def add(self, *parts: str) -> str:
         """Returns an id of the parts that nothing else on the page has."""
         plain = "-".join(_slug(part) for part in parts)
-        found, i = plain, 2
-        while found in self._taken:
-            found, i = f"{plain}-{i}", i + 1
-        self._taken.add(found)
-        return found
+        result, i = plain, 2
+        while result in self._taken:
+            result, i = f"{plain}-{i}", i + 1
+        self._taken.add(result)
+        return result
 
 
 def _slug(text: str) -> str:
@@ -234,7 +236,7 @@ def _shown(value: Any) -> Any:  # noqa: ANN401 - what JSON holds
         case dict():
             return {_shown(key): _shown(each) for key, each in value.items()}
         case list() | tuple():
-            return [each if type(each) is float else _shown(each) for each in value]
+            return [item if type(item) is float else _shown(item) for item in value]
     return value
 
 

@@ -61,7 +61,7 @@ def shown(series: Iterable[Floats], count: int, keep: Iterable[int], most: int) 
     """
     if count <= most:
         return np.arange(count, dtype=np.intp)
-    columns = [np.nan_to_num(each, nan=0.0) for each in series]
+    columns = [np.nan_to_num(item, nan=0.0) for item in series]
     places = {0, count - 1, *keep}
     for column in columns:
         places |= {int(column.argmin()), int(column.argmax())}

@@ -80,11 +80,11 @@ def of_record(
             "The result holds no system, so that no simulation was played again for this page."
         )
     unit = unit or (unit_of(worst) if worst or record.timed else "steps")
-    said = dict(facts or {})
+    parts = dict(facts or {})
     if sweep is not None:
-        said = {"sampler": sweep.sampler, "seed": str(sweep.seed)} | said
+        parts = {"sampler": sweep.sampler, "seed": str(sweep.seed)} | parts
     simulated = math.fsum(row.simulated for row in record)
-    every = {"simulations": str(len(record)), "simulated": f"{simulated:.6g} {unit}", **said}
+    every = {"simulations": str(len(record)), "simulated": f"{simulated:.6g} {unit}", **parts}
     return Section(
         kind=kind,
         title=f"{counted(len(record), 'simulation')} of {record.system or 'a system'}",
@@ -124,7 +124,7 @@ def requirements_of(
     sampler than of the system.
     """
     episodes = sum(map(len, worst.values()))
-    found, results = [], record.results()
+    match, results = [], record.results()
     cases, maps = cases_of(record), {} if kind == "search" else maps_of(record, space)
     for name, formula in record.requirements.items():
         trials = trials_of(record, judged(record, name))
@@ -132,7 +132,7 @@ def requirements_of(
         step = any(run.view == "step" for run in runs)
         period = None if unit == "steps" else 1
         result = None if record.chosen or not trials else results[name]
-        found.append(
+        match.append(
             requirement_of(
                 name,
                 in_words_of(formula, period, step=step),
@@ -152,7 +152,7 @@ def requirements_of(
                 id=record.provenance.ids.get(name),
             )
         )
-    return tuple(found)
+    return tuple(match)
 
 
 def _episode(record: Record, run: Run, name: str, room: int, episodes: int) -> ShownEpisode:
@@ -173,7 +173,7 @@ def maps_of(record: Record, space: Space | None) -> dict[str, list[Figure]]:
     ]
     if len(varied) < 2:
         return {}
-    units = {each.name: each.unit for each in space or () if isinstance(each, Parameter)}
+    units = {item.name: item.unit for item in space or () if isinstance(item, Parameter)}
     grid = Space([Parameter(name, columns[name].min(), columns[name].max()) for name in varied])
     maps: dict[str, list[Figure]] = {}
     for name in record.requirements:
@@ -187,7 +187,7 @@ def maps_of(record: Record, space: Space | None) -> dict[str, list[Figure]]:
                 tuple(None if math.isnan(cell) else six(cell) for cell in row)
                 for row in heights.cells.tolist()
             )
-            right, up = (f"{each} [{units[each]}]" if units.get(each) else each for each in (x, y))
+            right, up = (f"{item} [{units[item]}]" if units.get(item) else item for item in (x, y))
             figure = map_figure(
                 name,
                 (right, up),
@@ -206,9 +206,9 @@ def _words_of(
     """The worst word of each cell of a map; where something is known, what failed counts least."""
     worst: dict[tuple[float, float], Word] = {}
     order = get_args(Word)[1:]
-    for x, y, outcome in zip(*(each.tolist() for each in at), judged(record, name), strict=True):
+    for x, y, outcome in zip(*(item.tolist() for item in at), judged(record, name), strict=True):
         both = {word(outcome), worst.get((x, y), "failed")}
-        worst[x, y] = next((each for each in order if each in both), "failed")
+        worst[x, y] = next((item for item in order if item in both), "failed")
     return tuple(tuple(worst[x, y] for x in heights.xs.tolist()) for y in heights.ys.tolist())
 
 
@@ -220,8 +220,8 @@ def of_runs(kept: Mapping[str, Any], room: int) -> Section:
         room: How many numbers all episodes together may have.
     """
     record = Record(read_trials(kept), kept["requirements"], kept["system"], provenance_of(kept))
-    said = {"period": kept["period"], **kept["reading"]}
-    facts = {name: str(value) for name, value in said.items() if value is not None}
+    parts = {"period": kept["period"], **kept["reading"]}
+    facts = {name: str(value) for name, value in parts.items() if value is not None}
     title = f"{counted(len(record), 'episode')} of {record.system}"
     unit = "s" if kept["period"] else "steps"
     section = of_record(record, room, facts, "evaluation", unit)

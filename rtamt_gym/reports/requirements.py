@@ -66,7 +66,7 @@ def labelled(number: int, row: Trial) -> str:
 def counts_of(words: Sequence[Word]) -> Counts:
     """Return how often each word occurs."""
     order: tuple[Word, ...] = ("satisfied", "violated", "undecided", "failed")
-    return Counts(len(words), *(words.count(each) for each in order))
+    return Counts(len(words), *(words.count(item) for item in order))
 
 
 def trials_of(
@@ -113,7 +113,7 @@ def _text_of(row: Trial, outcome: Outcome | None) -> str:
     """Why a requirement has no outcome, or what would decide it."""
     if outcome is not None:
         return f"violated {BY_END}" if outcome.by_end else outcome.way_out
-    return next((each.message for each in row.failures.values()), "")
+    return next((value.message for value in row.failures.values()), "")
 
 
 def judged(results: Results, name: str) -> list[Outcome | None]:
@@ -152,18 +152,18 @@ def requirement_of(
         figures: Further charts.
         **also: Fields of the requirement, such as its rate and its interval.
     """
-    known = [(each.robustness, each.verdict) for each in trials if each.robustness is not None]
+    known = [(trial.robustness, trial.verdict) for trial in trials if trial.robustness is not None]
     known.sort(key=lambda each: (each[0], _ORDER[each[1]]))
     values = [value for value, _ in known]
-    triggers = [each.asked for each in trials if each.asked is not None]
+    triggers = [trial.asked for trial in trials if trial.asked is not None]
     violations = sorted(
-        each.violated_at.time or 0.0 for each in trials if each.violated_at is not None
+        trial.violated_at.time or 0.0 for trial in trials if trial.violated_at is not None
     )
     requirement = Requirement(
         name=name,
         words=words,
         formula=formula,
-        counts=counts_of([each.verdict for each in trials]),
+        counts=counts_of([trial.verdict for trial in trials]),
         robustness=evenly(values, _ROBUSTNESS),
         verdicts=tuple(verdict for _, verdict in spaced(known, _ROBUSTNESS)),
         quantiles={f"{share:g}": six(value) for share, value in quantiles(values).items()},
@@ -173,9 +173,9 @@ def requirement_of(
         worst=tuple(worst),
         by_end=sum(map(_by_end, trials)),
         asked=(sum(map(bool, triggers)), len(triggers)) if triggers else None,
-        unknown=any(each.unknown for each in trials if each.asked is not None),
-        vacuous=sum(each.vacuous for each in trials),
-        defaults=Counter(text for each in trials for text in each.defaults),
+        unknown=any(trial.unknown for trial in trials if trial.asked is not None),
+        vacuous=sum(trial.vacuous for trial in trials),
+        defaults=Counter(text for trial in trials for text in trial.defaults),
         **also,
     )
     statistics = (*_statistics(values), *_progress(trials))
@@ -267,7 +267,7 @@ def _numbers(values: Sequence[float | None]) -> tuple[list[str], Sequence[float 
 
 
 def _remark(trial: TrialRow) -> str:
-    return " ".join(filter(None, (trial.text, *(f"default {each}" for each in trial.defaults))))
+    return " ".join(filter(None, (trial.text, *(f"default {item}" for item in trial.defaults))))
 
 
 def _triggers(trial: TrialRow) -> str:
@@ -301,7 +301,7 @@ def _statistics(values: Sequence[float]) -> Iterator[tuple[str, str, str]]:
 
 def _progress(trials: Sequence[TrialRow]) -> Iterator[tuple[str, str, str]]:
     """Yield the mean progress in the stages of a requirement, if it has stages."""
-    mean = mean_progress([each.progress for each in trials if each.progress is not None])
+    mean = mean_progress([trial.progress for trial in trials if trial.progress is not None])
     if mean is not None:
         yield "mean progress", progress_text(mean), ""
 

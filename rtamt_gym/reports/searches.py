@@ -90,17 +90,17 @@ def convergence_of(record: Record) -> dict[str, Figure]:
 
 
 def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Figure:
-    heights = [None if each is None else each.robustness for each in outcomes]
+    heights = [None if outcome is None else outcome.robustness for outcome in outcomes]
     least: list[float | None] = []
     for height in heights:
-        known = [each for each in (*least[-1:], height) if each is not None]
+        known = [item for item in (*least[-1:], height) if item is not None]
         least.append(min(known) if known else None)
     steps = {i for i in range(len(least)) if i == 0 or least[i] != least[i - 1]}
     apart = max(1, math.ceil(len(least) / (4 * TRIALS)))
     places = sorted({*steps, *range(0, len(least), apart), len(least) - 1})
     robustness, least_so_far = (
-        tuple(None if each[i] is None else six(each[i]) for i in places)
-        for each in (heights, least)
+        tuple(None if item[i] is None else six(item[i]) for i in places)
+        for item in (heights, least)
     )
     words = tuple(word(outcomes[i]) for i in places)
     return convergence_figure(name, [i + 1 for i in places], robustness, words, least_so_far)

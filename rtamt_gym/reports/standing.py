@@ -48,8 +48,8 @@ def standing_of(sections: Sequence[Section]) -> Standing | None:
     """
     same: dict[tuple[str, str], list[Requirement]] = {}
     for section in sections:
-        for each in _judged(section) if section.mutants is None else ():
-            same.setdefault(key_of(each), []).append(each)
+        for item in _judged(section) if section.mutants is None else ():
+            same.setdefault(key_of(item), []).append(item)
     mutants = _mutants(sections)
     if not same:
         return None if mutants is None else _of_mutants(sections, mutants)
@@ -58,12 +58,12 @@ def standing_of(sections: Sequence[Section]) -> Standing | None:
     counts = [f"{words[word]} {word}" for word in (*get_args(Word)[1:], "failed") if words[word]]
     never: dict[str, list[str]] = {}
     for (name, _), those in same.items():
-        triggers = [each.asked[0] for each in those if each.asked is not None]
+        triggers = [item.asked[0] for item in those if item.asked is not None]
         if triggers and not any(triggers):
-            unknown = any(each.unknown for each in those if each.asked is not None)
+            unknown = any(item.unknown for item in those if item.asked is not None)
             never.setdefault(never_triggered_word(unknown=unknown), []).append(name)
-    judged = [each for those in same.values() for each in those]
-    defaults = dict.fromkeys(each.name for each in judged if each.defaults)
+    judged = [item for those in same.values() for item in those]
+    defaults = dict.fromkeys(item.name for item in judged if item.defaults)
     parts = [
         f"of {counted(len(same), 'requirement')} {', '.join(counts)}",
         *_runs(sections),
@@ -107,7 +107,7 @@ def _of_mutants(sections: Sequence[Section], text: str) -> Standing:
     """Return the line of a page on which nothing but mutants is judged."""
     parts = "; ".join([text, *_runs(sections)])
     tested = [section for section in sections if section.mutants is not None]
-    if any(each.counts.failed for section in tested for each in section.requirements):
+    if any(requirement.counts.failed for section in tested for requirement in section.requirements):
         return Standing("failed", f"{_HEADS['failed']}: {parts}.")
     required, names = _required(sections)
     if required is not None:
@@ -140,9 +140,11 @@ def _runs(sections: Sequence[Section]) -> Iterator[str]:
         if not own:
             continue
         # A trace may fail under one requirement alone; of more trials than are shown, most do.
-        labels = {t.label for each in own for t in each.trials if t.verdict == "failed"}
-        lost = max(len(labels), *(each.counts.failed for each in own))
-        judged[section.noun] += max(each.counts.episodes for each in own) - lost
+        labels = {
+            t.label for requirement in own for t in requirement.trials if t.verdict == "failed"
+        }
+        lost = max(len(labels), *(requirement.counts.failed for requirement in own))
+        judged[section.noun] += max(requirement.counts.episodes for requirement in own) - lost
         failed[section.noun] += lost
     for noun in judged:
         text = f"{counted(judged[noun], noun)} judged"

@@ -173,8 +173,8 @@ def _episode(
     if kept["time"] == "dense" or kept["semantics"] not in EXACT:
         raise NotShownError("this page shows samples under the standard or the boolean semantics")
     period = Fraction(kept["period"]) if "period" in kept else None
-    said = {each: kept[each] for each in ("view", "semantics", "align") if each in kept}
-    reading = Reading(period=period, **said)
+    parts = {item: kept[item] for item in ("view", "semantics", "align") if item in kept}
+    reading = Reading(period=period, **parts)
     spec = rtamt.parse(formula)
     columns = Columns(**kept.get("columns", {}))
     try:
@@ -216,7 +216,7 @@ def _curves(
     rows = []
     for i in range(trace.samples):
         monitor.update({name: trace.columns[name][i] for name in monitor.variables})
-        rows.append([getattr(monitor, each) for each in names])
+        rows.append([getattr(monitor, name) for name in names])
     return dict(zip(names, np.array(rows).T, strict=True))
 
 
@@ -232,7 +232,7 @@ def of_mined(kept: Mapping[str, Any]) -> Section:
     results = Results(read_trials(kept), kept["requirements"])
     name, traces = kept["parameter"], counted(kept["traces"], "trace")
     value, fails_at, low, high = (
-        plain_number(number_of(kept[each])) for each in ("value", "fails_at", "low", "high")
+        plain_number(number_of(kept[item])) for item in ("value", "fails_at", "low", "high")
     )
     facts = {
         name: f"{value}, the {kept['side']}",
@@ -243,14 +243,14 @@ def of_mined(kept: Mapping[str, Any]) -> Section:
     }
     requirements = [
         requirement_of(
-            each,
+            requirement,
             in_words_of(formula, 1),
             formula,
-            trials_of(results.rows, judged(results, each), lambda _, row: row.name),
+            trials_of(results.rows, judged(results, requirement), lambda _, row: row.name),
             noun="trace",
             note=f"The traces that let no tighter value pass, at {name} = {value}.",
         )
-        for each, formula in results.requirements.items()
+        for requirement, formula in results.requirements.items()
     ]
     return Section(
         kind="matrix",

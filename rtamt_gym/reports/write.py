@@ -145,7 +145,7 @@ def report_of(
             "expected one result at least, such as an Evaluation or its file, got none"
         )
     made_on = _date(date)
-    sections = tuple(_section(each, ROOM // len(results), access) for each in results)
+    sections = tuple(_section(result, ROOM // len(results), access) for result in results)
     sections = _named(sections, results, names)
     if examples:
         sections = with_examples(sections, examples)
@@ -167,9 +167,10 @@ def _named(
 ) -> tuple[Section, ...]:
     """The sections with titles that tell them apart."""
     if names is not None:
-        given: object = names
-        known = [] if isinstance(given, str) or not isinstance(given, Sequence) else list(given)
-        if len(known) != len(results) or not all(isinstance(each, str) and each for each in known):
+        every: object = names
+        known = [] if isinstance(every, str) or not isinstance(every, Sequence) else list(every)
+        texts = [name for name in known if isinstance(name, str) and name]
+        if not len(texts) == len(known) == len(results):
             raise InputError(
                 Argument("names"),
                 f": expected a text for each of {counted(len(results), 'result')}, got {names!r}",
@@ -177,19 +178,21 @@ def _named(
         if len(set(known)) < len(known):
             raise InputError(Argument("names"), f": expected different texts, got {names!r}")
         return tuple(
-            replace(each, title=f"{name}: {each.title}")
-            for name, each in zip(known, sections, strict=True)
+            replace(value, title=f"{name}: {value.title}")
+            for name, value in zip(known, sections, strict=True)
         )
-    titles = [each.title for each in sections]
-    files = [os.fspath(each) if isinstance(each, str | os.PathLike) else "" for each in results]
+    titles = [section.title for section in sections]
+    files = [
+        os.fspath(result) if isinstance(result, str | os.PathLike) else "" for result in results
+    ]
     # Files of one name lie in different folders.
-    short = [Path(each).name for each in files]
+    short = [Path(file).name for file in files]
     of = [f"result {i + 1}" for i in range(len(sections))]
     for own in (files, short):  # the shorter, if it tells them apart
         of = [name if name and own.count(name) == 1 else of[i] for i, name in enumerate(own)]
     return tuple(
-        replace(each, title=f"{each.title} ({of[i]})") if titles.count(each.title) > 1 else each
-        for i, each in enumerate(sections)
+        replace(value, title=f"{value.title} ({of[i]})") if titles.count(value.title) > 1 else value
+        for i, value in enumerate(sections)
     )
 
 

@@ -76,7 +76,7 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
         if isinstance(value, kind):
             return make(value)
     if is_dataclass(value):
-        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     return value
 
 
@@ -85,7 +85,7 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
     if isinstance(found, Failure):
         return {"verdict": "ERROR", "error": found.message}
     texts = ("text", "not_recorded", "way_out", "explanation", "unknown")
-    kept = {
+    stored = {
         "verdict": found.verdict,
         "robustness": found.robustness,
         "lower": found.lower,
@@ -95,21 +95,21 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
         **{name: getattr(found, name) for name in texts if getattr(found, name)},
     }
     if found.by_end:
-        kept["by_end"] = True
-    kept |= found.evidence or {}
+        stored["by_end"] = True
+    stored |= found.evidence or {}
     if found.defaults:
-        kept["defaults"] = found.defaults
+        stored["defaults"] = found.defaults
     if found.progress is not None:
-        kept["progress"] = found.progress
+        stored["progress"] = found.progress
     if (late := found.late_start) is not None:
-        kept["late_start"] = {**plain(late), "left_out": late.left_out}
-    return {name: plain(each) for name, each in kept.items()}
+        stored["late_start"] = {**plain(late), "left_out": late.left_out}
+    return {name: plain(value) for name, value in stored.items()}
 
 
 def plain_trial(trial: Trial) -> dict[str, Any]:
     """A trial as JSON holds it; what it does not have is left out."""
     recorded = trial.ended == "recorded"
-    kept = {
+    stored = {
         "name": trial.name or None,
         "described": trial.described or None,
         "extent": trial.extent and trial.extent.written(),
@@ -124,18 +124,19 @@ def plain_trial(trial: Trial) -> dict[str, Any]:
         "notes": trial.notes or None,
     }
     cells: dict[str, Outcome | Failure] = {**trial.outcomes, **trial.failures}
-    return {name: plain(each) for name, each in kept.items() if each is not None} | {
+    return {name: plain(value) for name, value in stored.items() if value is not None} | {
         "outcomes": {name: plain_outcome(cell) for name, cell in cells.items()}
     }
 
 
 def plain_result(result: RequirementResult, *, rates: bool = True) -> dict[str, Any]:
     """The statistics of a requirement; rates where trials differ by chance alone."""
-    kept = {each.key: each.of(result) for each in STATISTICS if rates or each.key not in _RATES}
-    kept |= {"interval_kind": result.kind} if rates else {}
-    kept["quantiles"] = {str(share): value for share, value in result.quantiles.items()}
-    kept |= {"first_violations": result.first_violations, "saved": result.saved}
-    return {name: plain(each) for name, each in kept.items()} | {"worst": plain(result.worst)}
+    statistics = [each for each in STATISTICS if rates or each.key not in _RATES]
+    stored = {statistic.key: statistic.of(result) for statistic in statistics}
+    stored |= {"interval_kind": result.kind} if rates else {}
+    stored["quantiles"] = {str(share): value for share, value in result.quantiles.items()}
+    stored |= {"first_violations": result.first_violations, "saved": result.saved}
+    return {name: plain(value) for name, value in stored.items()} | {"worst": plain(result.worst)}
 
 
 def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
@@ -145,12 +146,12 @@ def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
         results: The trials.
         rates: Whether they differ by chance alone, so that a rate says something of the system.
     """
-    found = results.results()
+    result = results.results()
     return {
         "system": results.system,
         "requirements": results.requirements,
         **plain_provenance(results.provenance),
-        "results": {name: plain_result(each, rates=rates) for name, each in found.items()},
+        "results": {name: plain_result(value, rates=rates) for name, value in result.items()},
         "trials": results.rows,
     }
 
@@ -184,9 +185,9 @@ def read_fields(kind: type[T], stored: Mapping[str, Any]) -> T:
     """
     hints = _type_hints(kind)  # type: ignore[arg-type]  # classes are hashable
     values = {
-        each.name: _read_value(hints[each.name], stored[each.name])
-        for each in fields(kind)  # type: ignore[arg-type]  # it is a dataclass
-        if each.name in stored or each.default is each.default_factory is MISSING
+        field.name: _read_value(hints[field.name], stored[field.name])
+        for field in fields(kind)  # type: ignore[arg-type]  # it is a dataclass
+        if field.name in stored or field.default is field.default_factory is MISSING
     }
     return kind(**values)
 
@@ -230,7 +231,7 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         explanation=kept.get("explanation", ""),
         asked=asked_of(kept),
         vacuous=kept.get("vacuous", False),
-        defaults={name: float(each) for name, each in kept.get("defaults", {}).items()},
+        defaults={name: float(value) for name, value in kept.get("defaults", {}).items()},
         unknown=tuple(kept.get("unknown", ())),
         progress=number_of(kept.get("progress")),
         late_start=None if late is None else read_fields(LateStart, late),
@@ -244,11 +245,11 @@ def _moment(kept: Mapping[str, Any] | None) -> Moment | None:
 
 def trial_of(kept: Mapping[str, Any]) -> Trial:
     """Reads what `plain_trial` has made."""
-    cells = {name: outcome_of(each) for name, each in kept["outcomes"].items()}
+    cells = {name: outcome_of(value) for name, value in kept["outcomes"].items()}
     return Trial(
         Case.from_json(json.dumps(kept.get("case", {}))),
         kept.get("seed"),
-        {name: each for name, each in cells.items() if isinstance(each, Outcome)},
+        {name: cell for name, cell in cells.items() if isinstance(cell, Outcome)},
         kept["ended"],
         float(kept.get("simulated", 0.0)),
         float(kept.get("wall", 0.0)),
@@ -257,7 +258,7 @@ def trial_of(kept: Mapping[str, Any]) -> Trial:
         name=kept.get("name", ""),
         described=kept.get("described", ""),
         notes=tuple(kept.get("notes", ())),
-        failures={name: each for name, each in cells.items() if isinstance(each, Failure)},
+        failures={name: cell for name, cell in cells.items() if isinstance(cell, Failure)},
         extent=Extent.read(kept["extent"]) if "extent" in kept else None,
         reported=kept.get("is_success"),
     )
@@ -265,7 +266,7 @@ def trial_of(kept: Mapping[str, Any]) -> Trial:
 
 def trials_of(kept: Mapping[str, Any]) -> list[Trial]:
     """The trials of a result."""
-    return [trial_of(each) for each in kept["trials"]]
+    return [trial_of(item) for item in kept["trials"]]
 
 
 def number_of(kept: float | str | None) -> Any:  # noqa: ANN401 - a float, or None
@@ -315,13 +316,13 @@ def read(
     verb = "writes" if len(kinds) == 1 and " and " not in written else "write"
     expected = f"expected a file that {written} {verb}{others}"
     try:
-        kept = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_number)
+        stored = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_number)
     except (ValueError, RecursionError) as error:  # no text, no JSON, or lists without end
         raise InputError(f"{where} holds {what}: {expected}, got no JSON: {error}") from error
-    if not isinstance(kept, dict):
+    if not isinstance(stored, dict):
         raise InputError(f"{where} holds {what}: {expected}")
-    version = 1 if _VERSION_1.fullmatch(str(kept.get("format"))) else kept.get("version")
-    known = isinstance(kept.get("kind"), str) and kept.get("format") == FORMAT
+    version = 1 if _VERSION_1.fullmatch(str(stored.get("format"))) else stored.get("version")
+    known = isinstance(stored.get("kind"), str) and stored.get("format") == FORMAT
     if version != 1 and not (known and isinstance(version, int)):
         raise InputError(f"{where} holds {what}: {expected}")
     if version != VERSION:
@@ -330,9 +331,11 @@ def read(
             f"{where} holds a result of version {version}, and rtamt {rtamt.__version__} reads "
             f"version {VERSION}; {other}"
         )
-    if kept["kind"] not in kinds:
-        raise InputError(f"{where} holds {what} but a result of kind {kept['kind']!r}: {expected}")
-    return kept
+    if stored["kind"] not in kinds:
+        raise InputError(
+            f"{where} holds {what} but a result of kind {stored['kind']!r}: {expected}"
+        )
+    return stored
 
 
 def read_as(path: str | os.PathLike[str], kind: str, make: Callable[[Mapping[str, Any]], T]) -> T:
@@ -378,5 +381,5 @@ def _indented(kept: Mapping[str, Any]) -> str:
     text = json.dumps(lines, indent=2, allow_nan=False)
     # No text of JSON holds a newline.
     text = re.sub(r"\[\n([^\[\]{}]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
-    written = ",\n    ".join(json.dumps(each, allow_nan=False) for each in trials)
+    written = ",\n    ".join(json.dumps(trial, allow_nan=False) for trial in trials)
     return text.replace('  "trials": ["TRIALS"]', f'  "trials": [\n    {written}\n  ]', 1)

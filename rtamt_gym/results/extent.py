@@ -149,7 +149,7 @@ class Extent:
     def written(self) -> dict[str, Any]:
         """It as JSON holds it; what nobody knows is left out."""
         gap = self.gap
-        kept = {
+        stored = {
             "samples": self.samples,
             "events": self.events,
             "period": self.period and str(self.period),
@@ -165,7 +165,7 @@ class Extent:
                 **({"of": gap.of} if gap.of else {}),
             },
         }
-        return {name: each for name, each in kept.items() if each is not None}
+        return {name: value for name, value in stored.items() if value is not None}
 
     @classmethod
     def read(cls, kept: Mapping[str, Any]) -> Self:
@@ -231,10 +231,10 @@ def short_text(extents: Mapping[str, Extent], least: Fraction) -> str:
         extents: The extent of each trace, by its name.
         least: How long they are to be, in seconds.
     """
-    short = {name: each.length or 0.0 for name, each in extents.items() if each.shorter(least)}
+    short = {name: value.length or 0.0 for name, value in extents.items() if value.shorter(least)}
     if not short:
         return ""
-    named = [f"{name} ({number(each)} s)" for name, each in list(short.items())[:_NAMED]]
+    named = [f"{name} ({number(value)} s)" for name, value in list(short.items())[:_NAMED]]
     more = f" and {len(short) - _NAMED} more" if len(short) > _NAMED else ""
     return f"shorter than {number(float(least))} s: {', '.join(named)}{more}"
 

@@ -65,13 +65,13 @@ class Fingerprint:
         """Return other versions of packages that do not simulate, each as a clause."""
         return _other_versions(
             {**self.simulators, **self.packages},
-            {name: each for name, each in now.packages.items() if name not in self.simulators},
+            {name: value for name, value in now.packages.items() if name not in self.simulators},
         )
 
     def common(self, other: Fingerprint) -> Fingerprint:
         """Return the part whose names the other one has too."""
-        contents = {name: each for name, each in self.contents.items() if name in other.contents}
-        values = {name: each for name, each in self.values.items() if name in other.values}
+        contents = {name: value for name, value in self.contents.items() if name in other.contents}
+        values = {name: value for name, value in self.values.items() if name in other.values}
         return replace(self, contents=contents, values=values)
 
     def plain(self) -> dict[str, Any]:
@@ -97,7 +97,7 @@ class Fingerprint:
             return None
         if not isinstance(stored, dict) or not all(
             isinstance(value, list if name in {"unseen", "policy"} else dict)
-            and all(isinstance(each, str) for each in (*value, *getattr(value, "values", list)()))
+            and all(isinstance(item, str) for item in (*value, *getattr(value, "values", list)()))
             for name, value in stored.items()
         ):
             raise InputError(f'expected "fingerprint" as hashes and versions, got {stored!r}')
@@ -215,9 +215,9 @@ class Reuse:
         if self.reused:
             of = f"{self.reused} of {counted(self.total, trial)}"
             lines.append(f"reused {of} from {self.folder}")
-        lines += [each.line(trial) for each in self.mixtures]
-        lines += [f"note: {each}" for each in self.notes]
-        return lines + [f"note: a change of {each} cannot be seen" for each in self.unseen]
+        lines += [mixture.line(trial) for mixture in self.mixtures]
+        lines += [f"note: {note}" for note in self.notes]
+        return lines + [f"note: a change of {item} cannot be seen" for item in self.unseen]
 
     def plain(self) -> dict[str, Any]:
         """Return the fields as JSON holds them; empty lists are left out."""
@@ -225,7 +225,7 @@ class Reuse:
             "folder": self.folder,
             "reused": self.reused,
             "total": self.total,
-            "mixtures": [each.plain() for each in self.mixtures],
+            "mixtures": [mixture.plain() for mixture in self.mixtures],
             "notes": list(self.notes),
             "unseen": list(self.unseen),
         }

@@ -45,8 +45,8 @@ def rate_interval(
         [[0.262, 0.878], [0.313, 0.832]]
     """
     check_choice("interval", kind, get_args(IntervalKind))
-    found = clopper_pearson if kind == "exact" else wilson
-    return found(count, total, confidence)
+    interval = clopper_pearson if kind == "exact" else wilson
+    return interval(count, total, confidence)
 
 
 def promise(kind: IntervalKind) -> str:
@@ -97,15 +97,15 @@ def _least_rate(count: int, total: int, chance: float) -> float:
     low, high = 0.0, count / total
     rate = high / 2
     for _ in range(200):
-        found, least = _tail(count, total, rate)
-        if found < chance:
+        tail, least = _tail(count, total, rate)
+        if tail < chance:
             low = rate
         else:
             high = rate
         # The derivative of the tail by the rate is what its first term is, times count / rate.
-        step = math.log(chance / found) * found / (least * count) if found and least else math.nan
-        made = rate * math.exp(step) if abs(step) < 1 else math.nan
-        before, rate = rate, made if low < made < high else (low + high) / 2
+        step = math.log(chance / tail) * tail / (least * count) if tail and least else math.nan
+        closer = rate * math.exp(step) if abs(step) < 1 else math.nan
+        before, rate = rate, closer if low < closer < high else (low + high) / 2
         if abs(rate - before) <= 1e-15 * rate:
             break
     return rate
@@ -117,8 +117,8 @@ def _tail(count: int, total: int, rate: float) -> tuple[float, float]:
     first = math.exp(ways + count * math.log(rate) + (total - count) * math.log1p(-rate))
     odds = rate / (1 - rate)
     terms, term = [first], first
-    for each in range(count, total):
-        term *= (total - each) / (each + 1) * odds
+    for successes in range(count, total):
+        term *= (total - successes) / (successes + 1) * odds
         terms.append(term)
         if term <= 1e-18 * first:
             break
@@ -180,8 +180,8 @@ def quantiles(values: ArrayLike, shares: Sequence[float] = QUANTILES) -> Mapping
     array = _checked(values)
     if not array.size:
         return {}
-    found = np.quantile(array, list(shares), method="inverted_cdf")
-    return dict(zip(shares, found.tolist(), strict=True))
+    result = np.quantile(array, list(shares), method="inverted_cdf")
+    return dict(zip(shares, result.tolist(), strict=True))
 
 
 def median(values: ArrayLike) -> float:

@@ -48,9 +48,9 @@ def to_junit(
     del counts["skipped"]  # schemas have it in suites only
     root = ET.Element("testsuites", {"name": "rtamt", **counts})
     shorter = [] if least is None else matrix.shorter(least)
-    said = {} if least is None else {"shorter_than": f"{number(float(least))} s"}
+    minimum = {} if least is None else {"shorter_than": f"{number(float(least))} s"}
     for row in matrix.rows:
-        own = {**rules, **said} if row.name in shorter else rules
+        own = {**rules, **minimum} if row.name in shorter else rules
         root.append(_suite(row, matrix.requirements, own, matrix.provenance.ids, warnings))
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
@@ -92,7 +92,7 @@ def _suite(
         _say(case, cell, formulas[name], failing_cell(warnings, row.name, name, cell))
         if isinstance(cell, Outcome) and cell.asked:
             never = never_triggered_word(unknown=bool(cell.unknown))
-            rows = (f"{never if each.first is None else each}: {each.text}" for each in cell.asked)
+            rows = (f"{never if row.first is None else row}: {row.text}" for row in cell.asked)
             ET.SubElement(case, "system-out").text = _xml("\n".join(rows))
     if row.described:
         ET.SubElement(suite, "system-out").text = _xml("\n".join([row.described, *row.notes]))
@@ -101,18 +101,18 @@ def _suite(
 
 def _properties(cell: Outcome | Failure, identity: RequirementId | None) -> dict[str, str]:
     """The id of a requirement, the link to it, and what the verdict on it stands on."""
-    found = {}
+    properties = {}
     if identity is not None:
-        found = {"id": identity.id, "link": identity.link}
+        properties = {"id": identity.id, "link": identity.link}
     if isinstance(cell, Outcome) and cell.occasions is not None:
-        found["asked"] = str(cell.occasions)
-        found |= {key: "true" for key in ("vacuous", "never_asked") if getattr(cell, key)}
+        properties["asked"] = str(cell.occasions)
+        properties |= {key: "true" for key in ("vacuous", "never_asked") if getattr(cell, key)}
     if isinstance(cell, Outcome) and cell.late_start is not None:
         late = cell.late_start
-        found |= {"late_start": late.text, "left_out": str(late.left_out)}
+        properties |= {"late_start": late.text, "left_out": str(late.left_out)}
     if isinstance(cell, Outcome):
-        found |= {f"default:{name}": number(value) for name, value in cell.defaults.items()}
-    return {key: value for key, value in found.items() if value}
+        properties |= {f"default:{name}": number(value) for name, value in cell.defaults.items()}
+    return {key: value for key, value in properties.items() if value}
 
 
 def _say(
@@ -120,21 +120,21 @@ def _say(
 ) -> None:
     """Adds what is to say of a requirement that is not satisfied, or not as was asked for."""
     if isinstance(cell, Failure):
-        said = ET.SubElement(case, "error", message=_xml(cell.message), type="error")
-        said.text = _xml(cell.traceback or cell.message)
+        entry = ET.SubElement(case, "error", message=_xml(cell.message), type="error")
+        entry.text = _xml(cell.traceback or cell.message)
     elif failing is not None:
         kind, message = failing
-        said = ET.SubElement(case, "failure", message=_xml(message), type=kind)
-        reasons = [each for each in (cell.text, *cell.not_recorded, cell.way_out) if each]
-        said.text = _xml("\n".join([formula, "", message, *reasons]))
+        entry = ET.SubElement(case, "failure", message=_xml(message), type=kind)
+        reasons = [item for item in (cell.text, *cell.not_recorded, cell.way_out) if item]
+        entry.text = _xml("\n".join([formula, "", message, *reasons]))
     elif cell.verdict == Verdict.VIOLATED:
-        said = ET.SubElement(case, "failure", message=_xml(cell.text), type="violation")
-        said.text = _xml(f"{formula}\n\n{cell.explanation}")
+        entry = ET.SubElement(case, "failure", message=_xml(cell.text), type="violation")
+        entry.text = _xml(f"{formula}\n\n{cell.explanation}")
     elif cell.verdict == Verdict.UNDECIDED:
         late = cell.late_start
         reasons = [*cell.not_recorded, cell.way_out, *([late.text] if late and late.of else [])]
-        said = ET.SubElement(case, "skipped", message=_xml("; ".join(reasons)))
-        said.text = _xml("\n".join([formula, "", cell.text, *reasons]))
+        entry = ET.SubElement(case, "skipped", message=_xml("; ".join(reasons)))
+        entry.text = _xml("\n".join([formula, "", cell.text, *reasons]))
 
 
 def _word(row: Trial, name: str, warnings: Sequence[VerdictWarning]) -> Word:

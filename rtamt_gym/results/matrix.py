@@ -28,12 +28,12 @@ class Matrix(Results):
     def counts(self) -> dict[Word, int]:
         """The number of outcomes with each word, those with 0 too."""
         words = [word(row.cell(name)) for row in self.rows for name in self.requirements]
-        return {each: words.count(each) for each in get_args(Word)}
+        return {item: words.count(item) for item in get_args(Word)}
 
     @property
     def word(self) -> Word:
         """The worst of all verdicts, as a word."""
-        return next(each for each, count in self.counts().items() if count)
+        return next(value for value, count in self.counts().items() if count)
 
     def shorter(self, least: Fraction) -> list[str]:
         """The traces that last less than so many seconds."""
@@ -42,13 +42,13 @@ class Matrix(Results):
 
     def failures(self) -> dict[str, tuple[Failure, list[str]]]:
         """For each message of an error the error and the traces that have it."""
-        found: dict[str, tuple[Failure, list[str]]] = {}
+        result: dict[str, tuple[Failure, list[str]]] = {}
         for row in self.rows:
             for failure in row.failures.values():
-                _, traces = found.setdefault(failure.message, (failure, []))
+                _, traces = result.setdefault(failure.message, (failure, []))
                 if row.name not in traces[-1:]:
                     traces.append(row.name)
-        return found
+        return result
 
     def worst_requirement(self) -> tuple[str, str] | None:
         """The name of the requirement that most traces violate, and why; None if none was judged.
@@ -60,12 +60,12 @@ class Matrix(Results):
             name: {row.name: row.outcomes[name] for row in self.rows if name in row.outcomes}
             for name in self.requirements
         }
-        found = _worst(columns)
-        if found is None:
+        result = _worst(columns)
+        if result is None:
             return None
-        name, counts, least = found
+        name, counts, least = result
         total = len(columns[name])
-        words = [f"{each} in {n} of {counted(total, 'trace')}" for each, n in counts if n]
+        words = [f"{value} in {n} of {counted(total, 'trace')}" for value, n in counts if n]
         words.append(f"least {number(columns[name][least].robustness + 0.0)} in {least}")
         return name, ", ".join(words)
 
@@ -76,12 +76,12 @@ class Matrix(Results):
         robustness.
         """
         rows = {row.name: row.outcomes for row in self.rows}
-        found = _worst(rows)
-        if found is None:
+        result = _worst(rows)
+        if result is None:
             return None
-        name, counts, least = found
+        name, counts, least = result
         total = len(rows[name])
-        words = [f"{n} of {counted(total, 'requirement')} {each}" for each, n in counts if n]
+        words = [f"{n} of {counted(total, 'requirement')} {value}" for value, n in counts if n]
         words.append(f"least {number(rows[name][least].robustness + 0.0)} of {least}")
         return name, ", ".join(words)
 
@@ -146,8 +146,8 @@ def _column(matrix: Matrix, name: str, *, on_defaults: bool) -> list[str]:
 def _lengths(matrix: Matrix) -> list[list[str]]:
     """The columns of the lengths of the traces and of their periods, those that have cells."""
     extents = [row.extent for row in matrix.rows]
-    lengths = [length_text(each.length if each else None) for each in extents]
-    periods = [length_text(each.period if each else None) for each in extents]
+    lengths = [length_text(item.length if item else None) for item in extents]
+    periods = [length_text(item.period if item else None) for item in extents]
     columns = {"length": lengths, "period": periods}
     return [[head, *cells] for head, cells in columns.items() if any(cells)]
 
@@ -155,8 +155,8 @@ def _lengths(matrix: Matrix) -> list[list[str]]:
 def summary(matrix: Matrix) -> Iterator[str]:
     """Counts the outcomes in words, names what is worst, and says if traces were read otherwise."""
     counts = [
-        counted(count, "error") if each == "failed" else f"{count} {each}"
-        for each, count in matrix.counts().items()
+        counted(count, "error") if value == "failed" else f"{count} {value}"
+        for value, count in matrix.counts().items()
         if count
     ]
     traces = counted(len(matrix.rows), "trace")
@@ -243,16 +243,16 @@ def _blocks(
 
 def _open(matrix: Matrix, name: str) -> list[str]:
     """Says why a requirement is undecided, at the first trace where it is."""
-    found = [
+    result = [
         (row.name, cell)
         for row in matrix.rows
         if isinstance(cell := row.cell(name), Outcome) and cell.verdict == Verdict.UNDECIDED
     ]
-    if not found:
+    if not result:
         return []
-    trace, cell = found[0]
-    said = f"{name} is undecided in {trace}{_more(len(found))}"
-    head = textwrap.wrap(said, _WIDTH, subsequent_indent="    ")
+    trace, cell = result[0]
+    parts = f"{name} is undecided in {trace}{_more(len(result))}"
+    head = textwrap.wrap(parts, _WIDTH, subsequent_indent="    ")
     return ["", *head, *undecided_lines(cell.not_recorded, cell.way_out)]
 
 

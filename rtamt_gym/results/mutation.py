@@ -90,7 +90,7 @@ class MutationScore:
 
     def count(self, says: MutantSays) -> int:
         """How many became so."""
-        return sum(each.says == says for each in self.mutants)
+        return sum(mutant.says == says for mutant in self.mutants)
 
     @property
     def made(self) -> int:
@@ -116,20 +116,20 @@ class MutationScore:
             "share": self.share,
             "capped": self.capped,
             "left_out": self.left_out,
-            "list": [_written(each) for each in self.mutants],
+            "list": [_written(mutant) for mutant in self.mutants],
         }
 
     @classmethod
     def read(cls, kept: Mapping[str, Any]) -> MutationScore:
         """Reads what `written` has made."""
-        made = tuple(JudgedMutant(**each) for each in kept["list"])
-        return cls(made, kept["capped"], kept.get("left_out", 0))
+        mutants = tuple(JudgedMutant(**item) for item in kept["list"])
+        return cls(mutants, kept["capped"], kept.get("left_out", 0))
 
 
 def _written(mutant: JudgedMutant) -> dict[str, Any]:
-    kept = {each.name: getattr(mutant, each.name) for each in fields(mutant)}
+    stored = {field.name: getattr(mutant, field.name) for field in fields(mutant)}
     left_out = {"noticed_by": "", "samples": 0, "why": "", "apart": None, "satisfies": ""}
-    return {name: value for name, value in kept.items() if left_out.get(name, ...) != value}
+    return {name: value for name, value in stored.items() if left_out.get(name, ...) != value}
 
 
 def percent(share: float | None) -> str:
@@ -160,13 +160,13 @@ def score_lines(scores: Mapping[str, MutationScore], traces: int) -> Iterator[st
     """A table with a row for each requirement, and the mutants that no trace notices."""
     rows = [["mutants", "made", "noticed", "missed", "unknown", "same", "share"]]
     for name, score in scores.items():
-        counts = (score.count(each) for each in ("noticed", "missed", "unknown", "same"))
+        counts = (score.count(item) for item in ("noticed", "missed", "unknown", "same"))
         numbers = [str(score.made), *map(str, counts), percent(score.share)]
         rows.append([shorten(name, 30), *numbers])
     yield from table(rows, "<" + ">" * 6)
     for name, score in scores.items():
-        missed = [each for each in score.mutants if each.says in ("missed", "unknown")]
-        same = [each for each in score.mutants if each.says == "same"]
+        missed = [mutant for mutant in score.mutants if mutant.says in ("missed", "unknown")]
+        same = [mutant for mutant in score.mutants if mutant.says == "same"]
         of = f"none of {counted(traces, 'trace')} notices" if traces > 1 else "the trace misses"
         for head, part in ((f"{name}: {of}", missed), (f"{name}: the same, left out", same)):
             if part:

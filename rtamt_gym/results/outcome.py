@@ -96,7 +96,7 @@ class Outcome:
     ended: Moment | None = None
 
     def __repr__(self) -> str:
-        shown = [f"{each.name}={getattr(self, each.name)!r}" for each in fields(self)]
+        shown = [f"{field.name}={getattr(self, field.name)!r}" for field in fields(self)]
         shown += ["by_end=True"] * self.by_end
         return f"{type(self).__name__}({', '.join(shown)})"
 
@@ -181,17 +181,17 @@ class Outcome:
 
         None if it has none, or nobody has counted.
         """
-        return sum(each.occasions for each in self.asked) if self.asked else None
+        return sum(implication.occasions for implication in self.asked) if self.asked else None
 
     @property
     def evidence(self) -> Mapping[str, Any] | None:
         """``asked``, ``vacuous`` and ``never_asked`` as JSON holds them; None: not counted."""
         if self.asked is None:
             return None
-        kept: dict[str, Any] = {"asked": [asdict(each) for each in self.asked]}
+        stored: dict[str, Any] = {"asked": [asdict(implication) for implication in self.asked]}
         if self.asked:
-            kept |= {"vacuous": self.vacuous, "never_asked": self.never_asked}
-        return kept
+            stored |= {"vacuous": self.vacuous, "never_asked": self.never_asked}
+        return stored
 
     @property
     def by_end(self) -> bool:
@@ -225,7 +225,7 @@ def asked_of(kept: Mapping[str, Any]) -> tuple[Asked | DenseAsked, ...] | None:
     rows = kept.get("asked")
     if rows is None:
         return None
-    return tuple(Asked(**each) if "samples" in each else DenseAsked(**each) for each in rows)
+    return tuple(Asked(**row) if "samples" in row else DenseAsked(**row) for row in rows)
 
 
 WORDS: Final[Mapping[Verdict, Word]] = {

@@ -83,10 +83,10 @@ def ids_lines(found: Provenance) -> list[str]:
         >>> ids_lines(Provenance({"slow": RequirementId("SYS-REQ-7")}))
         ['ids: slow SYS-REQ-7']
     """
-    said = ", ".join(f"{name} {each.id}" for name, each in found.ids.items())
-    if not said:
+    parts = ", ".join(f"{name} {value.id}" for name, value in found.ids.items())
+    if not parts:
         return []
-    return textwrap.wrap(f"ids: {said}", 80, subsequent_indent="    ", break_on_hyphens=False)
+    return textwrap.wrap(f"ids: {parts}", 80, subsequent_indent="    ", break_on_hyphens=False)
 
 
 def reuse_lines(found: Provenance, trial: str) -> list[str]:
@@ -112,21 +112,21 @@ def reuse_lines(found: Provenance, trial: str) -> list[str]:
 def plain_provenance(found: Provenance) -> dict[str, Any]:
     """The provenance as JSON holds it: what there is nothing of is left out."""
     ids = {
-        name: {"id": each.id, "link": each.link} if each.link else {"id": each.id}
-        for name, each in found.ids.items()
+        name: {"id": value.id, "link": value.link} if value.link else {"id": value.id}
+        for name, value in found.ids.items()
     }
-    kept = {
+    stored = {
         "ids": ids,
         "versions": dict(found.versions),
         "files": dict(found.files),
         "fingerprint": found.fingerprint and found.fingerprint.plain(),
         "reuse": found.reuse and found.reuse.plain(),
     }
-    return {name: each for name, each in kept.items() if each}
+    return {name: value for name, value in stored.items() if value}
 
 
 def provenance_of(kept: Mapping[str, Any]) -> Provenance:
     """Reads what `plain_provenance` has made."""
-    ids = {name: RequirementId(**each) for name, each in kept.get("ids", {}).items()}
+    ids = {name: RequirementId(**value) for name, value in kept.get("ids", {}).items()}
     fingerprint, reuse = Fingerprint.read(kept.get("fingerprint")), Reuse.read(kept.get("reuse"))
     return Provenance(ids, kept.get("versions", {}), kept.get("files", {}), fingerprint, reuse)

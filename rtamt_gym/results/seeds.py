@@ -77,8 +77,8 @@ class MethodScores:
     @property
     def quartiles(self) -> tuple[float, float, float, float, float]:
         """The least score, the quartiles and the greatest: few numbers that hide no failed run."""
-        found = np.quantile(np.array(self.scores), [0.0, 0.25, 0.5, 0.75, 1.0])
-        low, first, middle, third, high = map(float, found)
+        quartiles = np.quantile(np.array(self.scores), [0.0, 0.25, 0.5, 0.75, 1.0])
+        low, first, middle, third, high = map(float, quartiles)
         return low, first, middle, third, high
 
 
@@ -114,8 +114,8 @@ def profile(scores: Floats, thresholds: Floats) -> Floats:
         [1.0, 0.67, 0.0]
     """
     every = scores.reshape(*scores.shape[:-2], -1, 1)
-    found: Floats = (every > thresholds).mean(axis=-2)
-    return found
+    shares: Floats = (every > thresholds).mean(axis=-2)
+    return shares
 
 
 def improvement(scores: Floats, other: Floats) -> Any:  # noqa: ANN401 - as `mean`
@@ -159,12 +159,12 @@ def stratified_bootstrap(
     rng = np.random.default_rng(seed)
     # What a statistic of two methods compares is pairs of runs.
     each = math.prod(len(scores) for scores in samples) * samples[0].shape[1]
-    found = [
+    statistics = [
         statistic(*(_drawn(scores, count, rng) for scores in samples))
         for count in _batches(resamples, max(1, _AT_ONCE // each))
     ]
     tail = 50.0 * (1.0 - confidence)
-    low, high = np.percentile(np.concatenate(found), [tail, 100.0 - tail], axis=0)
+    low, high = np.percentile(np.concatenate(statistics), [tail, 100.0 - tail], axis=0)
     return low, high
 
 

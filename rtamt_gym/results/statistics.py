@@ -249,9 +249,9 @@ def columns_of(results: Sequence[RequirementResult], *, rates: bool) -> list[Sta
     """The statistics that a table of results on a terminal has, for rates or for counts."""
     where = "rates" if rates else "counts"
     return [
-        each
-        for each in STATISTICS
-        if each.where in {where, "all"} and any(map(each.shown, results))
+        statistic
+        for statistic in STATISTICS
+        if statistic.where in {where, "all"} and any(map(statistic.shown, results))
     ]
 
 
@@ -276,17 +276,18 @@ def result_of(
         apart: As in `RequirementResult`.
         kind: The kind of the interval of its rate.
     """
-    found = [
+    judged = [
         (trial, outcome)
         for trial, outcome in zip(trials, outcomes, strict=True)
         if outcome is not None
     ]
-    verdicts = [outcome.verdict for _, outcome in found]
+    verdicts = [outcome.verdict for _, outcome in judged]
     heights = [math.nan if outcome is None else outcome.robustness for outcome in outcomes]
     ranked = sorted(
-        (rank(outcome, trial.seed), trial.seed or 0, outcome.robustness) for trial, outcome in found
+        (rank(outcome, trial.seed), trial.seed or 0, outcome.robustness)
+        for trial, outcome in judged
     )
-    violations = [each.violated_at for _, each in found if each.verdict is Verdict.VIOLATED]
+    violations = [value.violated_at for _, value in judged if value.verdict is Verdict.VIOLATED]
     return RequirementResult(
         name,
         formula,
@@ -294,15 +295,17 @@ def result_of(
         satisfied=verdicts.count(Verdict.SATISFIED),
         violated=verdicts.count(Verdict.VIOLATED),
         undecided=verdicts.count(Verdict.UNDECIDED),
-        failed=len(trials) - len(found),
+        failed=len(trials) - len(judged),
         robustness=np.array(heights, np.float64),
         first_violations=np.array(violations, np.float64),
-        saved=math.fsum(_saved(*each, limit) for each in found),
+        saved=math.fsum(_saved(*item, limit) for item in judged),
         worst=tuple((seed, height) for _, seed, height in ranked[:_WORST]),
-        asked=sum(bool(each.occasions) for _, each in found)
-        if any(each.asked for _, each in found)
+        asked=sum(bool(value.occasions) for _, value in judged)
+        if any(value.asked for _, value in judged)
         else None,
-        progress=mean_progress([each.progress for _, each in found if each.progress is not None]),
+        progress=mean_progress(
+            [value.progress for _, value in judged if value.progress is not None]
+        ),
         apart=apart,
         kind=kind,
     )

@@ -124,13 +124,13 @@ class Results(Sequence[Trial]):
             limit: The time limit of a trial in seconds (steps without a period), or None.
             kind: The kind of the intervals of rates.
         """
-        found = {}
+        result = {}
         for name, text in self.requirements.items():
             outcomes = [row.judged(name) for row in self.rows]
-            found[name] = result_of(
+            result[name] = result_of(
                 name, text, self.rows, outcomes, limit, apart=self.chosen, kind=kind
             )
-        return found
+        return result
 
     def success(
         self, limit: float | None = None, kind: IntervalKind = "exact"
@@ -179,7 +179,7 @@ class Results(Sequence[Trial]):
             raise naming_extra(error, "statistics") from error
         rows = []
         for result in self.results(kind=kind).values():
-            row = [(each.key, each.of(result)) for each in STATISTICS]
+            row = [(statistic.key, statistic.of(result)) for statistic in STATISTICS]
             low, high = result.interval
             at = [key for key, _ in row].index("interval")
             rows.append(dict([*row[:at], ("low", low), ("high", high), *row[at + 1 :]]))
@@ -192,20 +192,20 @@ class Results(Sequence[Trial]):
 def together(outcomes: Iterable[Outcome]) -> Outcome:
     """The outcome of all requirements at once, whose robustness is the least of theirs."""
     outcomes = list(outcomes)
-    verdict = min(each.verdict for each in outcomes)
-    settled = [each for each in outcomes if each.verdict is verdict]
+    verdict = min(outcome.verdict for outcome in outcomes)
+    settled = [outcome for outcome in outcomes if outcome.verdict is verdict]
     robustness, lower, upper = (
-        min((getattr(each, key) for each in outcomes), key=order)
+        min((getattr(outcome, key) for outcome in outcomes), key=order)
         for key in ("robustness", "lower", "upper")
     )
     # The first violation that a sample decided is one of all; all are satisfied after the last.
     if verdict is Verdict.VIOLATED:
-        decided = min((each for each in settled if each.decided), key=_time, default=None)
+        decided = min((item for item in settled if item.decided), key=_time, default=None)
     else:
-        decided = max(settled, key=_time) if all(each.decided for each in settled) else None
+        decided = max(settled, key=_time) if all(item.decided for item in settled) else None
     if decided is not None:
         return Outcome(robustness, lower, upper, verdict, decided.decided)
-    ended = next((each.ended for each in settled if each.ended), None)
+    ended = next((item.ended for item in settled if item.ended), None)
     return Outcome(robustness, lower, upper, verdict, ended=ended)
 
 

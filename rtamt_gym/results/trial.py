@@ -230,8 +230,8 @@ class Trial:
 
     def cell(self, requirement: str) -> Outcome | Failure:
         """What a requirement has become, or why it has become nothing."""
-        found = self.judged(requirement)
-        return found or self.failures.get(requirement) or Failure(self.error)
+        result = self.judged(requirement)
+        return result or self.failures.get(requirement) or Failure(self.error)
 
     @property
     def judged_extent(self) -> Extent | None:
@@ -242,16 +242,16 @@ class Trial:
     @property
     def word(self) -> Word:
         """The worst that became of a requirement, in a word."""
-        words = {word(each) for each in self.outcomes.values()}
-        words |= {word(each) for each in self.failures.values()}
+        words = {word(value) for value in self.outcomes.values()}
+        words |= {word(value) for value in self.failures.values()}
         if self.error or not words:
             return "failed"
-        return next(each for each in get_args(Word) if each in words)
+        return next(item for item in get_args(Word) if item in words)
 
 
 def end_note(trials: Iterable[Trial]) -> list[str]:
     """Explains violations beside a robustness that holds, in two lines; none if there are none."""
-    if not any(each.by_end for trial in trials for each in trial.outcomes.values()):
+    if not any(value.by_end for trial in trials for value in trial.outcomes.values()):
         return []
     return [
         f"VIOLATED beside a robustness that holds: violated {BY_END}. The",
