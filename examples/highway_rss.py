@@ -59,7 +59,7 @@ def main(argv: list[str] | None = None) -> None:
             policy = partial(drive, driver, env.unwrapped)
             named: Any = {"policy": policy, "seed": seed, "stop": "end"}
             run = simulate(env, SPECS, SIGNALS, at_termination="complete", **named)
-            margins = "  ".join(f"{run.courses[rule].final:+6.2f} m" for rule in SPECS)
+            margins = "  ".join(f"{run.histories[rule].final:+6.2f} m" for rule in SPECS)
             crash, broken = run.ended == "terminated", "never"
             if (at := run.violated_at) is not None:
                 broken = f"{run.times[at]:.1f} s"

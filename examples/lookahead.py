@@ -16,7 +16,8 @@ import matplotlib.pyplot as plt
 import mujoco  # type: ignore[import-untyped]
 import numpy as np
 
-from rtamt_gym import Snapshot, StepMonitor, simulate
+from rtamt_gym import StepMonitor, simulate
+from rtamt_gym.results import Snapshot
 
 MODEL = mujoco.MjModel.from_xml_path(str(Path(__file__).parent / "models" / "cart.xml"))
 SPEC = """inside = abs(angle) < 0.3 and abs(cart - middle) < 0.3
@@ -47,7 +48,7 @@ def drive(ax: Any, ahead: float) -> StepMonitor:
         now, place, futures = Snapshot.of(monitor), middle(monitor.data.time), []
         for goal in place + np.linspace(-0.8, 0.8, 17) if ahead else ():
             future = simulate(monitor, start=now, policy=towards(goal), duration=ahead, stop="end")
-            worst = min(future.courses["out"].robustness[1:])
+            worst = min(future.histories["out"].robustness[1:])
             futures.append((worst, goal))
             if decision % 10 == 0:
                 ax.plot(future.times, future.signals["cart"], "C2" if worst > 0 else "C1", lw=0.4)

@@ -36,7 +36,7 @@ def run(name: str, spec: str, parameters: Any, **options: Any) -> tuple[Any, Any
     env: Any = gym.make(f"rtamt_envs:rtamt/{name}-v0", parameters=parameters)
     own = {"signals": env.unwrapped.signals, "policy": env.unwrapped.baseline}
     made = simulate(env, {"out": spec}, **own, stop="end", **options)
-    return made, made.courses["out"].robustness
+    return made, made.histories["out"].robustness
 
 
 def draw_flights() -> Any:
@@ -114,7 +114,7 @@ def main(argv: list[str] | None = None) -> None:
     for bound in (100, 1000, 10_000, 100_000):
         line, rows = f"[0:{bound}]".ljust(11), rng.uniform(-1, 1, (bound + 500, 2))
         for kind, each in kinds:
-            make = rtamt.DenseMonitor if kind == "dense" else rtamt.Monitor
+            make = rtamt.dense.Monitor if kind == "dense" else rtamt.Monitor
             monitor = make(f"always[0:{bound}](a + b > -2)", backend=each)
             line += f"{cost(monitor, rows, dense=kind == 'dense'):17.0f}"
         print(line)

@@ -54,7 +54,7 @@ def main(argv: list[str] | None = None) -> None:
     print(f"{SPEC}\nstart  verdict    certain after  robustness in m")
     for seed in range(arguments.episodes):
         run = simulate(env, SPEC, SIGNALS, policy=drive, seed=seed, stop="decided")
-        course = run.courses["parked"]
+        course = run.histories["parked"]
         bounds = f"{course.lower[-1]:.2f} to {course.upper[-1]:.2f}"
         print(f"{seed:5}  {course.verdict.name:9} {run.duration:12.1f} s  {bounds}")
         x, y, goal_x, goal_y = (100 * run.signals[name] for name in SIGNALS)

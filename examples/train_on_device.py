@@ -205,7 +205,7 @@ def adam(policy: Parameters, moments: Any, count: jax.Array, gradient: Parameter
     return jax.tree.map(moved, policy, mean, square), (mean, square), count
 
 
-def evaluated(policy: Parameters) -> rtamt_gym.Evaluation:
+def evaluated(policy: Parameters) -> rtamt_gym.results.Evaluation:
     """Plays the most likely actions in Gymnasium's CartPole, judged by the monitors of C++."""
     actor = jax.tree.map(np.asarray, policy["actor"])
 

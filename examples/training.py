@@ -19,7 +19,8 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from rtamt_gym import MethodComparison, StlMonitor, compare_methods, evaluate_policy
+from rtamt_gym import StlMonitor, compare_methods, evaluate_policy
+from rtamt_gym.results import MethodComparison
 from rtamt_gym.results.seeds import Estimate
 
 FIELDS = ("variant", "seed", "steps", "episodes", "satisfied", "return", "seconds")

@@ -11,7 +11,7 @@ from rtamt.monitors.explainer import explain_dense as explain
 from rtamt.monitors.explanation import DenseExplanation as Explanation
 from rtamt.monitors.implications import DenseImplications as Implications
 from rtamt.monitors.judgement import judge_dense as judge
-from rtamt.monitors.triggers import DenseAsked as TriggerCount
+from rtamt.monitors.triggers import DenseTriggerCount as TriggerCount
 
 __all__ = [
     "EpisodeMonitor",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final, ParamSpec, TypeVar
 
@@ -20,6 +20,7 @@ __all__ = [
     "OPTIONS",
     "OldName",
     "named",
+    "new_options",
     "old_keywords",
     "old_name",
 ]
@@ -114,53 +115,61 @@ FUNCTIONS: Final[Mapping[str, str]] = {
 """The functions that became methods, which take the specification as an argument."""
 
 ATTRIBUTES: Final[Mapping[str, Mapping[str, str]]] = {
-    "Answer": {"says": "answer"},
-    "Asked": {"occasions": "count"},
-    "Check": {"asked": "triggers", "says": "answer"},
-    "CheckedRequirement": {"asked": "triggers", "idle": "redundant", "says": "answer"},
-    "Comparison": {"of_kept": "from_saved"},
-    "Course": {"asked": "triggers"},
-    "DenseAsked": {"occasions": "count"},
-    "DenseExplanation": {"circumstances": "contributions"},
-    "Equivalence": {"says": "answer"},
-    "Evaluation": {"of_kept": "from_saved", "reading": "evaluation_options"},
-    "Evidence": {"asked": "triggers", "never_asked": "never_triggered"},
-    "Explanation": {"circumstances": "contributions"},
-    "Falsification": {"found": "unreduced"},
-    "Judgement": {
+    "rtamt.Explanation": {"circumstances": "contributions"},
+    "rtamt.Judgement": {
         "asked": "triggers",
         "never_asked": "never_triggered",
         "open_for": "undecided_because",
         "untested": "unrecorded",
     },
-    "MethodComparison": {"of_kept": "from_saved"},
-    "Mined": {"asked": "triggers", "never_asked": "never_triggered"},
-    "Mutant": {"apart": "distance"},
-    "Outcome": {
+    "rtamt.Specification": {"given": "overrides"},
+    "rtamt.checking.Answer": {"says": "answer"},
+    "rtamt.checking.Check": {"asked": "triggers", "says": "answer"},
+    "rtamt.checking.CheckedRequirement": {
+        "asked": "triggers",
+        "idle": "redundant",
+        "says": "answer",
+    },
+    "rtamt.checking.Equivalence": {"says": "answer"},
+    "rtamt.checking.RequirementExamples": {"says": "answer"},
+    "rtamt.dense.Explanation": {"circumstances": "contributions"},
+    "rtamt.dense.TriggerCount": {"occasions": "count"},
+    "rtamt.monitors.Evidence": {"asked": "triggers", "never_asked": "never_triggered"},
+    "rtamt.monitors.TriggerCount": {"occasions": "count"},
+    "rtamt.monitors.Unrecorded": {"begin": "start"},
+    "rtamt.mutation.Mutant": {"apart": "distance"},
+    "rtamt_gym.EvaluationOptions": {"of_monitors": "from_monitors"},
+    "rtamt_gym.Runner": {"in_lanes": "vectorized", "reading": "evaluation_options"},
+    "rtamt_gym.StepMonitor": {"panel": "monitor_set"},
+    "rtamt_gym.Waveform": {"of_steps": "from_steps"},
+    "rtamt_gym.results.Comparison": {"of_kept": "from_saved"},
+    "rtamt_gym.results.Evaluation": {
+        "of_kept": "from_saved",
+        "reading": "evaluation_options",
+    },
+    "rtamt_gym.results.Falsification": {"found": "unreduced"},
+    "rtamt_gym.results.History": {"asked": "triggers"},
+    "rtamt_gym.results.MethodComparison": {"of_kept": "from_saved"},
+    "rtamt_gym.results.Mined": {"asked": "triggers", "never_asked": "never_triggered"},
+    "rtamt_gym.results.Outcome": {
         "asked": "triggers",
         "never_asked": "never_triggered",
         "occasions": "trigger_count",
     },
-    "Reading": {"of_monitors": "from_monitors"},
-    "Record": {
+    "rtamt_gym.results.Record": {
+        "chosen": "has_cases",
         "heights": "robustness_values",
+        "of_files": "with_files",
         "timed": "has_times",
         "unconditional": "without_implications",
     },
-    "RequirementExamples": {"says": "answer"},
-    "RequirementResult": {
+    "rtamt_gym.results.RequirementResult": {
         "apart": "failures_excluded",
         "asked": "triggered",
         "heights": "robustness_values",
     },
-    "Results": {"chosen": "has_cases", "of_files": "with_files"},
-    "Run": {"courses": "histories"},
-    "Runner": {"in_lanes": "vectorized", "reading": "evaluation_options"},
-    "SavedCase": {"reading": "evaluation_options"},
-    "Specification": {"given": "overrides"},
-    "StepMonitor": {"panel": "monitor_set"},
-    "Untested": {"begin": "start"},
-    "Waveform": {"of_steps": "from_steps"},
+    "rtamt_gym.results.Run": {"courses": "histories"},
+    "rtamt_gym.results.SavedCase": {"reading": "evaluation_options"},
 }
 """For each class, every old attribute or method and its new name."""
 
@@ -226,9 +235,28 @@ def old_keywords(function: Callable[_P, _R]) -> Callable[_P, _R]:
     return renaming
 
 
+def new_options(words: Sequence[str]) -> list[str]:
+    """Return a command line with the new names of options, with a warning for each old one.
+
+    The words after ``--`` are arguments.
+    """
+    last = words.index("--") if "--" in words else len(words)
+    return [*map(_new_option, words[:last]), *words[last:]]
+
+
+def _new_option(word: str) -> str:
+    option, equals, value = word.partition("=")
+    if option not in OPTIONS:
+        return word
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", DeprecationWarning)  # who runs a command sees no other
+        _warn(option, OPTIONS[option], stacklevel=2)
+    return f"{OPTIONS[option]}{equals}{value}"
+
+
 def _warn(old: str, new: str, *, stacklevel: int) -> None:
     warnings.warn(
         f"{old} is now {new}. The next version removes the old name.",
         DeprecationWarning,
-        stacklevel=stacklevel + 1,
+        stacklevel=stacklevel,
     )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from rtamt import Align, Formula, Period, Specification
+from rtamt import Formula, Specification
 from rtamt.language.parser import as_specification
 from rtamt.program.lowering import compile_program, refuse_rates
 from rtamt.program.program import Program
 from rtamt.program.timing import as_align, as_period
+from rtamt.typing import Align, Period
 
 __all__ = ["Spec", "program_of"]
 

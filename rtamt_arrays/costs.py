@@ -11,7 +11,7 @@ from rtamt_arrays.online import OnlineReading, OnlineState
 from rtamt_arrays.operations import Operations, Tensor
 from rtamt_gym.judging.costs import Cost, Demand, keyed_costs, measured_demands, step_costs
 from rtamt_gym.judging.monitors import options_of_parts
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 
 __all__ = ["ArrayCosts", "CostState"]
 
@@ -50,7 +50,7 @@ class ArrayCosts:
         self,
         kind: Cost | None,
         specs: Mapping[str, Specification],
-        reading: Reading,
+        reading: EvaluationOptions,
         monitors: ArrayMonitors,
         operations: Operations,
     ) -> None:

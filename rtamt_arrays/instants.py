@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from rtamt import Align, Period, Specification
+from rtamt import Specification
+from rtamt.typing import Align, Period
 from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.online import OnlineReading, OnlineState
 from rtamt_arrays.operations import Operations, Tensor

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from rtamt import Align, Period, Specification
+from rtamt import Specification
+from rtamt.typing import Align, Period
 from rtamt_arrays.episode import EpisodeArrays
 from rtamt_arrays.online import OnlineMonitor
 

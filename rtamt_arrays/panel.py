@@ -6,9 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from rtamt import Align, Period, Specification
+from rtamt import Specification
 from rtamt.program.instructions import Window
 from rtamt.program.program import Program
+from rtamt.typing import Align, Period
 from rtamt_arrays.costs import ArrayCosts, CostState
 from rtamt_arrays.episode import EpisodeArrays
 from rtamt_arrays.instants import ArrayInstants, InstantState
@@ -17,7 +18,7 @@ from rtamt_arrays.operations import Operations, Tensor
 from rtamt_arrays.worlds import BoundsReading, EpisodeState
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.monitors import MonitorValues, make_monitors
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 
 __all__ = ["ArrayPanel", "PanelState", "Taken"]
 
@@ -78,7 +79,7 @@ class ArrayPanel:
     def __init__(
         self,
         specs: Mapping[str, Specification],
-        reading: Reading,
+        reading: EvaluationOptions,
         cost: Cost | None,
         held: Sequence[str],
         monitors: ArrayMonitors,

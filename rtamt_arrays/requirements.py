@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple, get_args
 
-from rtamt import Align, End, InputError, Period
+from rtamt import InputError
 from rtamt.errors import Argument
+from rtamt.typing import Align, End, Period
 from rtamt_arrays.monitors import ArrayMonitors
 from rtamt_arrays.operations import Operations, Tensor
 from rtamt_arrays.panel import ArrayPanel, PanelState, Taken
@@ -20,7 +21,7 @@ from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.infos import end_info, optional_keys, spec_state, step_info
 from rtamt_gym.judging.monitors import MonitorValues
 from rtamt_gym.judging.specs import ConstantValue, SpecsLike, load_specs
-from rtamt_gym.options.evaluation import AtTermination, Reading, View
+from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions, View
 from rtamt_gym.shaping import Mode, Shaping, ShapingNumbers, clip, least, outcome, settle
 from rtamt_gym.wrappers.observing import StateFeatures
 
@@ -137,7 +138,7 @@ class StepJudge:
     ) -> None:
         given: dict[str, Any] = {**options}
         read = [name for name in _READ if name in given]
-        reading = Reading(**{name: given.pop(name) for name in read})
+        reading = EvaluationOptions(**{name: given.pop(name) for name in read})
         loaded = load_specs(specs, constants=given.pop("constants", None))
         for name, spec in loaded.items():
             if spec.timed and reading.period is None:

@@ -13,11 +13,11 @@ from typing import Literal, SupportsIndex
 
 import numpy as np
 
-from rtamt import Align, Period
 from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Map, Window
 from rtamt.program.program import Program
+from rtamt.typing import Align, Period
 from rtamt_arrays.compiling import Spec, program_of
 from rtamt_arrays.functions import Lattice, exact
 from rtamt_arrays.operations import Operations, Tensor

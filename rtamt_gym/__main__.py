@@ -21,6 +21,7 @@ from typing import Any, Final, NoReturn, TextIO, cast
 import rtamt
 from rtamt import InputError
 from rtamt.errors import nearest, no_such, shown_lines
+from rtamt.renamed import new_options
 from rtamt_gym.commands import COMMANDS, OF_TRACES, SEPARATOR
 from rtamt_gym.commands.errors import options_of, refusal, unexpected, valued
 from rtamt_gym.results.warnings import INTERRUPTED
@@ -115,6 +116,7 @@ def _command(argv: Sequence[str]) -> str:
 
 
 def _options(argv: Sequence[str]) -> argparse.Namespace:
+    argv = new_options(argv)
     command = _command(argv)
     if command == "monitor":
         from rtamt_gym.commands.monitor import discard_old_outcomes

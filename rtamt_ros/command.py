@@ -8,7 +8,8 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn, get_args
 
-from rtamt import InputError, SemanticsName
+from rtamt import InputError
+from rtamt.typing import SemanticsName
 from rtamt_gym.commands.errors import options_in, refusal
 from rtamt_ros.core.settings import StaleAs
 from rtamt_ros.generation import chosen, open_node, split

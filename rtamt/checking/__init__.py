@@ -11,8 +11,8 @@ if TYPE_CHECKING:
         CheckedRequirement,
         Equivalence,
         ExampleTrace,
+        RedundantPart,
     )
-    from rtamt.checking.answers import Idle as RedundantPart
     from rtamt.checking.examples import Example, RequirementExamples
 
 __all__ = [
@@ -36,7 +36,7 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "Equivalence": "rtamt.checking.answers.Equivalence",
             "Example": "rtamt.checking.examples.Example",
             "ExampleTrace": "rtamt.checking.answers.ExampleTrace",
-            "RedundantPart": "rtamt.checking.answers.Idle",
+            "RedundantPart": "rtamt.checking.answers.RedundantPart",
             "RequirementExamples": "rtamt.checking.examples.RequirementExamples",
         },
     )

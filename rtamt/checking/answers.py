@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from rtamt.renamed import OldName
+
 Says = Literal["yes", "no", "unknown"]
 
 
@@ -51,7 +53,7 @@ class Answer:
     """Whether there is a trace with a certain verdict.
 
     Attributes:
-        says: ``"yes"``, ``"no"`` or ``"unknown"``.
+        answer: ``"yes"``, ``"no"`` or ``"unknown"``.
         trace: If yes, such a trace, which the monitors have judged.
         samples: If no, 0 if this is proved for all traces. Otherwise there is no such trace of up
             to that many samples that then repeats its last 1 to 4 for ever, and no shorter trace
@@ -63,15 +65,17 @@ class Answer:
             assumptions, declarations and parts without a place.
     """
 
-    says: Says
+    answer: Says
     trace: ExampleTrace | None = None
     samples: int = 0
     why: str = ""
     clash: tuple[str, ...] = ()
     places: tuple[tuple[int, int] | None, ...] = ()
 
+    says = OldName("answer")
+
     def __str__(self) -> str:
-        if self.says == "unknown":
+        if self.answer == "unknown":
             return f"unknown: {self.why}"
         if self.trace is not None:
             return f"yes, {self.trace.described}"
@@ -85,21 +89,23 @@ class Equivalence:
     """Whether the same traces satisfy two requirements.
 
     Attributes:
-        says: ``"yes"``, ``"no"`` or ``"unknown"``.
+        answer: ``"yes"``, ``"no"`` or ``"unknown"``.
         trace: If no, a trace that satisfies one and violates the other, as the monitors judge it.
         satisfied: If no, the requirement that the trace satisfies: ``"one"`` or ``"other"``.
         samples: If yes, 0 if this is proved for all traces; otherwise as in an `Answer` of no.
         why: The reason if it is unknown.
     """
 
-    says: Says
+    answer: Says
     trace: ExampleTrace | None = None
     satisfied: Literal["one", "other", ""] = ""
     samples: int = 0
     why: str = ""
 
+    says = OldName("answer")
+
     def __str__(self) -> str:
-        if self.says == "unknown":
+        if self.answer == "unknown":
             return f"unknown: {self.why}"
         if self.trace is not None:
             violated = "other" if self.satisfied == "one" else "one"
@@ -111,7 +117,7 @@ class Equivalence:
 
 
 @dataclass(frozen=True, slots=True)
-class Idle:
+class RedundantPart:
     """A redundant part of a requirement.
 
     Attributes:
@@ -139,24 +145,29 @@ class CheckedRequirement:
         text: The requirement.
         satisfiable: Whether a trace satisfies it.
         falsifiable: Whether a trace violates it; a requirement without one demands nothing.
-        asked: For each implication, whether the requirement is satisfied by its answer on a trace.
-        idle: The redundant parts, without the parts inside them.
+        triggers: For each implication, whether the requirement is satisfied by its answer on a
+            trace.
+        redundant: The redundant parts, without the parts inside them.
         unknown: The parts for which redundancy is unknown, with the reason.
     """
 
     text: str
     satisfiable: Answer
     falsifiable: Answer
-    asked: Mapping[str, Answer] = field(default_factory=dict)
-    idle: tuple[Idle, ...] = ()
+    triggers: Mapping[str, Answer] = field(default_factory=dict)
+    redundant: tuple[RedundantPart, ...] = ()
     unknown: Mapping[str, str] = field(default_factory=dict)
 
+    asked = OldName("triggers")
+    idle = OldName("redundant")
+    says = OldName("answer")
+
     @property
-    def says(self) -> Says:
+    def answer(self) -> Says:
         """``"no"`` if there is a defect, ``"yes"`` if there is none, or ``"unknown"``."""
-        parts: set[Says] = {"no"} if self.idle else {"unknown"} if self.unknown else set()
-        answers = (self.satisfiable, self.falsifiable, *self.asked.values())
-        return worst({*parts, *(answer.says for answer in answers)})
+        parts: set[Says] = {"no"} if self.redundant else {"unknown"} if self.unknown else set()
+        answers = (self.satisfiable, self.falsifiable, *self.triggers.values())
+        return worst({*parts, *(answer.answer for answer in answers)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +179,7 @@ class Check:
         together: Whether a trace satisfies all satisfiable requirements; None if there is only one.
         conflict: A smallest set of names of requirements that no trace satisfies together; empty
             if there is no conflict, or this is unknown.
-        asked: For each requirement and implication of it, whether a trace that satisfies all
+        triggers: For each requirement and implication of it, whether a trace that satisfies all
             requirements satisfies this one by the answer of the implication.
         implied: Names of requirements that another one implies, with its name.
         equal: Pairs of names of requirements that the same traces satisfy.
@@ -180,27 +191,30 @@ class Check:
     requirements: Mapping[str, CheckedRequirement]
     together: Answer | None = None
     conflict: tuple[str, ...] = ()
-    asked: Mapping[tuple[str, str], Answer] = field(default_factory=dict)
+    triggers: Mapping[tuple[str, str], Answer] = field(default_factory=dict)
     implied: Mapping[str, str] = field(default_factory=dict)
     equal: tuple[tuple[str, str], ...] = ()
     unknown: Mapping[tuple[str, str], str] = field(default_factory=dict)
     same: Mapping[str, Equivalence] = field(default_factory=dict)
 
+    asked = OldName("triggers")
+    says = OldName("answer")
+
     @property
-    def says(self) -> Says:
+    def answer(self) -> Says:
         """``"no"`` if there is a defect, ``"yes"`` if there is none, or ``"unknown"``.
 
         A requirement that another one implies is reported, but is not a defect.
         """
         parts: list[CheckedRequirement | Answer | Equivalence] = [
             *self.requirements.values(),
-            *self.asked.values(),
+            *self.triggers.values(),
             *self.same.values(),
         ]
         if self.together is not None:
             parts.append(self.together)
         pairs: set[Says] = {"no"} if self.equal else {"unknown"} if self.unknown else set()
-        return worst({*pairs, *(part.says for part in parts)})
+        return worst({*pairs, *(part.answer for part in parts)})
 
     def traces(self) -> Iterator[tuple[str, str, ExampleTrace]]:
         """Yield each trace with the name of its requirement and a word for its purpose."""
@@ -209,7 +223,7 @@ class Check:
                 yield name, "apart", same.trace
         for name, requirement in self.requirements.items():
             answers = {"satisfied": requirement.satisfiable, "violated": requirement.falsifiable}
-            for i, answer in enumerate(requirement.asked.values()):
+            for i, answer in enumerate(requirement.triggers.values()):
                 answers[f"asked {i + 1}" if i else "asked"] = answer
             for purpose, answer in answers.items():
                 if answer.trace is not None:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Literal, cast
 
-from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence, Idle
+from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalence, RedundantPart
 from rtamt.checking.encoding import ValueRange, VariableLimits
 from rtamt.checking.search import Goal, SearchAnswer, WitnessSearch
 from rtamt.errors import Argument, InputError, InputTypeError
@@ -65,7 +65,7 @@ def check(
         timeout: The maximum time for each question, in seconds.
 
     Returns:
-        The answers; `Check.says` summarizes them.
+        The answers; `Check.answer` summarizes them.
 
     Raises:
         ModuleNotFoundError: If Z3 is not installed; the extra ``check`` installs it.
@@ -76,7 +76,7 @@ def check(
     Example:
         >>> import rtamt
         >>> found = rtamt.check("always(x > 1 and (x > 0 or y > 2))")
-        >>> str(found.requirements["spec"].satisfiable), found.says
+        >>> str(found.requirements["spec"].satisfiable), found.answer
         ('yes, in 1 sample', 'no')
         >>> print(*found.requirements["spec"].idle)
         x > 0 or y > 2 demands nothing more (on traces of up to 16 samples)
@@ -308,21 +308,21 @@ class _Checker:
         violated = self._find((self.program, False))
         falsifiable = answer_of(violated, _limits(violated))
         asked: dict[str, Answer] = {}
-        if satisfiable.says == "yes":
+        if satisfiable.answer == "yes":
             for implication in implications(self.spec.formula):
                 answer = self._find((self.program, True), (self.unanswered(implication), False))
                 asked[str(implication)] = answer_of(answer)
-        idle: list[Idle] = []
+        idle: list[RedundantPart] = []
         unknown: dict[str, str] = {}
         if satisfiable.trace is not None and falsifiable.trace is not None:
             self._first = max(satisfiable.trace.samples, falsifiable.trace.samples)
-            never = {text for text, answer in asked.items() if answer.says == "no"}
+            never = {text for text, answer in asked.items() if answer.answer == "no"}
             covered: set[Node] = set()
             for node in self._parts():
                 result = None if node in covered or str(node) in never else self._idle(node)
-                if result is None or isinstance(result, Idle):
+                if result is None or isinstance(result, RedundantPart):
                     covered |= {*node.nodes()}
-                if isinstance(result, Idle):
+                if isinstance(result, RedundantPart):
                     idle.append(result)
                 elif result:
                     unknown[str(node)] = result
@@ -345,7 +345,7 @@ class _Checker:
             if isinstance(node, Formula) and node.args:  # not a constant
                 yield node
 
-    def _idle(self, node: Formula) -> Idle | str:
+    def _idle(self, node: Formula) -> RedundantPart | str:
         """Return a redundant part; otherwise why this is unknown, or "" if the part matters."""
         search, why = self._questions.search, ""
         for instead in _CONSTANTS:
@@ -359,7 +359,7 @@ class _Checker:
                 continue
             answers = [search.find(goals, self._first) for goals in ways]
             if all(answer.impossible for answer in answers):
-                return Idle(str(node), instead, max(answer.samples for answer in answers))
+                return RedundantPart(str(node), instead, max(answer.samples for answer in answers))
             if all(answer.trace is None for answer in answers):
                 why = why or next(answer.why for answer in answers if not answer.impossible)
         return why
@@ -432,7 +432,7 @@ def _checked_set(
     """Return the answers for requirements one by one and together."""
     if len(checked) == 1:
         return Check(checked)
-    names = [name for name, each in checked.items() if each.satisfiable.says == "yes"]
+    names = [name for name, each in checked.items() if each.satisfiable.answer == "yes"]
     programs = {name: checker.program for name, checker in checkers.items()}
 
     def all_of(places: Iterable[int]) -> list[tuple[Program, bool]]:
@@ -447,10 +447,10 @@ def _checked_set(
     if together and both.trace:
         for name in names:
             for each in implications(checkers[name].spec.formula):
-                if checked[name].asked[str(each)].says == "yes":
+                if checked[name].triggers[str(each)].answer == "yes":
                     other = checkers[name].unanswered(each)
                     asked[name, str(each)] = answer_of(q.find(*all_of(every), (other, False)))
-    falsifiable = [name for name in names if checked[name].falsifiable.says == "yes"]
+    falsifiable = [name for name in names if checked[name].falsifiable.answer == "yes"]
     implied, equal, unknown = _implications(falsifiable, programs, q)
     return Check(checked, together, conflict, asked, implied, equal, unknown)
 
@@ -509,15 +509,15 @@ def _compared(one: Specification, other: Specification, q: RequirementQuestions)
     they do not look back.
     """
     result = _difference(q.program(one), q.program(other), q, q.assumed)
-    if result.says != "yes" or not result.samples:
+    if result.answer != "yes" or not result.samples:
         return result
     for pair in _differing(one.formula, other.formula):
         if any(map(_looks_back, pair)):
             continue
         parts = _difference(q.program(one, pair[0]), q.program(other, pair[1]), q, [])
-        if parts.says == "yes" and not parts.samples:
+        if parts.answer == "yes" and not parts.samples:
             return parts
-        if parts.says == "no":  # then smaller parts differ too
+        if parts.answer == "no":  # then smaller parts differ too
             break
     return result
 

@@ -36,6 +36,7 @@ from rtamt.program.implications import implications, signs, unanswered
 from rtamt.program.instructions import Window
 from rtamt.program.program import Program
 from rtamt.program.timing import Period
+from rtamt.renamed import OldName
 
 _CONTEXT: Final = 3
 """The minimum number of samples for a requirement with an unbounded window or a past operator."""
@@ -107,6 +108,8 @@ class RequirementExamples:
     missing: tuple[str, ...] = ()
     unknown: Mapping[str, str] = field(default_factory=dict)
 
+    says = OldName("answer")
+
     @property
     def satisfied(self) -> tuple[Example, ...]:
         """The examples that satisfy it."""
@@ -118,9 +121,9 @@ class RequirementExamples:
         return tuple(each for each in self.examples if each.verdict is Verdict.VIOLATED)
 
     @property
-    def says(self) -> Says:
+    def answer(self) -> Says:
         """``"yes"`` if traces satisfy and violate it, ``"no"`` if not, or ``"unknown"``."""
-        return worst([self.satisfiable.says, self.falsifiable.says])
+        return worst([self.satisfiable.answer, self.falsifiable.answer])
 
 
 def examples(

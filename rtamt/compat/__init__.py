@@ -1,7 +1,7 @@
 """The classes of the released library, for programs that were written for it.
 
-They call `rtamt.Monitor`, `rtamt.EpisodeMonitor`, `rtamt.evaluate`, `rtamt.DenseMonitor` and
-`rtamt.evaluate_dense`, and return their values; docs/differences.md lists the differences to the
+They call `rtamt.Monitor`, `rtamt.EpisodeMonitor`, `rtamt.evaluate`, `rtamt.dense.Monitor` and
+`rtamt.dense.evaluate`, and return their values; docs/differences.md lists the differences to the
 released library. ``rtamt.StlDiscreteTimeSpecification`` and the other classes are attributes of
 `rtamt`, imported when they are first used.
 """

@@ -1,4 +1,4 @@
-"""The drop-in classes for dense time, over `DenseMonitor` and `evaluate_dense`.
+"""The drop-in classes for dense time, over `rtamt.dense.Monitor` and `rtamt.dense.evaluate`.
 
 Signals are pairs of a name and its events: ``["x", [[0.0, 1.0], [0.7, 3.0]]]``. ``update`` returns
 the robustness at t - horizon with the time t, at which it is known.

@@ -68,9 +68,9 @@ def export_fmu(
     constant in a bound of an interval can be read, not set, and unused constants are left out.
 
     Over dense time (``dense``) steps may have any size, and each gives every variable an event at
-    its start. The outputs are those of `DenseEpisodeMonitor` after these events; a named formula
-    is the last value that `DenseMonitor` has settled, or the value of `DenseEpisodeMonitor` if
-    `DenseMonitor` cannot wait.
+    its start. The outputs are those of `rtamt.dense.EpisodeMonitor` after these events; a named
+    formula is the last value that `rtamt.dense.Monitor` has settled, or the value of
+    `rtamt.dense.EpisodeMonitor` if `rtamt.dense.Monitor` cannot wait.
 
     The unit has the library for the platform of the export, Linux on x86-64. The same arguments
     give the same bytes.
@@ -87,11 +87,11 @@ def export_fmu(
         inputs: As for `Monitor`.
         outputs: As for `Monitor`.
         align: As for `Monitor`; not over dense time.
-        resolution: As for `DenseMonitor`.
+        resolution: As for `rtamt.dense.Monitor`.
 
     Raises:
-        SpecificationError: As for `EpisodeMonitor` and `DenseEpisodeMonitor`, or for a name that
-            the monitor itself uses, such as ``lower``.
+        SpecificationError: As for `EpisodeMonitor` and `rtamt.dense.EpisodeMonitor`, or for a name
+            that the monitor itself uses, such as ``lower``.
         InputError: If an argument has a wrong value, the path does not end in ``.fmu``, there is
             neither a period nor ``dense``, or there is no library for this platform.
         OSError: If the file cannot be written.

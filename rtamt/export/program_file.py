@@ -57,8 +57,9 @@ The library runs the file as follows:
   or of `EpisodeMonitor` if `Monitor` cannot wait. Before the first step the outputs are those of a
   new monitor: robustness and named formulas are nan.
 - Over dense time ``doStep(t, h)`` gives every variable an event at t; the outputs are what
-  `DenseEpisodeMonitor` returns then; a named formula is the last value that `DenseMonitor` has
-  settled, or the value of `DenseEpisodeMonitor` if `DenseMonitor` cannot wait.
+  `rtamt.dense.EpisodeMonitor` returns then; a named formula is the last value that
+  `rtamt.dense.Monitor` has settled, or the value of `rtamt.dense.EpisodeMonitor` if
+  `rtamt.dense.Monitor` cannot wait.
 - With ``stop_on_violation`` a step after which the verdict is -1 ends the simulation: FMI 2 gives
   fmi2Discard and fmi2Terminated, whose fmi2LastSuccessfulTime is t + h; FMI 3 terminateSimulation.
 - Parameters may be set until initialization ends, inputs always (not after terminate).

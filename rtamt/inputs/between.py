@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.errors import InputError
 from rtamt.inputs.arrays import Floats, array_of_numbers, number
 
-__all__ = ["NO_BOUNDS", "UNKNOWN", "Between", "identical", "out_of_order"]
+__all__ = ["NO_BOUNDS", "UNKNOWN", "UncertainValue", "identical", "out_of_order"]
 
 NO_BOUNDS: Final = (
     "EpisodeMonitor, VectorEpisodeMonitor and judge give bounds; a nan of others means 'not yet'"
@@ -19,12 +19,12 @@ NO_BOUNDS: Final = (
 """Why the others take no input that is not known."""
 
 
-class Between:
+class UncertainValue:
     """A value that is known only to lie between two numbers, the ends included.
 
     It stands where a number stands: in a sample of `EpisodeMonitor`, or, with arrays, in a column
-    of `judge`. ``Between(-math.inf, math.inf)`` is a value of which nothing is known; a value whose
-    ends are the same is known. -0.0 lies below 0.0.
+    of `judge`. ``UncertainValue(-math.inf, math.inf)`` is a value of which nothing is known; a
+    value whose ends are the same is known. -0.0 lies below 0.0.
 
     The robustness is then known only to lie between ``lower`` and ``upper``: whatever the values
     are inside their intervals, theirs lies inside these bounds.
@@ -43,13 +43,15 @@ class Between:
         InputTypeError: On ends that are not real numbers.
 
     Example:
-        >>> from rtamt import Between, EpisodeMonitor, judge
+        >>> from rtamt import EpisodeMonitor, UncertainValue, judge
         >>> e = EpisodeMonitor("always(x > 1)")
-        >>> e.update(x=Between(3, 5)), e.lower, e.upper, e.verdict.name
+        >>> e.update(x=UncertainValue(3, 5)), e.lower, e.upper, e.verdict.name
         (2.0, -inf, 4.0, 'UNDECIDED')
         >>> e.finish(), e.lower, e.upper, e.verdict.name
         (2.0, 2.0, 4.0, 'SATISFIED')
-        >>> judge("always(x > 1)", {"x": Between([3, 0], [5, 4])}, end="complete").verdict.name
+        >>> judge(
+        ...     "always(x > 1)", {"x": UncertainValue([3, 0], [5, 4])}, end="complete"
+        ... ).verdict.name
         'UNDECIDED'
     """
 
@@ -73,11 +75,11 @@ class Between:
         """Refuse to change an interval."""
         raise AttributeError(f"an interval does not change, and '{name}' cannot be set")
 
-    def __reduce__(self) -> tuple[type[Between], tuple[object, object]]:
-        return Between, (self.lower, self.upper)
+    def __reduce__(self) -> tuple[type[UncertainValue], tuple[object, object]]:
+        return UncertainValue, (self.lower, self.upper)
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Between):
+        if not isinstance(other, UncertainValue):
             return NotImplemented
         return np.array_equal(self.lower, other.lower) and np.array_equal(self.upper, other.upper)
 
@@ -85,10 +87,13 @@ class Between:
         return hash((np.asarray(self.lower).tobytes(), np.asarray(self.upper).tobytes()))
 
     def __repr__(self) -> str:
-        return f"Between({_text(self.lower)}, {_text(self.upper)})"
+        return f"UncertainValue({_text(self.lower)}, {_text(self.upper)})"
 
 
-UNKNOWN: Final = Between(-math.inf, math.inf)
+Between = UncertainValue
+"""The name that the C++ code imports."""
+
+UNKNOWN: Final = UncertainValue(-math.inf, math.inf)
 """A value of which nothing is known."""
 
 
@@ -123,7 +128,9 @@ def _require_order(lower: Floats, upper: Floats) -> None:
     place = int(wrong.ravel().argmax())
     least, greatest = (float(end.ravel()[place]) for end in (lower, upper))
     where = "" if lower.ndim == 0 else f" at {', '.join(map(str, np.argwhere(wrong)[0]))}"
-    expected = "numbers as ends of Between, and Between(-math.inf, math.inf) of what is not known"
+    expected = (
+        "numbers as ends of Between, and UncertainValue(-math.inf, math.inf) of what is not known"
+    )
     if least == least and greatest == greatest:  # noqa: PLR0124 - neither is nan
         expected = "a lower end of Between that is not above the upper one"
     raise InputError(f"expected {expected}, got {least!r} and {greatest!r}{where}")

@@ -17,7 +17,7 @@ import numpy as np
 
 from rtamt.errors import Argument, InputError, InputTypeError, Message, StateError, brief, no_such
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, number
-from rtamt.inputs.between import Between
+from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.clock import EXACT, Clock, Ticks, Times, shown
 from rtamt.inputs.events import (
     Events,
@@ -317,7 +317,9 @@ class EventReader:
         """The times of ticks."""
         return self.clock.times(ticks, dated=bool(dated))
 
-    def refuse(self, values: Sequence[float | Between], place: tuple[float, Dated]) -> NoReturn:
+    def refuse(
+        self, values: Sequence[float | UncertainValue], place: tuple[float, Dated]
+    ) -> NoReturn:
         """Raise the error that names the first term which is nan.
 
         Args:
@@ -597,7 +599,7 @@ def _time(part: object, i: int, name: str) -> object:
 
 def _ends(part: object, i: int, name: str) -> tuple[float, float]:
     """The least and the greatest number that a value may be."""
-    if isinstance(part, Between) and isinstance(part.lower, float):
+    if isinstance(part, UncertainValue) and isinstance(part.lower, float):
         return ends_of(part)
     return (_number(part, "value", i, name),) * 2
 

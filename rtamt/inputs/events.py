@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import Advice, Argument, InputError, Message
 from rtamt.inputs.arrays import Floats, line_of_numbers
-from rtamt.inputs.between import Between, identical
+from rtamt.inputs.between import UncertainValue, identical
 from rtamt.inputs.clock import Times, shown
 
 __all__ = [
@@ -51,19 +51,19 @@ class Events(Sequence[tuple[float, Any]]):
     """A signal over dense time: each value lasts until the time of the next one.
 
     It is a sequence of (time, value), equal to any other sequence of the same pairs; a value that
-    is not known is a `Between`. The last event is the end of the signal.
+    is not known is an `UncertainValue`. The last event is the end of the signal.
 
     Args:
         times: n finite numbers, or n `numpy.datetime64`, that increase.
-        values: n numbers, or a `Between` of arrays, where they are known only to lie between two;
-            +-inf is legal. A nan is a value that ``nan="unknown"`` takes, and that others refuse.
+        values: n numbers, or an `UncertainValue` of arrays, where they are known only to lie
+            between two; +-inf is legal. ``nan="unknown"`` takes a nan; other policies refuse it.
 
     Raises:
         InputError: On times that do not increase, or arrays of different length.
         InputTypeError: On values that are not real numbers.
 
     Example:
-        >>> speed = Events([0, 1.5, 4], [10, 12, 11])
+        >>> speed = rtamt.dense.Events([0, 1.5, 4], [10, 12, 11])
         >>> speed[1], len(speed), speed == [(0, 10), (1.5, 12), (4, 11)]
         ((1.5, 12.0), 3, True)
         >>> speed.values
@@ -72,7 +72,7 @@ class Events(Sequence[tuple[float, Any]]):
 
     __slots__ = ("_given", "_times", "_values")
 
-    def __init__(self, times: ArrayLike, values: ArrayLike | Between) -> None:
+    def __init__(self, times: ArrayLike, values: ArrayLike | UncertainValue) -> None:
         self._hold(_line_of_times(times), _line_of_values(values))
         if len(self._given) != len(self._values):
             raise InputError(
@@ -159,7 +159,7 @@ class Events(Sequence[tuple[float, Any]]):
         times = (self.times[:7].astype(str) if are_dates(self.times) else self.times).tolist()
         values = _brief.repr(self.values.tolist())
         if self._values.ndim > 1:
-            values = f"Between({values}, {_brief.repr(self.upper.tolist())})"
+            values = f"UncertainValue({values}, {_brief.repr(self.upper.tolist())})"
         return f"Events({_brief.repr(times)}, {values})"
 
 
@@ -168,7 +168,7 @@ _brief.maxstring = 40  # a date to the attosecond has 38 characters
 
 
 EventsLike = Events | ArrayLike | Iterable[Sequence[object]]
-"""Events as a sequence of (time, value), as an array of shape (n, 2), or as `Events`."""
+"""Events as a sequence of (time, value), an array of shape (n, 2), or `rtamt.dense.Events`."""
 
 Until = float | np.datetime64 | Literal["latest"]
 """The time up to which the last values of variables hold, or that of the last event of all."""
@@ -184,7 +184,7 @@ def _line_of_times(times: ArrayLike) -> Times:
 
 def _line_of_values(values: object) -> Floats:
     """A copy of numbers in one dimension, or of pairs of ends."""
-    if isinstance(values, Between):
+    if isinstance(values, UncertainValue):
         lower, upper = (
             line_of_numbers(end, "the values of events") for end in (values.lower, values.upper)
         )
@@ -206,13 +206,13 @@ def not_known(values: Floats) -> NDArray[np.bool_]:
     return differ
 
 
-def _value(ends: float | list[float]) -> float | Between:
-    """The value of an event, from a number or two ends; `Between` where they differ."""
+def _value(ends: float | list[float]) -> float | UncertainValue:
+    """The value of an event, from a number or two ends; `UncertainValue` where they differ."""
     if not isinstance(ends, list):
         return ends
     lower, upper = ends
     same = not lower < upper and math.copysign(1.0, lower) == math.copysign(1.0, upper)
-    return lower if same else Between(lower, upper)
+    return lower if same else UncertainValue(lower, upper)
 
 
 def _locked(array: NDArray[Any]) -> NDArray[Any]:

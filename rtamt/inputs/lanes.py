@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, StateError, name_text
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of
-from rtamt.inputs.between import Between, out_of_order
+from rtamt.inputs.between import UncertainValue, out_of_order
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.samples import NanPolicy, SampleReader, listed, wrong_shape
 from rtamt.program.memory import limit_episode
@@ -61,7 +61,7 @@ class LaneReader:
         if others.get("upper") is not None:
             raise InputError(
                 "expected upper= beside an array; by name, values that are not known are a "
-                "Between: update(x=Between(lower, upper))"
+                "Between: update(x=UncertainValue(lower, upper))"
             )
         if not isinstance(values, tuple) or values:
             raise InputError(
@@ -124,7 +124,8 @@ class LaneReader:
         """The least values as an array of shape (lanes, variables), and the greatest.
 
         Args:
-            named: For each variable an array with a number for each lane, or a `Between` of two.
+            named: For each variable an array with a number for each lane, or an `UncertainValue` of
+                two.
             arguments: The names of the other arguments, which no variable may have.
             held: Gives what a variable with a default is if it is absent: its column and default.
 
@@ -143,7 +144,9 @@ class LaneReader:
                 f"({self._num}, {len(names)}), with columns in the order {', '.join(names)}"
             )
         reader = SampleReader(self._program, self._nan, bounds=self._bounds)
-        uncertain = self._bounds and any(isinstance(each, Between) for each in named.values())
+        uncertain = self._bounds and any(
+            isinstance(each, UncertainValue) for each in named.values()
+        )
         halves = [_ends(named, "lower"), _ends(named, "upper")] if uncertain else [named]
         tables = []
         for half in halves:
@@ -263,7 +266,7 @@ class LaneReader:
             f"lane {lane}"
         )
 
-    def refuse(self, values: Sequence[float | Between], sample: int, lane: int) -> NoReturn:
+    def refuse(self, values: Sequence[float | UncertainValue], sample: int, lane: int) -> NoReturn:
         """Raise the error that names the first term which is nan in a lane's sample."""
         self.lane(lane).refuse(values, sample)
 
@@ -284,4 +287,6 @@ class LaneReader:
 
 def _ends(named: Mapping[str, object], end: str) -> dict[str, object]:
     """The columns with one end in place of each value that is not known."""
-    return {name: getattr(v, end) if isinstance(v, Between) else v for name, v in named.items()}
+    return {
+        name: getattr(v, end) if isinstance(v, UncertainValue) else v for name, v in named.items()
+    }

@@ -8,7 +8,7 @@ from typing import cast
 import numpy as np
 
 from rtamt.inputs.arrays import Floats
-from rtamt.inputs.between import Between
+from rtamt.inputs.between import UncertainValue
 from rtamt.program.program import Program
 
 __all__ = ["Rates"]
@@ -30,8 +30,8 @@ class Rates:
         return bool(self._places)
 
     def of_sample(
-        self, values: Sequence[float | Between], previous: Sequence[float | Between]
-    ) -> list[float | Between]:
+        self, values: Sequence[float | UncertainValue], previous: Sequence[float | UncertainValue]
+    ) -> list[float | UncertainValue]:
         """Return the rates at a sample.
 
         Args:
@@ -42,16 +42,18 @@ class Rates:
             return [0.0] * len(self._places)
         return [self._rate(values[place], previous[place]) for place in self._places]
 
-    def _rate(self, value: float | Between, before: float | Between) -> float | Between:
-        if not (isinstance(value, Between) or isinstance(before, Between)):
+    def _rate(
+        self, value: float | UncertainValue, before: float | UncertainValue
+    ) -> float | UncertainValue:
+        if not (isinstance(value, UncertainValue) or isinstance(before, UncertainValue)):
             return 0.0 if value == before else (value - before) / self._seconds
         low, high = _ends(value)
         low_before, high_before = _ends(before)
         lower = (low - high_before) / self._seconds
         upper = (high - low_before) / self._seconds
         if lower != lower or upper != upper:  # noqa: PLR0124 - nan
-            return Between(-np.inf, np.inf)
-        return lower if lower == upper != 0 else Between(lower, upper)
+            return UncertainValue(-np.inf, np.inf)
+        return lower if lower == upper != 0 else UncertainValue(lower, upper)
 
     def of_columns(self, columns: Sequence[Floats], previous: Sequence[float] = ()) -> list[Floats]:
         """Return the rates at each sample of a block; nan where a value is.
@@ -96,7 +98,7 @@ class Rates:
         return low_rates, high_rates
 
 
-def _ends(value: float | Between) -> tuple[float, float]:
-    if isinstance(value, Between):
+def _ends(value: float | UncertainValue) -> tuple[float, float]:
+    if isinstance(value, UncertainValue):
         return cast("tuple[float, float]", (value.lower, value.upper))
     return value, value

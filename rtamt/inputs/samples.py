@@ -26,7 +26,7 @@ from rtamt.errors import (
     no_such,
 )
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, line_of_numbers, number
-from rtamt.inputs.between import NO_BOUNDS, UNKNOWN, Between
+from rtamt.inputs.between import NO_BOUNDS, UNKNOWN, UncertainValue
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
 from rtamt.inputs.rates import Rates
@@ -48,7 +48,7 @@ __all__ = [
 ]
 
 NanPolicy = Literal["raise", "hold", "unknown"]
-SampleValues = list[float | Between]
+SampleValues = list[float | UncertainValue]
 """A value for each variable, in their order; those that are known are numbers."""
 
 TraceColumns = Mapping[str, object] | ArrayLike
@@ -121,7 +121,7 @@ class SampleReader:
         args: Sequence[object],
         named: Mapping[str, object],
         sample: int,
-        previous: Sequence[float | Between],
+        previous: Sequence[float | UncertainValue],
     ) -> SampleValues:
         """What `read` returns, with intervals in place of values that are not known."""
         if len(args) == len(self.variables) and not named:
@@ -149,19 +149,19 @@ class SampleReader:
         return self._with_rates(self._sample(counted, sample, previous), previous)
 
     def _with_rates(
-        self, values: SampleValues, previous: Sequence[float | Between]
+        self, values: SampleValues, previous: Sequence[float | UncertainValue]
     ) -> SampleValues:
         return values + self.rates.of_sample(values, previous) if self.rates else values
 
     def _sample(
-        self, values: Sequence[object], sample: int, previous: Sequence[float | Between]
+        self, values: Sequence[object], sample: int, previous: Sequence[float | UncertainValue]
     ) -> SampleValues:
         found: SampleValues = []
         for name, value in zip(self.variables, values, strict=True):
             read = number(value)
             if read is not None:
                 found.append(read)
-            elif isinstance(value, Between):
+            elif isinstance(value, UncertainValue):
                 found.append(self._interval(value, name, sample))
             else:
                 raise InputTypeError(
@@ -177,7 +177,7 @@ class SampleReader:
                     self.refuse_nan(self.variables[i], sample)
         return found
 
-    def _interval(self, value: Between, name: str, sample: int) -> float | Between:
+    def _interval(self, value: UncertainValue, name: str, sample: int) -> float | UncertainValue:
         """The interval that stands for a value; a number if it is known."""
         lower, upper = value.lower, value.upper
         if not (isinstance(lower, float) and isinstance(upper, float)):
@@ -197,7 +197,7 @@ class SampleReader:
         return value
 
     def _by_name(
-        self, named: Mapping[str, object], sample: int, previous: Sequence[float | Between]
+        self, named: Mapping[str, object], sample: int, previous: Sequence[float | UncertainValue]
     ) -> Iterable[object]:
         if not isinstance(named, Mapping):  # a row of a data frame, which iterates over its values
             named = {name: named[name] for name in named.keys()}  # noqa: SIM118
@@ -211,8 +211,8 @@ class SampleReader:
         return [named[name] for name in self.variables]
 
     def _unsaid(
-        self, names: AbstractSet[str], previous: Sequence[float | Between]
-    ) -> dict[str, float | Between]:
+        self, names: AbstractSet[str], previous: Sequence[float | UncertainValue]
+    ) -> dict[str, float | UncertainValue]:
         """The variables with a default that are absent: they are as before, at first the default.
 
         Args:
@@ -357,7 +357,7 @@ class SampleReader:
         return {v: self._line(named[v], v) for v in self.variables if v in names}, held
 
     def _line(self, values: object, name: str) -> Floats:
-        if isinstance(values, Between):
+        if isinstance(values, UncertainValue):
             raise InputError(
                 f"expected values that are known for '{name}', got {kind_of(values)}; {NO_BOUNDS}"
             )
@@ -375,9 +375,12 @@ class SampleReader:
         if n is None and self.nan != "unknown" and (plain := self._plain(data, extra=extra)):
             whole = plain + self.rates.of_columns(plain, ())
             return whole, whole, len(plain[0])
-        if isinstance(data, Mapping) and any(isinstance(v, Between) for v in data.values()):
+        if isinstance(data, Mapping) and any(isinstance(v, UncertainValue) for v in data.values()):
             halves = [
-                {k: getattr(v, end) if isinstance(v, Between) else v for k, v in data.items()}
+                {
+                    k: getattr(v, end) if isinstance(v, UncertainValue) else v
+                    for k, v in data.items()
+                }
                 for end in ("lower", "upper")
             ]
         found = [self.columns(half, n=n, extra=extra) for half in halves]
@@ -449,7 +452,7 @@ class SampleReader:
         places = np.where(np.isnan(held), 0, np.arange(len(held)))
         return cast("Floats", held[np.maximum.accumulate(places)][offset:])
 
-    def refuse(self, values: Sequence[float | Between], sample: int) -> NoReturn:
+    def refuse(self, values: Sequence[float | UncertainValue], sample: int) -> NoReturn:
         """Raise the error that names the first variable or term which is nan at a sample."""
         for name, value in zip(self.program.variables, values, strict=True):
             if value != value:  # noqa: PLR0124 - nan
@@ -476,7 +479,7 @@ def listed(variables: Sequence[str]) -> str:
     return f"; the variables are {names}" if names else "; the formula has no variables"
 
 
-def refuse_term(program: Program, values: Sequence[float | Between], place: str) -> NoReturn:
+def refuse_term(program: Program, values: Sequence[float | UncertainValue], place: str) -> NoReturn:
     """Raise the error that names the first term which has no value for values of the variables.
 
     The machine found one. If each has one now, another thread has written to the caller's array
@@ -497,16 +500,16 @@ def refuse_term(program: Program, values: Sequence[float | Between], place: str)
     )
 
 
-def ends_of(value: float | Between) -> tuple[float, float]:
+def ends_of(value: float | UncertainValue) -> tuple[float, float]:
     """The least and the greatest number that a value of a sample may be."""
-    if not isinstance(value, Between):
+    if not isinstance(value, UncertainValue):
         return value, value
     return cast("tuple[float, float]", (value.lower, value.upper))
 
 
-def in_between(lower: float, upper: float) -> float | Between:
+def in_between(lower: float, upper: float) -> float | UncertainValue:
     """The value of a sample that lies between two numbers; one of them if it is known."""
-    return lower if of_ends(lower, upper).known else Between(lower, upper)
+    return lower if of_ends(lower, upper).known else UncertainValue(lower, upper)
 
 
 def wrong_shape(

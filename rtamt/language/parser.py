@@ -76,7 +76,7 @@ def parse(
         modules = {name: importlib.import_module(name) for name in _module_names(modules)}
     spec = parse_as(text, unit, constants or {}, modules, chains=False)
     for name in constants or {}:
-        if name not in spec.given:
+        if name not in spec.overrides:
             raise no_constant(name, spec)
     return spec
 
@@ -208,7 +208,7 @@ def traced(spec: Specification) -> Specification:
     from rtamt.language.grammar.statements import read_specification
 
     whole = read_specification(
-        spec.text, spec.unit, spec.given, None, chains=spec.chains, traced=True
+        spec.text, spec.unit, spec.overrides, None, chains=spec.chains, traced=True
     )
     return whole if spec.requirement is None else whole.requirements[spec.requirement]
 
@@ -246,7 +246,7 @@ def _reduced(spec: Specification) -> tuple[Callable[..., Specification], tuple[o
     imports = {
         name: (module, _by_name(spec.types.get(name))) for name, module in spec.imports.items()
     }
-    given = dict(spec.given)
+    given = dict(spec.overrides)
     arguments = (spec.text, spec.unit, given, spec.chains, imports, spec.requirement)
     return _specification_from_text, arguments
 

@@ -26,6 +26,7 @@ from rtamt.language.operators import OPERATORS
 from rtamt.language.printing import node_text, number_text
 from rtamt.language.ranges import range_of_type, range_text
 from rtamt.language.table import Bounds
+from rtamt.renamed import OldName
 
 if TYPE_CHECKING:  # methods import these when they are called
     from rtamt.language.publications import Publication
@@ -81,7 +82,7 @@ class Specification:
         imports: Imported type to its module.
         types: Imported type to its class, if the module was given and the type is a class.
         unit: Unit of the bounds that have none.
-        given: Exact values of the text's constants that were given to `parse`.
+        overrides: Exact values of the text's constants that were given to `parse`.
         chains: Whether the text was read with operators that group to the left where they chain.
         positions: Line and column in the text of a node's interval, operator or name.
         uses: Formula to the names of the formulas that its text names; a result without a name is
@@ -102,12 +103,14 @@ class Specification:
     imports: Mapping[str, str] = field(default_factory=dict)
     types: Mapping[str, type] = field(default_factory=dict)
     unit: str = "s"
-    given: Mapping[str, Fraction] = field(default_factory=dict)
+    overrides: Mapping[str, Fraction] = field(default_factory=dict)
     chains: bool = False
     positions: Mapping[Node, tuple[int, int]] = field(default_factory=dict)
     uses: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     requirement: str | None = None
     bounding: frozenset[str] = frozenset()
+
+    given = OldName("overrides")
 
     def __post_init__(self) -> None:
         """Make the mappings read-only."""

@@ -32,7 +32,7 @@ class SpecificationTemplate:
         SpecificationError: If the text is no specification.
 
     Example:
-        >>> from rtamt import SpecificationTemplate
+        >>> from rtamt.language import SpecificationTemplate
         >>> template = SpecificationTemplate(
         ...     "const float w = 2; always(x > w or eventually[0:w](y > 0))"
         ... )
@@ -47,7 +47,7 @@ class SpecificationTemplate:
         from rtamt.language.grammar.statements import read_traced
 
         self._spec = given = as_specification(spec)
-        read = read_traced(given.text, given.unit, given.given, chains=given.chains)
+        read = read_traced(given.text, given.unit, given.overrides, chains=given.chains)
         self._traced, self._ranges, self._ranging, self._values = read
         self._dependent = _dependent(self._traced)
 
@@ -85,7 +85,7 @@ class SpecificationTemplate:
                 msg = f"nothing in the text uses the constant '{name}'"
                 raise SpecificationError(msg)
         new = {name: exact(value, f"the constant '{name}'") for name, value in constants.items()}
-        given = {**spec.given, **new}
+        given = {**spec.overrides, **new}
         values = {**given, **{n: v for n, v in self._values.items() if n not in given}}
         return self._part(self._whole(given, values))
 
@@ -105,7 +105,7 @@ class SpecificationTemplate:
             formulas=formulas,
             declarations=self._declarations(values),
             constants={name: float(value) for name, value in values.items()},
-            given=given,
+            overrides=given,
             types=self._spec.types,
             positions=positions,
         )

@@ -87,7 +87,7 @@ def in_words(
         SpecificationError: If a text is wrong.
 
     Example:
-        >>> from rtamt import in_words
+        >>> from rtamt.language.words import in_words
         >>> in_words("always(req >= 3 implies eventually[0:5](gnt >= 3))")
         'whenever req is at least 3, gnt reaches at least 3 within 5 s'
         >>> in_words("always(speed < 120)", {"speed": "the speed"})

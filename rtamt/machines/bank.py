@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.inputs.between import Between
+from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.lanes import Floats, LaneReader, Lanes
 from rtamt.inputs.samples import ends_of, in_between
 from rtamt.machines.discrete import PythonDiscreteMachine
@@ -49,12 +49,12 @@ class _PythonBank(StateFields, Generic[_M]):
         return np.array([getattr(machine, name) for machine in self._machines], dtype=np.float64)
 
 
-def _inputs(machine: _Machine, width: int) -> Sequence[float | Between]:
+def _inputs(machine: _Machine, width: int) -> Sequence[float | UncertainValue]:
     """Return the last sample of a machine without the rates; 0 before the first."""
     return machine.inputs[:width] or [0.0] * width
 
 
-def _rates(machine: _Machine, values: Sequence[float | Between]) -> list[Any]:
+def _rates(machine: _Machine, values: Sequence[float | UncertainValue]) -> list[Any]:
     """Return the rates of the next sample of a machine, which follow its values."""
     return machine.reader.rates.of_sample(values, machine.inputs)
 
@@ -151,7 +151,9 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeVariants]):
     @property
     def unknown(self) -> NDArray[np.bool_]:
         rows = [_inputs(m, len(self._variables)) for m in self._machines]
-        return np.array([[isinstance(x, Between) for x in row] for row in rows], dtype=np.bool_)
+        return np.array(
+            [[isinstance(x, UncertainValue) for x in row] for row in rows], dtype=np.bool_
+        )
 
     @property
     def verdict(self) -> NDArray[np.int8]:

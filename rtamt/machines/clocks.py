@@ -1,7 +1,7 @@
 """Clocks of temporal operators, counted from the values of their operands, sample by sample.
 
 A clock knows the values of its operands, late by some samples, and whether its operator is asked at
-an instant; `rtamt.OperatorClocks` says what it counts.
+an instant; `rtamt.internal.OperatorClocks` says what it counts.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.inputs.between import Between
+from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.events import GivenLike
 from rtamt.program.implications import Counted, InstantRuns
 
@@ -58,7 +58,7 @@ class SampleMachine(Stateful, Protocol):
     @property
     def samples(self) -> int: ...
     @property
-    def inputs(self) -> Sequence[float | Between]: ...
+    def inputs(self) -> Sequence[float | UncertainValue]: ...
     @property
     def update(self) -> Callable[..., float]: ...
     def retire(self) -> None: ...

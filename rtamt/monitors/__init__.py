@@ -5,18 +5,21 @@ from typing import TYPE_CHECKING
 from rtamt.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from rtamt.monitors.explanation import Contribution
     from rtamt.monitors.implications import Implications
-    from rtamt.monitors.triggers import Asked as TriggerCount
-    from rtamt.monitors.triggers import Evidence
+    from rtamt.monitors.triggers import Evidence, TriggerCount
+    from rtamt.monitors.unrecorded import Unrecorded
 
-__all__ = ["Evidence", "Implications", "TriggerCount"]
+__all__ = ["Contribution", "Evidence", "Implications", "TriggerCount", "Unrecorded"]
 
 if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__ = lazy_names(
         __name__,
         {
+            "Unrecorded": "rtamt.monitors.unrecorded.Unrecorded",
+            "Contribution": "rtamt.monitors.explanation.Contribution",
             "Evidence": "rtamt.monitors.triggers.Evidence",
             "Implications": "rtamt.monitors.implications.Implications",
-            "TriggerCount": "rtamt.monitors.triggers.Asked",
+            "TriggerCount": "rtamt.monitors.triggers.TriggerCount",
         },
     )

@@ -101,7 +101,7 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
         InputError: As for `Monitor`.
 
     Example:
-        >>> m = DenseMonitor("always[0:2](speed < 10)")
+        >>> m = rtamt.dense.Monitor("always[0:2](speed < 10)")
         >>> m.update({"speed": [(0, 4), (0.5, 8)]})
         []
         >>> m.update({"speed": [(3.5, 5)]}), m.settled
@@ -216,25 +216,26 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
       falls, ``upper`` never rises;
     * ``verdict`` is decided as soon as both have the same sign bit, at the time `decided_at`.
 
-    With ``nan="unknown"`` an event may be nan or a `Between`: until its next event the variable may
-    be any number, or any number between the two. The bounds hold for all of them, and
+    With ``nan="unknown"`` an event may be nan or an `UncertainValue`: until its next event the
+    variable may be any number, or any number between the two. The bounds hold for all of them, and
     ``robustness`` is the smallest. Events come in chunks of any size. A variable with a declared
     value has it until its first event, which must be later than `settled`.
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        resolution: As for `DenseMonitor`.
+        resolution: As for `rtamt.dense.Monitor`.
         nan: What an event of nan is: ``"raise"``, an error; ``"unknown"``, a value of which nothing
-            is known until the variable's next event. A `Between` is an error under ``"raise"`` too.
+            is known until the variable's next event. An `UncertainValue` is an error under
+            ``"raise"`` too.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:
-        SpecificationError: As for `DenseMonitor`, but futures need no end; on too many operators
-            without an end inside others.
+        SpecificationError: As for `rtamt.dense.Monitor`, but futures need no end; on too many
+            operators without an end inside others.
         InputError: As for `Monitor`, and on another ``nan``.
 
     Example:
-        >>> m = DenseEpisodeMonitor("always(speed < 10) and always(gap > 2)")
+        >>> m = rtamt.dense.EpisodeMonitor("always(speed < 10) and always(gap > 2)")
         >>> m.update({"speed": [(0, 4), (1.5, 8)], "gap": [(0, 9), (1, 5)]}), m.verdict.name
         (3.0, 'UNDECIDED')
         >>> m.lower, m.upper, m.settled
@@ -335,7 +336,7 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
 
         Example:
             >>> for end in ("complete", "cut", "open"):
-            ...     m = DenseEpisodeMonitor("eventually[0:3](x > 4)")
+            ...     m = rtamt.dense.EpisodeMonitor("eventually[0:3](x > 4)")
             ...     robustness = m.update({"x": [(0, 1), (2, 3)]})
             ...     print(m.finish(end), m.lower, m.upper, m.verdict.name)
             -1.0 -1.0 -1.0 VIOLATED

@@ -18,7 +18,7 @@ from rtamt.machines.dense.rows import dense_of, rows_of
 from rtamt.machines.protocols import DenseSigns, End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.trace import TraceClock, TraceRegisters
-from rtamt.monitors.triggers import DenseAsked, reads_hidden
+from rtamt.monitors.triggers import DenseTriggerCount, reads_hidden
 from rtamt.program.dense_regions import RegionProgram, compile_regions
 from rtamt.program.implications import Counted, Reads, Routes, TraceSpan, unanswered
 from rtamt.program.interface import STANDARD, Interface
@@ -37,7 +37,7 @@ class DenseTrace:
         backend: The back-end.
 
     Raises:
-        InputError: On events that `judge_dense` refuses.
+        InputError: On events that `rtamt.dense.judge` refuses.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class DenseTrace:
         machine.finish(self._end)
         return verdict_of(machine.lower, machine.upper) == 1
 
-    def triggers(self, text: str, counted: Counted, *, vacuous: bool) -> DenseAsked:
+    def triggers(self, text: str, counted: Counted, *, vacuous: bool) -> DenseTriggerCount:
         """Return how often an implication was triggered, in seconds."""
         ticks, occasions, place = counted
         seconds, ticks_in = self._regions.resolution.as_integer_ratio()
@@ -114,7 +114,7 @@ class DenseTrace:
         if place is not None:
             dated = are_dates(self._events[0].times)  # dates do not mix with numbers
             first = self._reader.time(self._span[0] + place // 2, dated)
-        return DenseAsked(text, ticks * seconds / ticks_in, occasions, first, vacuous)
+        return DenseTriggerCount(text, ticks * seconds / ticks_in, occasions, first, vacuous)
 
     def registers(self) -> TraceRegisters:
         """Return the registers of the formula, for an end that is not complete."""

@@ -125,9 +125,9 @@ def evaluate_dense(
     Args:
         spec: Text, a formula, or a parsed specification.
         signals: For each variable a sequence of (time, value), an array of shape (n, 2), or
-            `Events`. Other variables are ignored.
-        resolution: As for `DenseMonitor`.
-        interpolation: As for `DenseMonitor`.
+            `rtamt.dense.Events`. Other variables are ignored.
+        resolution: As for `rtamt.dense.Monitor`.
+        interpolation: As for `rtamt.dense.Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Returns:
@@ -136,18 +136,18 @@ def evaluate_dense(
         another before and after, is left out; at the end it is given.
 
     Raises:
-        SpecificationError: As for `DenseMonitor`, except that a future may have no end.
-        InputError: On a variable without events, times that `DenseMonitor` refuses, a nan, a term
-            that is not a number, or variables that are never known at the same time.
+        SpecificationError: As for `rtamt.dense.Monitor`, except that a future may have no end.
+        InputError: On a variable without events, times that `rtamt.dense.Monitor` refuses, a nan, a
+            term that is not a number, or variables that are never known at the same time.
         InputTypeError: On values that are not real numbers.
 
     Example:
         >>> signals = {"request": [(0, 0), (1, 1), (5, 1)], "grant": [(0, 0), (2.5, 1), (5, 1)]}
         >>> spec = "request > 0.5 implies eventually[0:1](grant > 0.5)"
-        >>> list(evaluate_dense(spec, signals))
+        >>> list(rtamt.dense.evaluate(spec, signals))
         [(0.0, 0.5), (1.0, -0.5), (1.5, 0.5)]
 
-    Source: see `DenseMonitor`.
+    Source: see `rtamt.dense.Monitor`.
     """
     check_interpolation(interpolation)
     _, _, backend, whole = compiled_dense(evaluate_dense, spec, resolution, options, online=False)

@@ -1,4 +1,4 @@
-"""The functions that explain a robustness: `explain` over samples, `explain_dense` over dense time.
+"""The functions that explain a robustness, over samples and over dense time.
 
 A robustness is made of the values of predicates by minimum, maximum and a change of sign: it *is*
 one of them, or its opposite. `FormulaSignals` follows it from the root down; the module `origins`
@@ -45,7 +45,7 @@ from rtamt.machines.offline import run_outputs
 from rtamt.monitors.evaluation import whole_trace
 from rtamt.monitors.explanation import (
     Cause,
-    Circumstance,
+    Contribution,
     DenseCause,
     DenseCircumstance,
     DenseExplanation,
@@ -339,7 +339,7 @@ def explain(
         for visit in path
     )
     circumstances = tuple(
-        Circumstance(
+        Contribution(
             *(share.formula, *formulas.named(share.formula), share.role),
             (share.first, share.last),
             *formulas.nearest(share),
@@ -374,8 +374,8 @@ def explain_dense(
 ) -> DenseExplanation:
     """Return which sub-formulas and times decided the robustness at one time in dense time.
 
-    It is `explain` for events, exact at that instant as `judge_dense` is: single instants count,
-    which `evaluate_dense` leaves out.
+    It is `explain` for events, exact at that instant as `rtamt.dense.judge` is: single instants
+    count, which `rtamt.dense.evaluate` leaves out.
 
     Each step is at an instant, or right after an instant: a stretch between two instants has no
     first time. ``p since q`` needs p right after the witness. Signals are right-continuous, so a
@@ -384,22 +384,22 @@ def explain_dense(
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        signals: As for `evaluate_dense`.
+        signals: As for `rtamt.dense.evaluate`.
         time: The time whose robustness is explained, of the kind of the events' times; it goes to
             the nearest tick. None: where the trace begins, the first time at which all variables
             are known.
-        resolution: As for `DenseMonitor`.
+        resolution: As for `rtamt.dense.Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:
-        SpecificationError: As for `evaluate_dense`.
-        InputError: As for `evaluate_dense`, and if the time is not one of the trace, or a number
-            where the events have dates, or the other way round.
-        InputTypeError: As for `evaluate_dense`, and if ``time`` is no number.
+        SpecificationError: As for `rtamt.dense.evaluate`.
+        InputError: As for `rtamt.dense.evaluate`, and if the time is not one of the trace, or a
+            number where the events have dates, or the other way round.
+        InputTypeError: As for `rtamt.dense.evaluate`, and if ``time`` is no number.
 
     Example:
         >>> trace = {"req": [(0, 0), (1.5, 4), (1.6, 0), (9, 0)], "gnt": [(0, 0), (4, 2), (9, 2)]}
-        >>> e = explain_dense("always(req >= 3 implies eventually[0:3](gnt >= 3))", trace)
+        >>> e = rtamt.dense.explain("always(req >= 3 implies eventually[0:3](gnt >= 3))", trace)
         >>> print(e)
         robustness -1 at 0 s, decided by req >= 3 at 1.5 s
         <BLANKLINE>
@@ -424,7 +424,9 @@ def explain_dense(
     reader = EventReader(alone)
     whole = reader.whole(signals)
     machines = BACKENDS[backend]
-    machines.dense_machine(alone, reader, ()).run(whole)  # refuses what evaluate_dense refuses
+    machines.dense_machine(alone, reader, ()).run(
+        whole
+    )  # refuses what rtamt.dense.evaluate refuses
     columns, dated = reader.counted(whole, [-np.inf] * len(whole), None)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     end = min(int(ticks[-1]) for ticks, _ in columns)

@@ -14,6 +14,7 @@ from rtamt.language.formula import Formula
 from rtamt.language.printing import number_text
 from rtamt.monitors.verdict import holds, zero_text
 from rtamt.program.interface import PredicateValue
+from rtamt.renamed import OldName
 
 ShareRole = Literal["held", "missing", "broken"]
 """What a formula had to do with a violation."""
@@ -62,7 +63,7 @@ class ExplanationStep:
 
 
 @dataclass(frozen=True, slots=True)
-class Circumstance:
+class Contribution:
     """A formula that contributes to a violation, in addition to the steps.
 
     For a violated response these are the request and the missing answer; for an ``until`` the left
@@ -131,7 +132,7 @@ class DenseExplanationStep:
 class DenseCircumstance:
     """A formula that contributes to a violation in dense time, in addition to the steps.
 
-    Attributes that are not listed are as for `Circumstance`, with times instead of samples.
+    Attributes that are not listed are as for `Contribution`, with times instead of samples.
 
     Attributes:
         window: Begin and end of the times at which it holds, or fails.
@@ -161,7 +162,7 @@ class _Explained:
     _place: ClassVar[str]
     steps: tuple[Any, ...]
     causes: tuple[tuple[str, Any, float], ...]
-    circumstances: tuple[Any, ...]
+    contributions: tuple[Any, ...]
 
     def _at(self, place: Any, *, after: bool = False) -> str:  # noqa: ANN401 - sample or time
         """Return the text of a place."""
@@ -203,7 +204,7 @@ class _Explained:
                 yield "", "", f"  {note}"
         for variable, place, value in self.causes:
             yield self._at(place), _number(value), variable
-        for part in self.circumstances[:_MAX_SHOWN]:
+        for part in self.contributions[:_MAX_SHOWN]:
             yield self._at_step(part), _number(part.value), f"{part.role}: {_shown(part)}"
             first, last = part.window
             if first != last:
@@ -213,8 +214,8 @@ class _Explained:
                 yield "", "", f"  {where} {span}; this is the {this}"
             if part.outside is not None:
                 yield "", "", f"  {self._outside(part.outside)}"
-        if len(self.circumstances) > _MAX_SHOWN:
-            yield "", "", f"and {len(self.circumstances) - _MAX_SHOWN} more"
+        if len(self.contributions) > _MAX_SHOWN:
+            yield "", "", f"and {len(self.contributions) - _MAX_SHOWN} more"
 
     def _at_step(self, step: Any) -> str:  # noqa: ANN401 - a step or a circumstance
         return self._at(getattr(step, self._place), after=getattr(step, "after", False))
@@ -265,7 +266,7 @@ class Explanation(_Explained):
             empty if a window outside the trace decided.
         period: Seconds between samples, or None.
         start: Time of the first sample in seconds.
-        circumstances: What else contributes to a violation; empty without a violation. The
+        contributions: What else contributes to a violation; empty without a violation. The
             violation stays as long as the last step and these keep their signs.
     """
 
@@ -275,7 +276,9 @@ class Explanation(_Explained):
     causes: tuple[Cause, ...]
     period: float | None = None
     start: float = 0.0
-    circumstances: tuple[Circumstance, ...] = ()
+    contributions: tuple[Contribution, ...] = ()
+
+    circumstances = OldName("contributions")
 
     @property
     def sample(self) -> int:
@@ -308,7 +311,7 @@ class DenseExplanation(_Explained):
             empty if a window outside the trace decided.
         end: The time at which the trace ends.
         unit: The unit of the times, ``"s"`` unless the specification has another.
-        circumstances: As for `Explanation`.
+        contributions: As for `Explanation`.
     """
 
     _place: ClassVar = "time"
@@ -317,7 +320,9 @@ class DenseExplanation(_Explained):
     causes: tuple[DenseCause, ...]
     end: float
     unit: str = "s"
-    circumstances: tuple[DenseCircumstance, ...] = ()
+    contributions: tuple[DenseCircumstance, ...] = ()
+
+    circumstances = OldName("contributions")
 
     @property
     def time(self) -> float:

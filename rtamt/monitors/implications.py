@@ -25,7 +25,7 @@ from rtamt.monitors.options import (
     listed_in_signature,
 )
 from rtamt.monitors.sample_trace import SampleTrace
-from rtamt.monitors.triggers import Asked, DenseAsked, Evidence, evidence_of, texts_of
+from rtamt.monitors.triggers import DenseTriggerCount, Evidence, TriggerCount, evidence_of, texts_of
 from rtamt.monitors.verdict import Verdict
 from rtamt.program.dense_regions import compile_regions
 from rtamt.program.timing import Period
@@ -76,7 +76,7 @@ class Implications(_Implications):
         >>> response.texts
         ('req >= 3 implies eventually[0:2](gnt >= 3)',)
         >>> found = response.evidence({"req": [0, 4, 0, 4], "gnt": [0, 0, 5, 5]})
-        >>> print(found.asked[0], found.vacuous, found.never_asked)
+        >>> print(found.triggers[0], found.vacuous, found.never_triggered)
         asked 2x, first at sample 1 False False
         >>> bool(Implications("always(gnt >= 3)"))
         False
@@ -99,7 +99,7 @@ class Implications(_Implications):
         verdict: Verdict | None = None,
         *,
         n: int | None = None,
-    ) -> Evidence[Asked]:
+    ) -> Evidence[TriggerCount]:
         """Return how often a trace triggers the implications, as `judge` does.
 
         Args:
@@ -135,16 +135,18 @@ class DenseImplications(_Implications):
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        resolution: As for `DenseMonitor`.
-        **options: As for `judge_dense`.
+        resolution: As for `rtamt.dense.Monitor`.
+        **options: As for `rtamt.dense.judge`.
 
     Raises:
-        SpecificationError: As for `judge_dense`.
+        SpecificationError: As for `rtamt.dense.judge`.
 
     Example:
-        >>> response = DenseImplications("always(req >= 3 implies eventually[0:2](gnt >= 3))")
+        >>> response = rtamt.dense.Implications(
+        ...     "always(req >= 3 implies eventually[0:2](gnt >= 3))"
+        ... )
         >>> trace = {"req": [(0, 0), (1, 4), (1.5, 0), (6, 0)], "gnt": [(0, 5), (6, 5)]}
-        >>> print(response.evidence(trace).asked[0])
+        >>> print(response.evidence(trace).triggers[0])
         asked 1x, first at time 1
     """
 
@@ -165,17 +167,17 @@ class DenseImplications(_Implications):
         signals: Mapping[str, EventsLike],
         end: End = "complete",
         verdict: Verdict | None = None,
-    ) -> Evidence[DenseAsked]:
-        """Return how often a trace triggers the implications, as `judge_dense` does.
+    ) -> Evidence[DenseTriggerCount]:
+        """Return how often a trace triggers the implications, as `rtamt.dense.judge` does.
 
         Args:
-            signals: As for `judge_dense`. It is not read where there is no implication.
+            signals: As for `rtamt.dense.judge`. It is not read where there is no implication.
             end: As for `Implications.evidence`.
             verdict: As for `Implications.evidence`.
 
         Raises:
-            InputError: As `judge_dense` does.
-            InputTypeError: As `judge_dense` does, and if ``verdict`` is none.
+            InputError: As `rtamt.dense.judge` does.
+            InputTypeError: As `rtamt.dense.judge` does, and if ``verdict`` is none.
         """
         mode = checked_end(end)
         if not self._needs_trace(verdict):
@@ -189,4 +191,4 @@ class DenseImplications(_Implications):
         return evidence_of(trace, satisfied=satisfied > 0)
 
 
-_NOTHING: Evidence[Any] = Evidence((), vacuous=False, never_asked=False)
+_NOTHING: Evidence[Any] = Evidence((), vacuous=False, never_triggered=False)

@@ -30,11 +30,12 @@ from rtamt.monitors.options import (
 from rtamt.monitors.sample_trace import SampleTrace
 from rtamt.monitors.trace import JudgedTrace
 from rtamt.monitors.triggers import Evidence, evidence_of, text_of
-from rtamt.monitors.unrecorded import Untested, unrecorded_of
+from rtamt.monitors.unrecorded import Unrecorded, unrecorded_of
 from rtamt.monitors.verdict import Verdict, holds, zero_text
 from rtamt.program.dense_regions import compile_regions
 from rtamt.program.memory import limit_beyond
 from rtamt.program.timing import Period
+from rtamt.renamed import OldName
 
 
 class _Details:
@@ -44,7 +45,7 @@ class _Details:
         self._trace, self._verdict, self._end = trace, verdict, end
 
     @functools.cached_property
-    def unrecorded(self) -> tuple[Untested, ...]:
+    def unrecorded(self) -> tuple[Unrecorded, ...]:
         if self._end == "complete" or self._verdict is not Verdict.UNDECIDED:
             return ()
         return unrecorded_of(self._trace.registers())
@@ -68,11 +69,11 @@ class _Details:
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Judgement:
-    """The verdict on a trace and its evidence; returned by `judge` and `judge_dense`.
+    """The verdict on a trace and its evidence; returned by `judge` and `rtamt.dense.judge`.
 
     ``str`` gives a text of at most 80 columns with the unrecorded intervals and the triggers. In
-    dense time, times replace sample numbers. `untested`, `decided_at`, `asked`, `vacuous` and
-    `never_asked` are computed when they are first read.
+    dense time, times replace sample numbers. `unrecorded`, `decided_at`, `triggers`, `vacuous` and
+    `never_triggered` are computed when they are first read.
 
     Attributes:
         robustness: The robustness at the first sample of the complete trace, as `evaluate` returns
@@ -84,7 +85,7 @@ class Judgement:
         end: The end mode: ``"complete"``, ``"cut"`` or ``"open"``.
         formula: The formula as text.
         complete: The verdict if the trace is complete.
-        unknown: The variables with a value that is not known (`Between`, ``nan="unknown"``).
+        unknown: The variables with a value that is not known (`UncertainValue`, ``nan="unknown"``).
     """
 
     robustness: float
@@ -96,6 +97,11 @@ class Judgement:
     complete: Verdict
     unknown: tuple[str, ...]
     _details: _Details
+
+    open_for = OldName("undecided_because")
+    untested = OldName("unrecorded")
+    asked = OldName("triggers")
+    never_asked = OldName("never_triggered")
 
     @staticmethod
     def of(
@@ -118,7 +124,7 @@ class Judgement:
         )
 
     @property
-    def open_for(self) -> str:
+    def undecided_because(self) -> str:
         """Why the verdict on the complete trace is undecided; empty if it is decided."""
         if self.complete is not Verdict.UNDECIDED:
             return ""
@@ -127,7 +133,7 @@ class Judgement:
         return "a predicate that counts 0"
 
     @property
-    def untested(self) -> tuple[Untested, ...]:
+    def unrecorded(self) -> tuple[Unrecorded, ...]:
         """The times that the verdict needs and the trace lacks; empty if it is decided."""
         return self._details.unrecorded
 
@@ -137,13 +143,13 @@ class Judgement:
         return self._details.decided_at
 
     @property
-    def asked(self) -> tuple[Any, ...]:
-        """How often each implication was triggered: an `Asked`, in dense time a `DenseAsked`.
+    def triggers(self) -> tuple[Any, ...]:
+        """How often each implication was triggered, a `TriggerCount` for each.
 
         Implications count in positive position, where more robustness of them is never less of the
         formula. They are in the order of the text, the outer implication first.
         """
-        return self._details.evidence.asked
+        return self._details.evidence.triggers
 
     @property
     def vacuous(self) -> bool:
@@ -154,9 +160,9 @@ class Judgement:
         return self._details.evidence.vacuous
 
     @property
-    def never_asked(self) -> bool:
+    def never_triggered(self) -> bool:
         """Whether the verdict is SATISFIED, and no implication of the formula was triggered."""
-        return self._details.evidence.never_asked
+        return self._details.evidence.never_triggered
 
     def _robustness_text(self) -> str:
         open_ = {self.verdict, self.complete} == {Verdict.UNDECIDED}
@@ -167,8 +173,8 @@ class Judgement:
     def _values(self) -> tuple[object, ...]:
         return (
             *(self.robustness, self.lower, self.upper, self.verdict, self.end, self.formula),
-            *(self.complete, self.unknown, self.untested, self.decided_at),
-            *(self.asked, self.vacuous),
+            *(self.complete, self.unknown, self.unrecorded, self.decided_at),
+            *(self.triggers, self.vacuous),
         )
 
     def __eq__(self, other: object) -> bool:
@@ -196,17 +202,17 @@ class Judgement:
         """Yield the lines below the formula, before they are wrapped."""
         bounds = f"bounds {_number(self.lower)} to {_number(self.upper)}"
         yield f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"'
-        yield from map(str, self.untested)
+        yield from map(str, self.unrecorded)
         if early_end := self._details.early_end:
             yield early_end
-        for each in self.asked:
+        for each in self.triggers:
             # Where values are not known, its left side may hold at an instant.
             never = each.first is None and bool(self.unknown)
             text = "not asked for certain" if never else str(each)
-            yield text if len(self.asked) == 1 else f"{text}: {each.text}"
+            yield text if len(self.triggers) == 1 else f"{text}: {each.text}"
         if self.verdict is Verdict.UNDECIDED:
             if self.complete is Verdict.UNDECIDED:
-                yield f"no reading of the end decides it: it hangs on {self.open_for}"
+                yield f"no reading of the end decides it: it hangs on {self.undecided_because}"
             else:
                 yield f'if the trace is all there is, end="complete" says {self.complete.name}'
 
@@ -228,7 +234,7 @@ def judge(
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        signals: As for `evaluate`; a column may also be a `Between` of two arrays.
+        signals: As for `evaluate`; a column may also be an `UncertainValue` of two arrays.
         period: As for `Monitor`.
         end: What follows the last sample. ``"complete"``: nothing, windows are cut to the trace.
             ``"cut"``: the trace is a recording; what bounded windows need of the time after it is
@@ -256,7 +262,7 @@ def judge(
         >>> judge(spec, trace, period=1, end="complete").verdict.name
         'VIOLATED'
         >>> idle = judge(spec, {"req": [0, 0, 0], "gnt": [0, 0, 0]}, end="complete")
-        >>> idle.verdict.name, idle.never_asked, idle.asked[0].occasions
+        >>> idle.verdict.name, idle.never_triggered, idle.triggers[0].count
         ('SATISFIED', True, 0)
 
         >>> print(judge("always(x > 1)", {"x": [3, float("nan"), 5]}, nan="unknown"))
@@ -291,57 +297,63 @@ def judge_dense(
     """Return the verdict on a recorded trace in dense time, by what its end means.
 
     It is about the first time at which all variables are known, and exact at that instant: values
-    at single instants count, which `evaluate_dense` leaves out. The trace ends at the earliest of
-    the variables' last events; the text of the result names that variable if others have later
-    events, and ``until`` holds its last value. Invariants are written ``always(...)``.
+    at single instants count, which `rtamt.dense.evaluate` leaves out. The trace ends at the
+    earliest of the variables' last events; the text of the result names that variable if others
+    have later events, and ``until`` holds its last value. Invariants are written ``always(...)``.
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        signals: As for `evaluate_dense`; a value may also be a `Between`.
+        signals: As for `rtamt.dense.evaluate`; a value may also be an `UncertainValue`.
         end: As for `judge`: ``"complete"``, ``"cut"`` or ``"open"``.
         until: A time up to which the last value of each variable holds, as if an event at that time
             repeated it; ``"latest"`` for the time of the last event of all variables of the
             formula. Beyond ``max_gap`` the value is unknown. None: the trace ends with the earliest
             of the last events.
-        resolution: As for `DenseMonitor`.
+        resolution: As for `rtamt.dense.Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`; ``nan``
-            and ``max_gap``, as for `DenseEpisodeMonitor`.
+            and ``max_gap``, as for `rtamt.dense.EpisodeMonitor`.
 
     Returns:
         The judgement. Its ``decided_at`` is a time of the kind of the events' times,
         `numpy.datetime64` too; ``untested`` is in seconds, for dates since 1970.
 
     Raises:
-        SpecificationError: As for `evaluate_dense`.
-        InputError: As for `evaluate_dense`; on another end mode; on a time ``until``
+        SpecificationError: As for `rtamt.dense.evaluate`.
+        InputError: As for `rtamt.dense.evaluate`; on another end mode; on a time ``until``
             before the last event of every variable; and on a trace that with the bounds of the
             formula lasts 2^62 ticks or more.
-        InputTypeError: As for `evaluate_dense`.
+        InputTypeError: As for `rtamt.dense.evaluate`.
 
     Example:
         >>> trace = {"req": [(0, 0), (1, 4), (1.5, 0), (6, 0)], "gnt": [(0, 0), (2.25, 5), (6, 5)]}
-        >>> judge_dense("always(req >= 3 implies eventually[0:2](gnt >= 3))", trace).verdict.name
+        >>> rtamt.dense.judge(
+        ...     "always(req >= 3 implies eventually[0:2](gnt >= 3))", trace
+        ... ).verdict.name
         'SATISFIED'
-        >>> print(judge_dense("always[0:8](gnt < 9)", trace))
+        >>> print(rtamt.dense.judge("always[0:8](gnt < 9)", trace))
         UNDECIDED: always[0:8](gnt < 9)
         robustness 4, bounds -inf to 4 under end="cut"
         always[0:8](gnt < 9): not recorded: 6 s to 8 s
         if the trace is all there is, end="complete" says SATISFIED
-        >>> print(judge_dense("always(req >= 3 implies eventually[0:2](gnt >= 3))", trace).asked[0])
+        >>> print(
+        ...     rtamt.dense.judge(
+        ...         "always(req >= 3 implies eventually[0:2](gnt >= 3))", trace
+        ...     ).triggers[0]
+        ... )
         asked 1x, first at time 1
 
         A value that is written once holds to the end of the others:
 
         >>> flight = {"z": [(0, -10), (6, -500), (9, -10)], "home": [(0, 0)]}
-        >>> print(judge_dense("always(z - home > -100)", flight))
+        >>> print(rtamt.dense.judge("always(z - home > -100)", flight))
         SATISFIED: always(z - home > -100)
         robustness 90, bounds 90 to 90 under end="cut"
         the trace ends at time 0 with the last event of 'home' and leaves out 2 later
             events; until="latest" holds its value
-        >>> judge_dense("always(z - home > -100)", flight, until="latest").verdict.name
+        >>> rtamt.dense.judge("always(z - home > -100)", flight, until="latest").verdict.name
         'VIOLATED'
 
-    Source: see `DenseMonitor`.
+    Source: see `rtamt.dense.Monitor`.
     """
     mode = checked_end(end)
     specification, interface, backend, whole = compiled_dense(

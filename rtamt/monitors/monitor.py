@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import InputError, StateError
-from rtamt.inputs.between import Between
+from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.backend import BACKENDS, read_only
 from rtamt.machines.protocols import DiscreteMachine, End, EpisodeMachine, SampleMachine
@@ -172,9 +172,9 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     * ``verdict`` is decided as soon as both bounds have the same sign bit (+0.0 holds, -0.0 does
       not), and stays wherever the trace then ends.
 
-    A value may be a `Between`, which is known only to lie between two numbers. Then the bounds hold
-    for all values in these intervals, ``robustness`` is the smallest if the episode ends now, and
-    `finish` may leave the verdict undecided.
+    A value may be an `UncertainValue`, which is known only to lie between two numbers. Then the
+    bounds hold for all values in these intervals, ``robustness`` is the smallest if the episode
+    ends now, and `finish` may leave the verdict undecided.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -248,9 +248,9 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """The variables whose value in the last sample is not known exactly (`Between`)."""
+        """The variables whose value in the last sample is not known exactly (`UncertainValue`)."""
         values = zip(self.variables, self._machine.inputs, strict=False)  # none before the first
-        return tuple(name for name, value in values if isinstance(value, Between))
+        return tuple(name for name, value in values if isinstance(value, UncertainValue))
 
     def bounds(self) -> tuple[float, float]:
         """Give `lower` and `upper` as a pair."""
@@ -303,7 +303,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
 
         Raises:
             StateError: Without ``history=True``, or before the first sample.
-            InputError: If a sample is not known (`Between`, ``nan="unknown"``).
+            InputError: If a sample is not known (`UncertainValue`, ``nan="unknown"``).
 
         Example:
             >>> e = EpisodeMonitor("always(x > 1)", history=True)

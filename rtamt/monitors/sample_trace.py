@@ -22,7 +22,7 @@ from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
 from rtamt.monitors.options import Compiled
 from rtamt.monitors.trace import TraceClock, TraceRegisters
-from rtamt.monitors.triggers import Asked, reads_hidden
+from rtamt.monitors.triggers import TriggerCount, reads_hidden
 from rtamt.program.implications import Counted, InstantRuns, Reads, Routes, TraceSpan, unanswered
 from rtamt.program.instructions import Window
 from rtamt.program.interface import STANDARD, Interface
@@ -155,9 +155,9 @@ class SampleTrace:
         bounds = self._bounds_of(program) if self._by_columns else self.bounds.part(program)
         return verdict_of(*bounds.bounds(self._end)) == 1
 
-    def triggers(self, text: str, counted: Counted, *, vacuous: bool) -> Asked:
+    def triggers(self, text: str, counted: Counted, *, vacuous: bool) -> TriggerCount:
         """Return how often an implication was triggered, in samples."""
-        return Asked(text, *counted, vacuous)
+        return TriggerCount(text, *counted, vacuous)
 
     def registers(self) -> TraceRegisters:
         """Return the registers of the formula, for an end that is not complete."""

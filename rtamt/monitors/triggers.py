@@ -16,12 +16,13 @@ from rtamt.language.formula import Formula
 from rtamt.monitors.trace import JudgedTrace
 from rtamt.program.implications import Counted, implications
 from rtamt.program.interface import Interface
+from rtamt.renamed import OldName
 
 _A = TypeVar("_A")
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class TriggerCount:
     """How often an implication was triggered on a trace of samples.
 
     It is triggered at the recorded samples at which the formula reads it and its left side holds
@@ -30,7 +31,7 @@ class Asked:
     Attributes:
         text: The implication as text.
         samples: The number of these samples.
-        occasions: The number of runs of neighbouring samples; a run at the start of the trace
+        count: The number of runs of neighbouring samples; a run at the start of the trace
             counts.
         first: The first of these samples; None if there is none.
         vacuous: Whether the verdict is SATISFIED, and would be with ``false`` as the right side of
@@ -39,16 +40,18 @@ class Asked:
 
     text: str
     samples: int
-    occasions: int
+    count: int
     first: int | None
     vacuous: bool
+
+    occasions = OldName("count")
 
     def __str__(self) -> str:
         return _in_words(self, f"sample {self.first}")
 
 
 @dataclass(frozen=True, slots=True)
-class DenseAsked:
+class DenseTriggerCount:
     """How often an implication was triggered on a trace in dense time.
 
     It is triggered at the recorded instants at which the formula reads it and its left side holds
@@ -57,7 +60,7 @@ class DenseAsked:
     Attributes:
         text: The implication as text.
         duration: How long it was triggered, in seconds; a single instant lasts 0 s.
-        occasions: The number of times at which that began; the start of the trace counts.
+        count: The number of times at which that began; the start of the trace counts.
         first: The first of them, as the times of the events are; None if there is none. It may be
             triggered right after that time.
         vacuous: Whether the verdict is SATISFIED, and would be with ``false`` as the right side of
@@ -66,9 +69,11 @@ class DenseAsked:
 
     text: str
     duration: float
-    occasions: int
+    count: int
     first: float | None
     vacuous: bool
+
+    occasions = OldName("count")
 
     def __str__(self) -> str:
         first = self.first
@@ -76,11 +81,11 @@ class DenseAsked:
         return _in_words(self, f"time {time}")
 
 
-def _in_words(row: Asked | DenseAsked, first: str) -> str:
+def _in_words(row: TriggerCount | DenseTriggerCount, first: str) -> str:
     if row.first is None:
         return "never asked"
     answer = ", satisfied without an answer" if row.vacuous else ""
-    return f"asked {row.occasions}x, first at {first}{answer}"
+    return f"asked {row.count}x, first at {first}{answer}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,17 +93,20 @@ class Evidence(Generic[_A]):
     """What a verdict rests on; made by `Implications`, and read in a `Judgement`.
 
     Attributes:
-        asked: For each implication an `Asked` or a `DenseAsked`, in the order of the text, the
-            outer implication first.
+        triggers: For each implication a `TriggerCount` or a `rtamt.dense.TriggerCount`, in the
+            order of the text, the outer implication first.
         vacuous: Whether the verdict is SATISFIED, and would be with ``false`` as the right sides of
             all of them.
-        never_asked: Whether the verdict is SATISFIED, there is an implication, and none was
+        never_triggered: Whether the verdict is SATISFIED, there is an implication, and none was
             triggered.
     """
 
-    asked: tuple[_A, ...]
+    triggers: tuple[_A, ...]
     vacuous: bool
-    never_asked: bool
+    never_triggered: bool
+
+    asked = OldName("triggers")
+    never_asked = OldName("never_triggered")
 
 
 @functools.lru_cache(maxsize=512)

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from rtamt.language.node import Node
 from rtamt.monitors.trace import TraceRegisters
 from rtamt.program.instructions import Map, Window
+from rtamt.renamed import OldName
 
 
 @dataclass(frozen=True, slots=True)
-class Untested:
+class Unrecorded:
     """A formula whose value at a time needs more than was recorded.
 
     ``str`` gives it in words, as in ``always[20:30](x > 5): not recorded: 20 s to 30 s``.
@@ -19,16 +20,18 @@ class Untested:
     Attributes:
         formula: The formula as text.
         at: The time at which its value is needed, in seconds; in samples without a period.
-        begin: Start of the unrecorded interval, in the same unit.
+        start: Start of the unrecorded interval, in the same unit.
         end: End of that interval; None if it has none.
         unit: ``"s"`` or ``"samples"``.
     """
 
     formula: str
     at: float
-    begin: float
+    start: float
     end: float | None
     unit: str
+
+    begin = OldName("start")
 
     def __str__(self) -> str:
         where = f" at {self._moment(self.at)}" if self.at else ""
@@ -36,18 +39,18 @@ class Untested:
 
     def _interval(self) -> str:
         if self.end is None:
-            return f"{self._moment(self.begin)} and later"
-        if self.end == self.begin:
-            return self._moment(self.begin)
+            return f"{self._moment(self.start)} and later"
+        if self.end == self.start:
+            return self._moment(self.start)
         if self.unit == "s":
-            return f"{self._moment(self.begin)} to {self._moment(self.end)}"
-        return f"samples {self.begin:.12g} to {self.end:.12g}"
+            return f"{self._moment(self.start)} to {self._moment(self.end)}"
+        return f"samples {self.start:.12g} to {self.end:.12g}"
 
     def _moment(self, time: float) -> str:
         return f"{time:.12g} s" if self.unit == "s" else f"sample {time:.12g}"
 
 
-def unrecorded_of(registers: TraceRegisters) -> tuple[Untested, ...]:
+def unrecorded_of(registers: TraceRegisters) -> tuple[Unrecorded, ...]:
     """Return the outermost formulas that need more than was recorded, where it matters.
 
     The search goes from the root to undecided operands, and to the first time at which they are
@@ -55,7 +58,7 @@ def unrecorded_of(registers: TraceRegisters) -> tuple[Untested, ...]:
     """
     clock = registers.clock
     return tuple(
-        Untested(
+        Unrecorded(
             *(str(node), clock.time(at), clock.time(begin)),
             *(None if end is None else clock.end(end), clock.unit),
         )

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from rtamt.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from rtamt.mutation.mutants import Mutant
-    from rtamt.mutation.mutants import noticed as killed
+    from rtamt.mutation.mutants import Mutant, killed
     from rtamt.mutation.mutations import MUTATIONS, Mutation
 
 __all__ = [
@@ -23,6 +22,6 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "MUTATIONS": "rtamt.mutation.mutations.MUTATIONS",
             "Mutant": "rtamt.mutation.mutants.Mutant",
             "Mutation": "rtamt.mutation.mutations.Mutation",
-            "killed": "rtamt.mutation.mutants.noticed",
+            "killed": "rtamt.mutation.mutants.killed",
         },
     )

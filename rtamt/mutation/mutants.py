@@ -1,4 +1,4 @@
-"""`mutants`: a requirement with one change, and `noticed`: which of them a trace kills."""
+"""`mutants` changes a requirement in one place; `killed` returns the mutants that a trace kills."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ from rtamt.mutation.mutations import MUTATIONS, Mutation
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
 from rtamt.program.timing import Period, as_period
+from rtamt.renamed import OldName, old_keywords
 
 if TYPE_CHECKING:  # it loads the parser
     from rtamt.mutation.requirement_text import Change
@@ -60,8 +61,10 @@ class Mutant:
     requirement: Specification
     specification: Specification
 
+    apart = OldName("distance")
+
     @property
-    def apart(self) -> Specification:
+    def distance(self) -> Specification:
         """``requirement iff mutant``, which a trace violates if one holds and the other fails.
 
         The absolute value of its robustness is the smaller of the two margins. So a search for the
@@ -74,12 +77,13 @@ class Mutant:
         return f"{self.line}:{self.column} {self.before} -> {self.after or 'nothing'}"
 
 
+@old_keywords
 def mutants(
     spec: str | Formula | Specification,
     period: Period | None = None,
     *,
     kinds: Collection[str] | None = None,
-    most: int | None = None,
+    limit: int | None = None,
 ) -> tuple[Mutant, ...]:
     """Return versions of a requirement with one change of a bound, threshold, operator or part.
 
@@ -92,13 +96,13 @@ def mutants(
         period: Seconds between samples, by which bounds move. None: bounds move by one unit of
             their last digit, which is a sample if bounds count samples.
         kinds: The kinds of changes, names in `MUTATIONS`; None: all.
-        most: The maximum number of mutants, taken from each kind in turn. None: all.
+        limit: The maximum number of mutants, taken from each kind in turn. None: all.
 
     Returns:
         The mutants, in the order of the text.
 
     Raises:
-        InputError: If a kind is unknown, or ``most`` is below 1.
+        InputError: If a kind is unknown, or ``limit`` is below 1.
 
     Example:
         >>> import rtamt
@@ -115,14 +119,14 @@ def mutants(
     from rtamt.mutation.requirement_text import RequirementText
 
     rows = _rows(kinds)
-    if most is not None and most < 1:
-        msg = f"most: expected 1 mutant or more, got {most}"
+    if limit is not None and limit < 1:
+        msg = f"limit: expected 1 mutant or more, got {limit}"
         raise InputError(msg)
     spec = _as_read(as_specification(spec))
     text = RequirementText(spec, as_period(period))
     by_formula: dict[Formula, Mutant] = {}
     for kind, change in _in_turn([(row, row.changes(text)) for row in rows]):
-        if len(by_formula) == most:
+        if len(by_formula) == limit:
             break
         changed = _changed(spec, change)
         if changed is None or changed.formula in (spec.formula, *by_formula):
@@ -163,7 +167,7 @@ def _read(
     spec: Specification, text: str, constant: tuple[str, Fraction] | None = None
 ) -> Specification | None:
     """Return the requirement that a changed text describes, or None if the text is wrong."""
-    values = dict(spec.given) | dict([constant] if constant else [])
+    values = dict(spec.overrides) | dict([constant] if constant else [])
     try:
         changed = parse_as(text, spec.unit, values, None, chains=spec.chains)
     except SpecificationError:
@@ -195,7 +199,7 @@ def _in_turn(
 
 
 @listed_in_signature(SampleOptions)
-def noticed(
+def killed(
     mutants: Sequence[Mutant],
     signals: TraceColumns,
     period: Period | None = None,
@@ -226,7 +230,7 @@ def noticed(
         >>> import rtamt
         >>> several = rtamt.mutants("always[0:5](v < 35)", kinds=["window", "direction"])
         >>> trace = {"v": [9] * 8 + [40] * 43}
-        >>> for mutant, killed in zip(several, noticed(several, trace), strict=True):
+        >>> for mutant, killed in zip(several, rtamt.mutation.killed(several, trace), strict=True):
         ...     print(f"{mutant}: {'killed' if killed else 'survived'}")
         1:10 [0:5] -> [0:2]: survived
         1:10 [0:5] -> [0:10]: killed
@@ -255,7 +259,7 @@ def _verdicts(
 ) -> list[Verdict | None]:
     """Return the verdicts of a requirement and its mutants; None for mutants without a verdict."""
     _, interface, backend, nan, seconds, program = compiled(
-        noticed, requirement, period, options, online=False
+        killed, requirement, period, options, online=False
     )
     align = options.get("align")
 

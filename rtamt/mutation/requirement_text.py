@@ -188,7 +188,7 @@ class RequirementText:
     def declared(self, name: str, value: str) -> Change:
         """Return the change of a constant, in its declaration or of its value."""
         statement = self._declared.get(name)
-        if name not in self.spec.given and statement is not None and statement.default:
+        if name not in self.spec.overrides and statement is not None and statement.default:
             token, end = statement.default.start, statement.default.stop.stop + 1
             begin, new, constant = token.start, value, None
             before = self.text[begin:end]
@@ -202,7 +202,7 @@ class RequirementText:
     def constant_text(self, name: str) -> str:
         """Return the number of a constant as written; otherwise, the shortest text of its value."""
         statement = self._declared.get(name)
-        if name not in self.spec.given and statement is not None and statement.default:
+        if name not in self.spec.overrides and statement is not None and statement.default:
             part = statement.default
             return self.text[part.start.start : part.stop.stop + 1].replace(" ", "")
         return str(self.spec.constants[name]).removesuffix(".0")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rtamt import Align, Period
+from rtamt.typing import Align, Period
 from rtamt_arrays.compiling import Spec, program_of
 from rtamt_arrays.episode import EpisodeArrays
 from rtamt_arrays.jax.operations import JaxOperations, JaxReader

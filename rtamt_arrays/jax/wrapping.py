@@ -39,7 +39,7 @@ class JaxRequirements:
         self,
         specs: SpecsLike,
         signals: Mapping[str, SignalLike],
-        period: Any,  # noqa: ANN401 - a `rtamt.Period`, if there is one
+        period: Any,  # noqa: ANN401 - a `rtamt.typing.Period`, if there is one
         dtype: object,
         options: RequirementOptions,
     ) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import torch
 
-from rtamt import Align, Period
+from rtamt.typing import Align, Period
 from rtamt_arrays.compiling import Spec, program_of
 from rtamt_arrays.offline import evaluated
 from rtamt_arrays.online import OnlineReading, OnlineState

@@ -11,7 +11,8 @@ from textwrap import wrap
 from typing import Any
 
 import rtamt
-from rtamt import Answer, Check, CheckedRequirement, Specification
+from rtamt import Specification
+from rtamt.checking import Answer, Check, CheckedRequirement
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.example_traces import (
     add_search,
@@ -76,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
         print(*_lines(check, specs, _files(options.specs)), sep="\n")
     if options.plot:
         print(_drawn(check, period, options.plot), file=sys.stderr if options.json else sys.stdout)
-    return code_of([check.says])
+    return code_of([check.answer])
 
 
 def _drawn(check: Check, period: Fraction | None, path: Path) -> str:
@@ -112,7 +113,7 @@ def _compared(
         "yes": "they are the same",
         "no": "they differ: see above",
         "unknown": "no difference was found, but not all is known: see above",
-    }[check.says]
+    }[check.answer]
 
 
 def _other(name: str, others: Mapping[str, Specification]) -> Specification:
@@ -139,7 +140,7 @@ def _lines(
         "yes": "nothing wrong was found",
         "no": "something is wrong: see above",
         "unknown": "nothing wrong was found, but not all is known: see above",
-    }[check.says]
+    }[check.answer]
 
 
 def _traces(check: Check) -> Iterator[str]:
@@ -155,9 +156,9 @@ def _of_one(requirement: CheckedRequirement, file: str) -> Iterator[str]:
     yield from _clashes(requirement.satisfiable, "clashes", file)
     yield from _said("violated", requirement.falsifiable)
     yield from _clashes(requirement.falsifiable, "as", file)
-    for text, answer in requirement.asked.items():
+    for text, answer in requirement.triggers.items():
         yield from _said("asked", answer, f": {text}")
-    for idle in requirement.idle:
+    for idle in requirement.redundant:
         yield from _row("idle", str(idle))
     for text, why in requirement.unknown.items():
         yield from _row("parts", f"unknown whether {text} decides something: {why}")
@@ -173,8 +174,8 @@ def _of_all(check: Check, together: Answer) -> Iterator[str]:
     yield from _said("together", together)
     if check.conflict:
         yield from _row("conflict", ", ".join(check.conflict))
-    for (name, text), answer in check.asked.items():
-        if answer.says != "yes":
+    for (name, text), answer in check.triggers.items():
+        if answer.answer != "yes":
             yield from _row("asked", f"{name}, where all are satisfied: {answer}: {text}")
     for one, other in check.implied.items():
         yield from _row("implied", f"{one} by {other}")
@@ -220,29 +221,29 @@ def _data(
             name: {"other": str(_other(name, others).formula), **equivalence_data(requirement)}
             for name, requirement in check.same.items()
         }
-        return "equivalence", {**asked, "says": check.says, "results": same}
+        return "equivalence", {**asked, "says": check.answer, "results": same}
     results = {
         name: {
-            "says": requirement.says,
+            "says": requirement.answer,
             "satisfiable": answer_data(requirement.satisfiable),
             "falsifiable": answer_data(requirement.falsifiable),
-            "asked": {text: answer_data(answer) for text, answer in requirement.asked.items()},
+            "asked": {text: answer_data(answer) for text, answer in requirement.triggers.items()},
             "idle": [
                 {"text": idle.text, "instead": idle.instead, "samples": idle.samples or None}
-                for idle in requirement.idle
+                for idle in requirement.redundant
             ],
             "unknown": dict(requirement.unknown),
         }
         for name, requirement in check.requirements.items()
     }
-    data: dict[str, Any] = {**asked, "says": check.says, "results": results}
+    data: dict[str, Any] = {**asked, "says": check.answer, "results": results}
     if check.together is not None:
         data |= {
             "together": answer_data(check.together),
             "conflict": [*check.conflict],
             "asked": [
                 {"requirement": name, "text": text, **answer_data(answer)}
-                for (name, text), answer in check.asked.items()
+                for (name, text), answer in check.triggers.items()
             ],
             "implied": {**check.implied},
             "equal": [[*pair] for pair in check.equal],

@@ -192,7 +192,7 @@ def run(options: argparse.Namespace) -> int:
                 )
             except KeyboardInterrupt as pressed:
                 evaluation, lost = _so_far(pressed)
-        record = evaluation.record.of_files(files_of(options.spec, options.policy))
+        record = evaluation.record.with_files(files_of(options.spec, options.policy))
         evaluation = replace(evaluation, record=record)
         if options.save:
             evaluation.save(options.save)

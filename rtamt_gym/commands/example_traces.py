@@ -12,7 +12,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from rtamt import Answer, Equivalence, ExampleTrace, InputError, Specification
+from rtamt import InputError, Specification
+from rtamt.checking import Answer, Equivalence, ExampleTrace
 from rtamt_gym.options.command_line import Option, add_options, positive, read_evaluation_options
 from rtamt_gym.results.warnings import exit_code
 from rtamt_gym.tables import counted, number, table
@@ -132,10 +133,10 @@ def drawn(trace: ExampleTrace) -> list[str]:
 
 def answer_data(answer: Answer) -> dict[str, Any]:
     """An answer, with its trace."""
-    data: dict[str, Any] = {"says": answer.says}
+    data: dict[str, Any] = {"says": answer.answer}
     if answer.trace is not None:
         data["trace"] = trace_data(answer.trace)
-    if answer.says == "no":
+    if answer.answer == "no":
         parts = zip(answer.clash, answer.places, strict=True)
         clash = [{"text": text, "place": place and [*place]} for text, place in parts]
         data |= {"samples": answer.samples or None, "clash": clash}
@@ -144,10 +145,10 @@ def answer_data(answer: Answer) -> dict[str, Any]:
 
 def equivalence_data(same: Equivalence) -> dict[str, Any]:
     """Return whether two requirements are equivalent, with a trace on which they differ."""
-    data: dict[str, Any] = {"says": same.says}
+    data: dict[str, Any] = {"says": same.answer}
     if same.trace is not None:
         data |= {"satisfied": same.satisfied, "trace": trace_data(same.trace)}
-    if same.says == "yes":
+    if same.answer == "yes":
         data["samples"] = same.samples or None
     return data | ({"why": same.why} if same.why else {})
 

@@ -8,7 +8,7 @@ from textwrap import wrap
 from typing import Any
 
 import rtamt
-from rtamt import Example, ExampleTrace, RequirementExamples
+from rtamt.checking import Example, ExampleTrace, RequirementExamples
 from rtamt_gym.commands.example_traces import (
     add_search,
     answer_data,
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     if options.save is not None:
         write(_files(examples), options.save)
     print(_json(examples, options) if options.json else "\n".join(_lines(examples)))
-    return code_of(requirement.says for requirement in examples.values())
+    return code_of(requirement.answer for requirement in examples.values())
 
 
 def _lines(examples: Mapping[str, RequirementExamples]) -> Iterator[str]:
@@ -68,9 +68,9 @@ def _lines(examples: Mapping[str, RequirementExamples]) -> Iterator[str]:
             ("satisfies", requirement.satisfiable),
             ("violates", requirement.falsifiable),
         ):
-            if answer.says == "no":
+            if answer.answer == "no":
                 yield from _text(f"no trace {verb} it{str(answer)[2:]}: rtamt check says more")
-            elif answer.says == "unknown":
+            elif answer.answer == "unknown":
                 yield from _text(f"not known whether a trace {verb} it: {answer.why}")
         for i, example in enumerate(requirement.examples):
             yield ""
@@ -110,7 +110,7 @@ def _json(examples: Mapping[str, RequirementExamples], options: argparse.Namespa
 
 def _data(requirement: RequirementExamples) -> dict[str, Any]:
     return {
-        "says": requirement.says,
+        "says": requirement.answer,
         "satisfiable": answer_data(requirement.satisfiable),
         "falsifiable": answer_data(requirement.falsifiable),
         "examples": [

@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             dest="requirements",
         ),
         "--signal",
-        "--apart",
+        "--distance",
         "--vary",
         "--set",
         Option(
@@ -133,7 +133,7 @@ def run(options: argparse.Namespace) -> int:
             try:
                 result = falsify(
                     opened.system,
-                    told_apart(named, options.apart),
+                    told_apart(named, options.distance),
                     entries,
                     fixed=numbers,
                     budget=options.budget,
@@ -153,7 +153,7 @@ def run(options: argparse.Namespace) -> int:
             except KeyboardInterrupt as pressed:
                 result = _so_far(pressed)
         paths = files_of(options.requirements, options.policy)
-        result = replace(result, record=result.record.of_files(paths))
+        result = replace(result, record=result.record.with_files(paths))
         # Files may take simulations, and a file may be refused: what was found is said before.
         print(result.to_json() if options.json else "\n".join(_lines(result, notes)), flush=True)
         files = list(_write(result, options, opened.path))

@@ -17,7 +17,7 @@ from rtamt import InputError, Verdict
 from rtamt.errors import shown, shown_lines
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
 from rtamt_gym.commands.traces import TracesAsked, read_trace_of
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.recorded.progress import progress, silence
@@ -317,7 +317,9 @@ def failure_lines(matrix: Matrix) -> list[str]:
     return lines
 
 
-def _explanation(spec: rtamt.Specification, judged: Judged, name: str, reading: Reading) -> str:
+def _explanation(
+    spec: rtamt.Specification, judged: Judged, name: str, reading: EvaluationOptions
+) -> str:
     judgement = judged.judgements[name]
     unknown = judgement.from_start.unknown
     if unknown:
@@ -330,7 +332,7 @@ def _explanation(spec: rtamt.Specification, judged: Judged, name: str, reading: 
         head = f"{judgement}\nif the trace is all there is, it is {judgement.otherwise_complete}:\n"
     if isinstance(trace, EventTrace):
         return head + str(
-            rtamt.explain_dense(requirement, trace.tables, semantics=reading.semantics)
+            rtamt.dense.explain(requirement, trace.tables, semantics=reading.semantics)
         )
     assert trace is not None, "it was judged"  # noqa: S101 - for mypy
     trace = trace.known(requirement.variables)
@@ -339,13 +341,13 @@ def _explanation(spec: rtamt.Specification, judged: Judged, name: str, reading: 
         trace.columns,
         n=trace.samples,
         start=trace.start,
-        **reading.having(period=judged.period).of_monitors({"": requirement})[""],
+        **reading.having(period=judged.period).from_monitors({"": requirement})[""],
     )
     return head + str(explanation)
 
 
 def _judge(
-    spec: rtamt.Specification, judged: Judged, reading: Reading, *, formulas: bool
+    spec: rtamt.Specification, judged: Judged, reading: EvaluationOptions, *, formulas: bool
 ) -> TraceJudgement:
     if isinstance(judged.trace, Trace):
         return judge.judge(spec, judged.trace, judged.period, reading, formulas=formulas)
@@ -357,7 +359,7 @@ def _outcome(
     spec: rtamt.Specification,
     judged: Judged,
     name: str,
-    reading: Reading,
+    reading: EvaluationOptions,
     explain: Sequence[Verdict],
 ) -> Outcome:
     judgement = judged.judgements[name]
@@ -375,7 +377,7 @@ def _outcome(
         not_recorded=judgement.not_recorded,
         way_out=judgement.way_out,
         explanation=explanation,
-        asked=result.asked,
+        triggers=result.triggers,
         vacuous=result.vacuous,
         defaults=_defaults(spec, judged),
         unknown=result.unknown,

@@ -94,8 +94,8 @@ def run(options: argparse.Namespace) -> int:
             advance(1)
     mined = mined_over(wanted, traces, tolerance, notes_on(traces), shown=True)
     print(mined.to_json() if options.json else mined)
-    if options.json and mined.never_asked:
-        print_warnings([VerdictWarning(mined.never_asked)], stderr=True)
+    if options.json and mined.never_triggered:
+        print_warnings([VerdictWarning(mined.never_triggered)], stderr=True)
     return 0
 
 

@@ -208,9 +208,9 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
-        made_of = matrix.of_files([*files_of(options.specs), *paths])
+        made_of = matrix.with_files([*files_of(options.specs), *paths])
         columns, least = _columns(asked, paths), asked.min_duration
-        mutants = {"scores": scores, "least": options.min_noticed} if options.mutants else None
+        mutants = {"scores": scores, "least": options.min_killed} if options.mutants else None
         rules = {
             **_rules(asked),
             **({"stages": stages} if (stages := asked.reading.stages) else {}),
@@ -221,8 +221,8 @@ def run(options: argparse.Namespace) -> int:
         print(*_mutants(scores, matrix), sep="\n", end="")
     undecided = [undecided_cells(matrix)] if options.undecided == "fail" else []
     messages = _write(options, asked, matrix, judged, [*undecided, *warnings])
-    if options.write_apart is not None:
-        messages.append(write_apart(scores, asked, matrix, options.write_apart))
+    if options.write_killing_traces is not None:
+        messages.append(write_apart(scores, asked, matrix, options.write_killing_traces))
     print(*messages, sep="", end="", file=sys.stderr if options.json else sys.stdout)
     print_warnings(warnings, stderr=options.json)
     print(end="", flush=True)

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 import rtamt
-from rtamt import InputError, Mutant, RtamtError, Verdict
+from rtamt import InputError, RtamtError, Verdict
+from rtamt.mutation import Mutant
 from rtamt_gym.commands.example_traces import write_samples
 from rtamt_gym.options.command_line import Option, add_options, positive
 from rtamt_gym.recorded.progress import progress
@@ -49,17 +50,17 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
         ),
         Option(
             "--mutation KIND",
-            f"make mutants of this kind alone, {', '.join(rtamt.MUTATIONS)}",
-            choices=tuple(rtamt.MUTATIONS),
+            f"make mutants of this kind alone, {', '.join(rtamt.mutation.MUTATIONS)}",
+            choices=tuple(rtamt.mutation.MUTATIONS),
             repeat=True,
         ),
         Option(
-            "--min-noticed SHARE",
+            "--min-killed SHARE",
             "exit 3 if less than this share of a requirement's mutants is noticed, such as 80%",
             read=_share,
         ),
         Option(
-            "--write-apart FOLDER",
+            "--write-killing-traces FOLDER",
             "write a trace for each mutant that is missed which would notice it, as CSV; needs "
             "the extra check",
             read=Path,
@@ -79,7 +80,7 @@ def _share(text: str) -> float:
 def check_arguments(options: argparse.Namespace, asked: TracesAsked) -> None:
     """Refuse options that need ``--mutants`` without it, and options that exclude it."""
     if not options.mutants:
-        for option in ("--max-mutants", "--mutation", "--min-noticed", "--write-apart"):
+        for option in ("--max-mutants", "--mutation", "--min-killed", "--write-killing-traces"):
             if getattr(options, option.strip("-").replace("-", "_")) not in (None, []):
                 raise InputError(f"{option} says something of mutants; give --mutants with it")
         return
@@ -89,9 +90,9 @@ def check_arguments(options: argparse.Namespace, asked: TracesAsked) -> None:
                 f"expected --mutants, which judges the traces as tests, or {option}, which tells "
                 "of their verdicts; run the command twice"
             )
-    if options.write_apart is not None and asked.reading.dense:
+    if options.write_killing_traces is not None and asked.reading.dense:
         raise InputError(
-            "expected --write-apart or --dense: a solver finds traces of samples alone"
+            "expected --write-killing-traces or --dense: a solver finds traces of samples alone"
         )
 
 
@@ -175,7 +176,7 @@ class MutantWatch:
         """Make the mutants, none of which is killed yet."""
         self._period = period
         for name, spec in self._asked.specs.items():
-            mutants = rtamt.mutants(spec, period, kinds=self._kinds, most=self._most)
+            mutants = rtamt.mutants(spec, period, kinds=self._kinds, limit=self._most)
             ahead = [
                 mutant
                 for mutant in mutants
@@ -226,10 +227,10 @@ def _judged(
     answer, why = _compared(asked, mutant, period)
     if answer is None:
         return JudgedMutant(*where, formula, "unknown", why=why)
-    if answer.says == "yes" and answer.samples:
+    if answer.answer == "yes" and answer.samples:
         why = f"no trace of up to {answer.samples} samples tells them apart; longer ones may"
         return JudgedMutant(*where, formula, "unknown", samples=answer.samples, why=why)
-    if answer.says == "yes":
+    if answer.answer == "yes":
         return JudgedMutant(*where, formula, "same")
     if answer.trace is None:
         return JudgedMutant(*where, formula, "unknown", why=answer.why)
@@ -248,7 +249,7 @@ def _judged(
 
 def _compared(
     asked: TracesAsked, mutant: Mutant, period: Fraction | None
-) -> tuple[rtamt.Equivalence | None, str]:
+) -> tuple[rtamt.checking.Equivalence | None, str]:
     """Return whether a mutant is equivalent; None and the reason if that is not known."""
     reading = asked.reading
     if reading.dense:
@@ -289,10 +290,10 @@ def _both(asked: TracesAsked, mutant: Mutant) -> tuple[rtamt.Specification, rtam
 def score_warnings(
     options: argparse.Namespace, scores: Mapping[str, MutationScore]
 ) -> Iterator[VerdictWarning]:
-    """Yield the warning on surviving mutants, which fails below ``--min-noticed``."""
+    """Yield the warning on surviving mutants, which fails below ``--min-killed``."""
     from rtamt_gym.results.mutation import percent, score_text
 
-    least = options.min_noticed
+    least = options.min_killed
     for name, score in scores.items():
         if score.share is not None and score.share < 1:
             fails = least is not None and score.share < least

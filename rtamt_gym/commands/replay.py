@@ -79,7 +79,7 @@ def _lines(saved: SavedCase, replayed: Run) -> Iterator[str]:
     from rtamt_gym.results.outcome import verdict_text
     from rtamt_gym.results.warnings import trigger_texts
 
-    course = replayed.courses[saved.name]
+    course = replayed.histories[saved.name]
     yield shown(f"{saved.name} of {replayed.system}")
     yield from _wrapped(str(saved.requirement.formula))
     yield "input:"
@@ -90,7 +90,7 @@ def _lines(saved: SavedCase, replayed: Run) -> Iterator[str]:
     yield ""
     verdict = verdict_text(course.verdict, course.final)
     got = f"{verdict}, robustness {course.final_text('.6g')}"
-    asked = trigger_texts(course.asked or (), lambda at: sample_text(int(at), replayed.period))
+    asked = trigger_texts(course.triggers or (), lambda at: sample_text(int(at), replayed.period))
     if saved.repeats(replayed):
         yield f"{got}: as expected, to the last bit"
         yield from (line for text in asked for line in _wrapped(text, ""))

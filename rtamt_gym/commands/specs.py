@@ -17,7 +17,7 @@ from rtamt_gym.checks.requirements import load_file, named_in, requirement_named
 from rtamt_gym.options.command_line import Option
 
 if TYPE_CHECKING:
-    from rtamt_gym.options.evaluation import Reading
+    from rtamt_gym.options.evaluation import EvaluationOptions
 
 
 def _read_spec(argument: str, constants: Mapping[str, str]) -> rtamt.Specification:
@@ -59,7 +59,7 @@ def read_requirements(
             _add(specs, argument, named)
             continue
         given_name, spec = _read_argument(argument, constants or {})
-        for name in spec.given:
+        for name in spec.overrides:
             unused.pop(name, None)
         if len(spec.requirements) == 1:
             _add(specs, given_name or spec.title or _name(argument, specs), spec)
@@ -131,7 +131,7 @@ def told_apart(
     if len(specs) != 1 or len(others) != 1:
         several = specs if len(specs) != 1 else others
         raise InputError(
-            f"--apart: expected one requirement and another one, got {listing(several)}"
+            f"--distance: expected one requirement and another one, got {listing(several)}"
         )
     ((name, spec),), (other,) = specs.items(), others.values()
     both = spec.standalone().iff(other.standalone())
@@ -209,7 +209,9 @@ STAGE = Option(
 )
 
 
-def with_stages(specs: Mapping[str, Specification], reading: Reading) -> Reading:
+def with_stages(
+    specs: Mapping[str, Specification], reading: EvaluationOptions
+) -> EvaluationOptions:
     """Return the options of evaluation with the stages by the names of their requirements."""
     from rtamt_gym.judging.stages import stages_of
 

@@ -64,7 +64,7 @@ def check_success(options: argparse.Namespace) -> None:
 def success_requirements(
     options: argparse.Namespace,
     specs: Mapping[str, rtamt.Specification],
-    period: rtamt.Period | None,
+    period: rtamt.typing.Period | None,
 ) -> dict[str, rtamt.Specification]:
     """Return the specifications, and the requirements of the success flag if there is one.
 
@@ -85,7 +85,7 @@ def success_requirements(
     return {**specs, **requirements}
 
 
-def _hold(period: rtamt.Period | None) -> str:
+def _hold(period: rtamt.typing.Period | None) -> str:
     """Return the default time as a text with its unit."""
     step = seconds_of(period)
     length = _HOLD if step is None else math.ceil(_HOLD / step) * step

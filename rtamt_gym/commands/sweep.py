@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             repeat=True,
         ),
         "--signal",
-        "--apart",
+        "--distance",
         "--vary",
         "--set",
         Option(
@@ -134,7 +134,7 @@ def run(options: argparse.Namespace) -> int:
         named = requirements_of(
             options.requirement, opened.requirements, options.env_id, "--requirement"
         )
-        requirements = told_apart(named, options.apart)
+        requirements = told_apart(named, options.distance)
         if options.heat_map:
             columns = [c for entry in (entries or opened.inputs) for c in entry.columns]
             _check_map(columns, requirements, options)
@@ -254,7 +254,7 @@ def _write(done: Sweep, options: argparse.Namespace) -> None:
         print(f"record: {options.save}")
     if options.json:
         settings = {key: getattr(options, key) for key in ("sampler", "seed", "stop")}
-        record = done.record.of_files(files_of(options.requirement or [], options.policy))
+        record = done.record.with_files(files_of(options.requirement or [], options.policy))
         options.json.write_text(record_json(record, settings) + "\n", encoding="utf-8")
         print(f"record: {options.json}")
     if options.heat_map:

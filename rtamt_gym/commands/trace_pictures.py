@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rtamt import ExampleTrace
+from rtamt.checking import ExampleTrace
 from rtamt_gym import drawing
 from rtamt_gym.tables import counted, shorten
 

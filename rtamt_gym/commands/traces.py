@@ -40,7 +40,7 @@ from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
-    from rtamt_gym.options.evaluation import Reading
+    from rtamt_gym.options.evaluation import EvaluationOptions
     from rtamt_gym.recorded.trace import EventTrace, Trace
 
 
@@ -59,7 +59,7 @@ class TracesAsked:
     """
 
     specs: Mapping[str, rtamt.Specification]
-    reading: Reading
+    reading: EvaluationOptions
     columns: Columns
     min_duration: Fraction | None = None
     constants: Mapping[str, str] = field(default_factory=dict)

@@ -2,7 +2,7 @@
 
 All steps of an episode are read at once, like one step of many environments: a selector is bound by
 `rtamt_gym.signals.columns`, to the spaces of the dataset. A function gets a `Step` for each sample,
-and one that is marked with `rtamt_gym.batched` those of an episode at once.
+and one that is marked with `rtamt_gym.wrappers.batched` those of an episode at once.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
-from rtamt import InputError, NanPolicy, RtamtError
+from rtamt import InputError, RtamtError
+from rtamt.typing import NanPolicy
 from rtamt_gym.datasets.episodes import RecordedEpisode, part
 from rtamt_gym.signals.columns import Floats, SignalColumns
 from rtamt_gym.signals.signals import Batched, ParsedSignal, Step

@@ -8,8 +8,9 @@ from typing import Any, Literal, Unpack, overload
 import gymnasium as gym
 import numpy as np
 
-from rtamt import InputError, InputTypeError, Period, Specification
+from rtamt import InputError, InputTypeError, Specification
 from rtamt.errors import Argument, nearest
+from rtamt.typing import Period
 from rtamt_gym.checks.names import listing
 from rtamt_gym.datasets.episodes import RecordedEpisode, RelabelledEpisode, part, size_of
 from rtamt_gym.datasets.playback import JudgedTape, Playback, Tape, play
@@ -17,7 +18,7 @@ from rtamt_gym.datasets.reading import SignalReader
 from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, with_unknown_start
-from rtamt_gym.options.evaluation import EvaluationKeywords, Reading, names_for
+from rtamt_gym.options.evaluation import EvaluationKeywords, EvaluationOptions, names_for
 from rtamt_gym.shaping import Mode, ShapingNumbers
 from rtamt_gym.signals.columns import Batch, Floats
 from rtamt_gym.signals.periods import read_period, warn_of_unverified_period, why_no_period
@@ -164,7 +165,7 @@ def relabel(
     nan = options.get("nan", "raise")
     needy = [Argument("cost", options["cost"])] if options.get("cost") is not None else []
     read = {name: signals.get(name) for name in variables}
-    asked = Reading(view=options.get("view", "episode"), nan=nan)
+    asked = EvaluationOptions(view=options.get("view", "episode"), nan=nan)
     judged, _ = with_unknown_start(asked, read, *needy)
     options = {**options, "period": _period(dataset, loaded, options.get("period"))}
     if judged.nan != nan:

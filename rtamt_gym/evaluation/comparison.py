@@ -9,8 +9,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
-from rtamt import InputError, InputTypeError, RequirementId, Verdict
+from rtamt import InputError, InputTypeError, Verdict
 from rtamt.errors import Argument
+from rtamt.language import RequirementId
+from rtamt.renamed import OldName
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.compared import LEVEL, Compared, compared_of
@@ -63,6 +65,8 @@ class Comparison:
     notes: tuple[str, ...] = ()
     ids: Mapping[str, RequirementId] = field(default_factory=dict)
 
+    of_kept = OldName("from_saved")
+
     @property
     def sentence(self) -> str:
         """What is shown about each requirement, and if there are several about all at once."""
@@ -105,10 +109,10 @@ class Comparison:
         Raises:
             InputError: If the file does not hold a comparison.
         """
-        return read_as(path, "comparison", Comparison.of_kept)
+        return read_as(path, "comparison", Comparison.from_saved)
 
     @staticmethod
-    def of_kept(kept: Mapping[str, Any]) -> Comparison:
+    def from_saved(kept: Mapping[str, Any]) -> Comparison:
         """The comparison that a result of the kind ``"comparison"`` holds, read as JSON."""
         return _comparison_of(kept)
 
@@ -306,8 +310,8 @@ def _check_alike(a: Evaluation, b: Evaluation) -> None:
     for name, text in texts_a.items():
         if text != texts_b[name]:
             raise InputError(f"cannot compare: {name} is {text} of A and {texts_b[name]} of B")
-    if a.reading is not None and b.reading is not None:
-        _check_read_alike(a.reading, b.reading)
+    if a.evaluation_options is not None and b.evaluation_options is not None:
+        _check_read_alike(a.evaluation_options, b.evaluation_options)
 
 
 def _check_read_alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> None:

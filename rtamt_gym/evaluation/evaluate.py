@@ -157,9 +157,9 @@ def evaluate_policy(
         name: What the policy is called in tables, files and reports, to tell it from others. None:
             as it says itself, a model by its class if it has no ``name``.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
-            ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
-            ``at_truncation``.
+        **reading: How samples are judged, the options of `rtamt_gym.EvaluationOptions`: ``period``,
+            ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination``
+            and ``at_truncation``.
 
     Returns:
         Rates with intervals, robustness, returns and more of every requirement. An episode that an
@@ -352,12 +352,12 @@ def _tell_open_end(runner: Runner, record: Record) -> None:
                 again = partial(runner.simulate, {}, row.seed, stop="end")
                 try:
                     failing = again(at_termination="failure")
-                    if failing.courses[name].verdict is not Verdict.VIOLATED:
+                    if failing.histories[name].verdict is not Verdict.VIOLATED:
                         break
                     cut = again(at_termination="cut")
                 except Exception:  # noqa: BLE001 - an episode that does not repeat shows nothing
                     return
-                window = cut.courses[name].verdict is Verdict.UNDECIDED
+                window = cut.histories[name].verdict is Verdict.UNDECIDED
                 warn_of_open_end(name, window=window)
                 return
 
@@ -443,7 +443,7 @@ def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
     It has a signal for each variable of the requirements, wherever it comes from; None stands for a
     function, of which nobody knows what it reads.
     """
-    found = runner.reading.written()
+    found = runner.evaluation_options.written()
     monitor = runner.monitor
     signals = {
         **own_signals(runner.system),

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, StateError
+from rtamt.renamed import OldName
 from rtamt_gym import markup
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.frames import Frame, played, replay_difference
@@ -67,8 +68,9 @@ class Evaluation:
         frames: Pictures of the worst episodes, by their seed: of an environment with
             ``render_mode="rgb_array"`` about 12 to 24, evenly spread, at the end, and where the
             episode had violated a requirement; they are at most 320 pixels wide and high.
-        reading: How the episodes were read and judged: the options of `evaluate_policy` for that,
-            by name, and under ``"signals"`` what each variable reads, None for a function. None:
+        evaluation_options: How the episodes were read and judged: the options of `evaluate_policy`
+            for that, by name, and under ``"signals"`` what each variable reads, None for a
+            function. None:
             it is not known, as of a file that an older version has written.
         interval: The kind of the intervals of its rates, ``"exact"`` or ``"wilson"``.
         repeats: Whether a seed repeats an episode. False if two resets with one seed began
@@ -89,12 +91,15 @@ class Evaluation:
     decision: Mapping[str, str] | None = None
     worst_runs: Mapping[str, tuple[Run, ...]] = field(default_factory=dict)
     frames: Mapping[int, tuple[Frame, ...]] = field(default_factory=dict)
-    reading: Mapping[str, Any] | None = None
+    evaluation_options: Mapping[str, Any] | None = None
     interval: IntervalKind = "exact"
     repeats: bool | None = None
     interrupted: int | None = None
     differing: tuple[int, ...] = ()
     _runner: Runner | None = None
+
+    reading = OldName("evaluation_options")
+    of_kept = OldName("from_saved")
 
     @cached_property
     def requirements(self) -> Mapping[str, RequirementResult]:
@@ -216,10 +221,10 @@ class Evaluation:
         Raises:
             InputError: If the file does not hold an evaluation.
         """
-        return read_as(path, "evaluation", Evaluation.of_kept)
+        return read_as(path, "evaluation", Evaluation.from_saved)
 
     @staticmethod
-    def of_kept(kept: Mapping[str, Any]) -> Evaluation:
+    def from_saved(kept: Mapping[str, Any]) -> Evaluation:
         """The evaluation that a result of the kind ``"evaluation"`` holds, read as JSON."""
         return _evaluation_of(kept)
 
@@ -266,11 +271,11 @@ class Evaluation:
 
 _COMPARED: Final = (
     *("record", "system", "policy", "period", "limit", "seed", "decision", "worst_runs", "frames"),
-    *("reading", "interval", "repeats", "interrupted", "differing"),
+    *("evaluation_options", "interval", "repeats", "interrupted", "differing"),
 )
 
 
-_KEPT = ("policy", "period", "limit", "seed", "decision", "reading", "repeats", "differing")
+_KEPT = ("policy", "period", "limit", "seed", "decision")
 """The fields of an evaluation that JSON holds as they are."""
 
 
@@ -292,6 +297,9 @@ def _written(evaluation: Evaluation) -> str:
         "evaluation",
         {
             **{name: getattr(evaluation, name) for name in _KEPT},
+            "reading": evaluation.evaluation_options,
+            "repeats": evaluation.repeats,
+            "differing": evaluation.differing,
             **({} if evaluation.interrupted is None else {"interrupted": evaluation.interrupted}),
             **result,
             "results": every,
@@ -325,7 +333,7 @@ def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
         kept["decision"],
         worst_runs={name: tuple(runs[i] for i in places) for name, places in worst.items()},
         frames=frames,
-        reading=kept.get("reading"),  # files of older versions have none
+        evaluation_options=kept.get("reading"),  # files of older versions have none
         interval=_kind_of(kept),
         repeats=kept.get("repeats"),
         interrupted=kept.get("interrupted"),

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument, nearest
+from rtamt.renamed import OldName
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
@@ -69,6 +70,8 @@ class MethodComparison:
     confidence: float
     resamples: int
     seed: int
+
+    of_kept = OldName("from_saved")
 
     @property
     def sentence(self) -> str:
@@ -130,10 +133,10 @@ class MethodComparison:
         Raises:
             InputError: If the file does not hold a comparison of methods.
         """
-        return read_as(path, "methods", MethodComparison.of_kept)
+        return read_as(path, "methods", MethodComparison.from_saved)
 
     @staticmethod
-    def of_kept(kept: Mapping[str, Any]) -> MethodComparison:
+    def from_saved(kept: Mapping[str, Any]) -> MethodComparison:
         """The comparison that a result of the kind ``"methods"`` holds, read as JSON."""
         return read_fields(MethodComparison, kept)
 

@@ -72,7 +72,7 @@ def difference(row: Trial, run: Run) -> str:
         run: The episode of the same seed, played again and stopped as the recorded one.
     """
     for name, outcome in row.outcomes.items():
-        course = run.courses[name]
+        course = run.histories[name]
         same = math.isclose(course.final, outcome.robustness, rel_tol=_ROUNDING) or (
             math.isnan(course.final) and math.isnan(outcome.robustness)
         )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import InputError, InputTypeError
+from rtamt.renamed import OldName
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.ranges import LEAST_POINTS, WaveformInterpolation
@@ -78,6 +79,8 @@ class Waveform:
     interpolation: WaveformInterpolation = "hold"
     _pieces: tuple[_Piece, ...] = field(init=False, repr=False, compare=False)
 
+    of_steps = OldName("from_steps")
+
     def __post_init__(self) -> None:
         check_choice("interpolation", self.interpolation, get_args(WaveformInterpolation))
         times = tuple(float(exact(time)) for time in _numbers("times", self.times))
@@ -120,16 +123,16 @@ class Waveform:
         values: Floats = np.clip(start + x * (c1 + x * (c2 + x * c3)), low, high)
         return values
 
-    def of_steps(self, period: float | Fraction, count: int) -> Floats:
+    def from_steps(self, period: float | Fraction, count: int) -> Floats:
         """The values that the first steps of a simulation get, an array of ``count`` numbers.
 
         Step i runs from ``i * period`` to ``(i + 1) * period``. With ``"hold"`` it gets the value
         at its start, with ``"linear"`` and ``"pchip"`` the value at its end.
 
         Example:
-            >>> Waveform([0, 1], [0, 8], "linear").of_steps(0.25, 4)
+            >>> Waveform([0, 1], [0, 8], "linear").from_steps(0.25, 4)
             array([2., 4., 6., 8.])
-            >>> Waveform([0, 0.5], [0, 8]).of_steps(0.25, 4)
+            >>> Waveform([0, 0.5], [0, 8]).from_steps(0.25, 4)
             array([0., 0., 8., 8.])
         """
         period = exact(period)

@@ -41,7 +41,7 @@ import rtamt
 from rtamt import InputError, Monitor, Specification, SpecificationError, VectorMonitor
 from rtamt_gym.judging.monitors import EXACT, bare, options_of_parts
 from rtamt_gym.libraries import library_of
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
@@ -71,7 +71,7 @@ class Demand:
     last: int | None
 
 
-def demands_of(specs: Mapping[str, Specification], reading: Reading) -> list[Demand]:
+def demands_of(specs: Mapping[str, Specification], reading: EvaluationOptions) -> list[Demand]:
     """Return the demands of specifications; raise SpecificationError for an unbounded future."""
     demands = []
     for place, (name, spec) in enumerate(specs.items()):
@@ -89,7 +89,7 @@ def demands_of(specs: Mapping[str, Specification], reading: Reading) -> list[Dem
     return demands
 
 
-def _demand(place: int, spec: Specification, reading: Reading) -> Demand:
+def _demand(place: int, spec: Specification, reading: EvaluationOptions) -> Demand:
     """Return the demand of a conjunct: the operand of its outer ``always``, and the instants."""
     first, last = 0, None if reading.view == "step" else 0
     while _is(spec.formula, "always"):
@@ -121,7 +121,7 @@ def _conjuncts(formula: rtamt.Formula) -> Iterator[rtamt.Formula]:
         yield from _conjuncts(part)
 
 
-def _instants(spec: Specification, reading: Reading) -> tuple[int, int | None]:
+def _instants(spec: Specification, reading: EvaluationOptions) -> tuple[int, int | None]:
     """Return the window of an outer ``always``, in samples."""
     program = rtamt.EpisodeMonitor(spec, reading.period, align=reading.align).program
     if program.sources[program.result] is not spec.formula:  # always[0:0](p) is p
@@ -148,7 +148,7 @@ class _Costs(Generic[_M]):
         self,
         kind: Cost,
         specs: Mapping[str, Specification],
-        reading: Reading,
+        reading: EvaluationOptions,
         make: Callable[..., _M],
     ) -> None:
         self._kind, self._names = kind, list(specs)
@@ -164,7 +164,9 @@ class _Costs(Generic[_M]):
 class CostMeter(_Costs[Monitor]):
     """The costs of the steps of one environment, in floats: an array would take 20 us a step."""
 
-    def __init__(self, kind: Cost, specs: Mapping[str, Specification], reading: Reading) -> None:
+    def __init__(
+        self, kind: Cost, specs: Mapping[str, Specification], reading: EvaluationOptions
+    ) -> None:
         super().__init__(kind, specs, reading, Monitor)
         self._worst = [0.0] * len(specs)
         self._charged: Sequence[bool] = [False] * len(specs)
@@ -224,7 +226,7 @@ class VectorCostMeter(_Costs[VectorMonitor]):
         kind: Cost,
         specs: Mapping[str, Specification],
         num: int,
-        reading: Reading,
+        reading: EvaluationOptions,
         columns: Sequence[str],
     ) -> None:
         super().__init__(
@@ -296,7 +298,7 @@ def step_costs(
 
 
 def measured_demands(
-    kind: Cost, specs: Mapping[str, Specification], reading: Reading
+    kind: Cost, specs: Mapping[str, Specification], reading: EvaluationOptions
 ) -> list[Demand]:
     """Return the demands that need monitors; none if the verdicts give the cost."""
     if kind == "depth" and reading.semantics == "boolean":

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from rtamt import Asked, End, Evidence, Implications, Specification, Verdict
+from rtamt import Specification, Verdict
+from rtamt.monitors import Evidence, Implications, TriggerCount
+from rtamt.typing import End
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.options.evaluation import AtTermination, Reading
+from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.signals.signals import SignalLike
 
 
@@ -23,7 +25,7 @@ class Judging(NamedTuple):
 
     specs: Mapping[str, Specification]
     signals: Mapping[str, SignalLike] | None
-    reading: Reading
+    reading: EvaluationOptions
 
 
 class Questions:
@@ -37,19 +39,19 @@ class Questions:
 
     Example:
         >>> specs = {"answered": rtamt.parse("always(req > 3 implies gnt > 3)")}
-        >>> questions = Questions(specs, Reading())
+        >>> questions = Questions(specs, EvaluationOptions())
         >>> verdicts = {"answered": rtamt.Verdict.SATISFIED}
         >>> samples = {"req": [0.0, 5.0], "gnt": [0.0, 4.0]}
         >>> evidence = questions.answers(samples, 2, "cut", verdicts)
-        >>> evidence["answered"].asked[0].occasions
+        >>> evidence["answered"].triggers[0].count
         1
     """
 
-    def __init__(self, specs: Mapping[str, Specification], reading: Reading) -> None:
+    def __init__(self, specs: Mapping[str, Specification], reading: EvaluationOptions) -> None:
         step = reading.view == "step"  # the verdict is about every instant
         self._implications = {
             name: Implications(specs[name].always() if step else specs[name], **options)
-            for name, options in reading.of_monitors(specs).items()
+            for name, options in reading.from_monitors(specs).items()
         }
         self._any = any(map(bool, self._implications.values()))
         self._without = {
@@ -67,7 +69,7 @@ class Questions:
         n: int | None,
         end: AtTermination | End | None,
         verdicts: Mapping[str, Verdict],
-    ) -> Mapping[str, Evidence[Asked]]:
+    ) -> Mapping[str, Evidence[TriggerCount]]:
         """Return the evidence of the verdict on each specification.
 
         Args:
@@ -101,7 +103,7 @@ class Judge:
         reading: The evaluation options, with the period of the samples.
 
     Example:
-        >>> judge = Judge({"near": rtamt.parse("always(x < 1)")}, Reading())
+        >>> judge = Judge({"near": rtamt.parse("always(x < 1)")}, EvaluationOptions())
         >>> panel = judge.begin()
         >>> panel.feeder(judge.variables)([2.0])
         (-1.0, -inf, -1.0)
@@ -110,7 +112,7 @@ class Judge:
         (True, 0)
     """
 
-    def __init__(self, specs: Mapping[str, Specification], reading: Reading) -> None:
+    def __init__(self, specs: Mapping[str, Specification], reading: EvaluationOptions) -> None:
         self.specs, self.reading = specs, reading
         self.variables = tuple(
             dict.fromkeys(name for spec in specs.values() for name in spec.variables)

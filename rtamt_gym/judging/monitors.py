@@ -18,7 +18,6 @@ from rtamt import (
     InputError,
     Monitor,
     RtamtError,
-    SemanticsName,
     Specification,
     SpecificationError,
     VectorEpisodeMonitor,
@@ -26,8 +25,9 @@ from rtamt import (
     Verdict,
 )
 from rtamt.errors import Argument, nearest
+from rtamt.typing import SemanticsName
 from rtamt_gym.checks.names import listing
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.shaping import Numeric
 from rtamt_gym.tables import shorten
 
@@ -140,7 +140,7 @@ class VectorInstantMonitor:
 
 def make_monitors(
     specs: Mapping[str, Specification],
-    reading: Reading,
+    reading: EvaluationOptions,
     of_episode: Callable[..., Any],
     of_instants: Callable[..., Any],
 ) -> dict[str, tuple[Any, Any]]:
@@ -165,7 +165,7 @@ def make_monitors(
     view = reading.view
     if view == "step":
         require_known(reading, Argument("view", "step"))
-    for name, options in reading.of_monitors(specs).items():
+    for name, options in reading.from_monitors(specs).items():
         spec = specs[name]
         if view == "episode" and not spec.looks_ahead:  # the first sample judges no episode
             raise first_sample_error(f"specification {name!r}", spec, Argument("view", "step"))
@@ -181,13 +181,13 @@ def make_monitors(
 
 
 def options_of_parts(
-    specs: Mapping[str, Specification], parts: Sequence[Specification], reading: Reading
+    specs: Mapping[str, Specification], parts: Sequence[Specification], reading: EvaluationOptions
 ) -> list[dict[str, Any]]:
     """Return the keywords of the monitors of parts of specifications."""
     # Together with the specifications, so that a part takes from their inputs and outputs its own.
     numbered = {str(number): part for number, part in enumerate(parts)}
     both = {f"specification {name}": spec for name, spec in specs.items()} | numbered
-    options = reading.of_monitors(both)
+    options = reading.from_monitors(both)
     return [options[number] for number in numbered]
 
 
@@ -196,7 +196,7 @@ def bare(spec: Specification, formula: Formula) -> Specification:
     return replace(spec, formulas={}, uses={}).with_result(formula)
 
 
-def require_known(reading: Reading, asked: Argument) -> None:
+def require_known(reading: EvaluationOptions, asked: Argument) -> None:
     """Raise InputError if samples may be unknown, for ``asked`` needs every robustness."""
     if reading.nan == "unknown":
         raise InputError(

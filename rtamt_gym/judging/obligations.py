@@ -28,8 +28,8 @@ pass (``eventually``, ``until`` below ``eventually``) | nothing is pending | jus
 | ``"last"`` | the past: ``once``, ``since``, ``historically``, ``prev``, ``rise``, ``fall`` | \
 the operand holds now (``historically``: fails) | longer ago than the window, or never |
 
-`rtamt.OperatorClocks` defines how each counts. The margin of an operand is its newest known
-robustness, 0 while there is none.
+`rtamt.internal.OperatorClocks` defines how each counts. The margin of an operand is its newest
+known robustness, 0 while there is none.
 """
 
 from __future__ import annotations
@@ -43,18 +43,10 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 import numpy as np
 
 import rtamt
-from rtamt import (
-    ClockEvent,
-    ClockKind,
-    Formula,
-    Monitor,
-    OperatorClock,
-    OperatorClocks,
-    Specification,
-    VectorMonitor,
-)
+from rtamt import Formula, Monitor, Specification, VectorMonitor
+from rtamt.internal import ClockEvent, ClockKind, OperatorClock, OperatorClocks
 from rtamt_gym.judging.monitors import Owed, bare, options_of_parts, pick, picked
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 
 if TYPE_CHECKING:
     from rtamt_gym.signals.columns import Floats, Lanes
@@ -107,7 +99,7 @@ class Obligation:
         return self.operands if isinstance(self.asked, Instants) else (*self.operands, self.asked)
 
 
-def obligations_of(spec: Specification, reading: Reading) -> list[Obligation]:
+def obligations_of(spec: Specification, reading: EvaluationOptions) -> list[Obligation]:
     """Return the temporal operators below the outermost one, in the order of the text.
 
     An operator whose operand has an unbounded future is left out, because the operand is never
@@ -199,7 +191,9 @@ def _later(asked: Formula | Instants) -> Formula:
     return asked.prev(strong=True)
 
 
-def _window(spec: Specification, formula: Formula, reading: Reading) -> tuple[int, int | None]:
+def _window(
+    spec: Specification, formula: Formula, reading: EvaluationOptions
+) -> tuple[int, int | None]:
     """Return the window of an operator, in samples."""
     if _name(formula) in _NEIGHBOURS:
         return 1, 1
@@ -244,7 +238,7 @@ class _Obligations(Generic[_M]):
     def __init__(
         self,
         judged: Mapping[str, Specification],
-        reading: Reading,
+        reading: EvaluationOptions,
         make: Callable[..., _M],
         num: int,
     ) -> None:
@@ -289,7 +283,7 @@ class Obligations(_Obligations[VectorMonitor]):
         self,
         judged: Mapping[str, Specification],
         num: int,
-        reading: Reading,
+        reading: EvaluationOptions,
         columns: Sequence[str],
     ) -> None:
         def make(spec: Specification, **option: Any) -> VectorMonitor:  # noqa: ANN401
@@ -320,7 +314,7 @@ class Obligations(_Obligations[VectorMonitor]):
 class SingleObligations(_Obligations[Monitor]):
     """The clocks of one environment."""
 
-    def __init__(self, judged: Mapping[str, Specification], reading: Reading) -> None:
+    def __init__(self, judged: Mapping[str, Specification], reading: EvaluationOptions) -> None:
         super().__init__(judged, reading, Monitor, 1)
 
     def reset(self) -> None:

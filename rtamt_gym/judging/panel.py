@@ -11,17 +11,10 @@ from typing import Any
 import numpy as np
 
 import rtamt
-from rtamt import (
-    End,
-    EpisodeMonitor,
-    InputError,
-    JointFeed,
-    JointRead,
-    Specification,
-    Verdict,
-    holds,
-)
+from rtamt import EpisodeMonitor, InputError, Specification, Verdict, holds
 from rtamt.errors import Argument
+from rtamt.internal import JointFeed, JointRead
+from rtamt.typing import End
 from rtamt_gym.judging.costs import Cost, CostMeter
 from rtamt_gym.judging.infos import VERDICTS, optional_keys, outcome, present, spec_state
 from rtamt_gym.judging.monitors import (
@@ -35,7 +28,7 @@ from rtamt_gym.judging.monitors import (
 )
 from rtamt_gym.judging.obligations import Obligation, SingleObligations
 from rtamt_gym.judging.stages import StageProgress
-from rtamt_gym.options.evaluation import AtTermination, Reading
+from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import ElementRead, MovingRead, Read, SlotRead
 
@@ -90,7 +83,7 @@ class Panel:
     def __init__(
         self,
         specs: Mapping[str, Specification],
-        reading: Reading,
+        reading: EvaluationOptions,
         cost: Cost | None = None,
         *,
         history: bool = False,
@@ -327,7 +320,7 @@ class Panel:
             if count > self.settled:
                 note()
 
-        joint = rtamt.joint_feed(
+        joint = rtamt.internal.joint_feed(
             judges,
             names,
             [joint_read(read) for read in reads],
@@ -534,7 +527,7 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
 ) -> Feed:
     """Return the function that reads a sample and updates one monitor after the other.
 
-    It returns what `rtamt.joint_feed` does, for all monitors.
+    It returns what `rtamt.internal.joint_feed` does, for all monitors.
 
     Args:
         parts: For each monitor its update, the index of its only variable or -1 and what picks

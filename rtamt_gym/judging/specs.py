@@ -10,10 +10,11 @@ from types import MappingProxyType
 from typing import Any
 
 import rtamt
-from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, SpecificationTemplate
+from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
 from rtamt.errors import Argument, nearest
+from rtamt.language import SpecificationTemplate
 from rtamt_gym.checks.requirements import load_file, named_in, requirement_named
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 
 SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
 """Text, the path of a ``.stl`` file, a formula built in Python, or a parsed specification."""
@@ -58,7 +59,7 @@ def load_specs(
     values = checked_constants(constants)
     loaded = _load_all(specs, own, values)
     for name in values:
-        if all(name not in spec.given for spec in loaded.values()):
+        if all(name not in spec.overrides for spec in loaded.values()):
             raise no_such_constant(name, loaded)
     return loaded
 
@@ -124,7 +125,7 @@ def _text(spec: SpecLike) -> str:
 
 def check_period(
     specs: Mapping[str, rtamt.Specification],
-    period: rtamt.Period | None,
+    period: rtamt.typing.Period | None,
     system: object,
     why: str = "",
 ) -> None:
@@ -200,7 +201,7 @@ class Constants:
             # From the current values: a template starts from the values of the text.
             mine = {n: v for n, v in values.items() if n in template.names}
             unused -= mine.keys()
-            current = self.specs[name].given
+            current = self.specs[name].overrides
             held = {n: current[n] for n in template.names & current.keys()}
             try:
                 specs[name] = template.at({**held, **mine})
@@ -240,8 +241,8 @@ def no_such_constant(
 
 
 def with_unknown_start(
-    reading: Reading, signals: Mapping[str, Any], *needs: Argument
-) -> tuple[Reading, bool]:
+    reading: EvaluationOptions, signals: Mapping[str, Any], *needs: Argument
+) -> tuple[EvaluationOptions, bool]:
     """Return the options of monitors whose first sample may be unknown.
 
     These monitors take a nan for unknown, so the reader of the signals must refuse a nan if the

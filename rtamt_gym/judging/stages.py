@@ -27,7 +27,6 @@ import numpy as np
 
 import rtamt
 from rtamt import (
-    End,
     EpisodeMonitor,
     Formula,
     InputError,
@@ -37,11 +36,12 @@ from rtamt import (
 )
 from rtamt.errors import Argument
 from rtamt.patterns import in_order, named_stages, prefixes, stages
+from rtamt.typing import End
 from rtamt_gym.checks.arguments import check_known
 from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.infos import Lanewise
 from rtamt_gym.judging.monitors import bare, machine_state, options_of_parts, pick, picked
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
     from rtamt_gym.signals.columns import Floats, Lanes
@@ -64,7 +64,7 @@ class Stages:
     deciders: tuple[Formula, ...] = ()
 
 
-def stages_of(specs: Mapping[str, Specification], reading: Reading) -> dict[str, Stages]:
+def stages_of(specs: Mapping[str, Specification], reading: EvaluationOptions) -> dict[str, Stages]:
     """Return the stages of each requirement that has some, by its name.
 
     Raises:
@@ -99,7 +99,9 @@ def _chains(conditions: Sequence[Formula]) -> tuple[Formula, ...]:
     return conditions[0].eventually(), *longer
 
 
-def _named(specs: Mapping[str, Specification], reading: Reading) -> Mapping[str, tuple[str, ...]]:
+def _named(
+    specs: Mapping[str, Specification], reading: EvaluationOptions
+) -> Mapping[str, tuple[str, ...]]:
     """Return the texts of ``stages=``, by requirement."""
     texts = cast("tuple[str, ...] | dict[str, tuple[str, ...]] | None", reading.stages)
     if texts is None:
@@ -132,7 +134,7 @@ def _read(name: str, spec: Specification, texts: Sequence[str]) -> tuple[Formula
 
 
 def progress_of(
-    spec: Specification, columns: Mapping[str, Floats], reading: Reading
+    spec: Specification, columns: Mapping[str, Floats], reading: EvaluationOptions
 ) -> float | None:
     """Return the progress of a trace of samples; None if the requirement has no stages.
 
@@ -146,7 +148,7 @@ def progress_of(
     """
     if not stages_of({"": spec}, reading):
         return None
-    judge = EpisodeMonitor(spec, **reading.of_monitors({"": spec})[""])
+    judge = EpisodeMonitor(spec, **reading.from_monitors({"": spec})[""])
     progress = StageProgress({"": spec}, {"": judge}, reading)
     feed = progress.feeder(spec.variables)
     for row in zip(*(columns[name].tolist() for name in spec.variables), strict=True):
@@ -160,7 +162,7 @@ def progress_of(
 def progress_of_events(
     spec: Specification,
     signals: Mapping[str, tuple[Floats, Floats]],
-    reading: Reading,
+    reading: EvaluationOptions,
     *,
     satisfied: bool,
 ) -> float | None:
@@ -191,7 +193,7 @@ def progress_of_events(
         name: values[np.searchsorted(times, every, "right") - 1]
         for name, (times, values) in signals.items()
     }
-    options = reading.having(period=None).of_monitors({"": spec})[""]
+    options = reading.having(period=None).from_monitors({"": spec})[""]
     count, first = len(staged.conditions), 0
     for reached, stage in enumerate(staged.conditions):
         heights = rtamt.evaluate(bare(spec, stage), columns, n=len(every), **options)[first:]
@@ -226,7 +228,7 @@ class _Monitors(Generic[_M]):
 def _monitors_of(
     specs: Mapping[str, Specification],
     judges: Mapping[str, _M],
-    reading: Reading,
+    reading: EvaluationOptions,
     make: Callable[..., _M],
 ) -> dict[str, _Monitors[_M]]:
     """Return the monitors of each requirement with stages."""
@@ -292,7 +294,7 @@ class StageProgress:
         self,
         specs: Mapping[str, Specification],
         judges: Mapping[str, EpisodeMonitor],
-        reading: Reading,
+        reading: EvaluationOptions,
     ) -> None:
         self._parts = {
             name: _RequirementProgress(monitors, hold=reading.nan == "hold")
@@ -473,7 +475,7 @@ class VectorStageProgress:
         self,
         specs: Mapping[str, Specification],
         judges: Mapping[str, VectorEpisodeMonitor],
-        reading: Reading,
+        reading: EvaluationOptions,
         num: int,
         columns: Sequence[str],
     ) -> None:

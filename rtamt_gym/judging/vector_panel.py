@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import End, Specification, VectorEpisodeMonitor, VerdictBook, holds
+from rtamt import Specification, VectorEpisodeMonitor, holds
 from rtamt.errors import Argument
+from rtamt.internal import VerdictBook
+from rtamt.typing import End
 from rtamt_gym.judging.costs import Cost, VectorCostMeter
 from rtamt_gym.judging.infos import VERDICTS, SpecRows, optional_keys, outcome, spec_state
 from rtamt_gym.judging.monitors import (
@@ -24,7 +26,7 @@ from rtamt_gym.judging.monitors import (
 )
 from rtamt_gym.judging.obligations import Obligation, Obligations
 from rtamt_gym.judging.stages import VectorStageProgress
-from rtamt_gym.options.evaluation import AtTermination, Reading
+from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.columns import Floats, Lanes
 
@@ -49,7 +51,7 @@ class VectorPanel:
         self,
         specs: Mapping[str, Specification],
         num: int,
-        reading: Reading,
+        reading: EvaluationOptions,
         columns: Sequence[str],
         cost: Cost | None = None,
     ) -> None:

@@ -71,7 +71,7 @@ def evaluate_rollouts(
     loaded = load_specs(specs)
     if read.period is None:
         read = read.having(period=float(model.opt.timestep))
-    options = read.of_monitors(loaded)
+    options = read.from_monitors(loaded)
     variables = [name for spec in loaded.values() for name in spec.variables]
     parsed = parse_signals(signals, variables, MUJOCO)
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)

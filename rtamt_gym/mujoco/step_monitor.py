@@ -12,6 +12,7 @@ from typing import Any, Literal, Unpack, get_args
 import mujoco  # type: ignore[import-untyped]
 
 from rtamt import InputError, StateError, Verdict
+from rtamt.renamed import OldName
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.judge import Judging
@@ -64,7 +65,7 @@ class StepMonitor(PanelValues):
         signals: For every variable a selector or a function, and further signals for `values` and
             the record of `simulate`.
         forward: Whether to call ``mj_forward`` after every step.
-        **reading: The evaluation options of `rtamt_gym.Reading`. ``period=None`` reads
+        **reading: The evaluation options of `rtamt_gym.EvaluationOptions`. ``period=None`` reads
             ``model.opt.timestep``; another value causes a warning, except 1, which counts steps.
 
     Raises:
@@ -85,6 +86,8 @@ class StepMonitor(PanelValues):
     """
 
     _feed: Feed
+
+    panel = OldName("monitor_set")
 
     def __init__(
         self,
@@ -112,7 +115,7 @@ class StepMonitor(PanelValues):
                     f"signal {signal.name!r}: {signal} can be read at sample 0 too, got a default "
                     f"{signal.default!r}; leave it out"
                 )
-        self.panel = Panel(self.specs, self.reading)
+        self.monitor_set = Panel(self.specs, self.reading)
         self.forward = forward
         self._bind_signals()
         self._clock = StepClock()
@@ -137,7 +140,7 @@ class StepMonitor(PanelValues):
         self._running = False
         self._check_timestep()
         derive(self.model, self.data)
-        self.panel.reset()
+        self.monitor_set.reset()
         self._pending, self._offered = None, False
         self._clock.start(self.data.time, float(self.model.opt.timestep))
         self._unchecked = 0
@@ -190,7 +193,7 @@ class StepMonitor(PanelValues):
             self._begin()
         stops = on_violation == "stop"
         for _ in range(steps):
-            if stops and self.panel.violated_by is not None:
+            if stops and self.monitor_set.violated_by is not None:
                 break
             if controller is not None:
                 controller(self.model, self.data)
@@ -244,7 +247,7 @@ class StepMonitor(PanelValues):
         """
         if self._running:
             self._check_time(self.samples - 1)
-        self.panel.finish()
+        self.monitor_set.finish()
         self._running = False
         return self.robustness
 
@@ -271,7 +274,7 @@ class StepMonitor(PanelValues):
 
         Every signal is read once for a sample: a function may count its calls.
         """
-        feed = self.panel.feeder(self.signals, decide=self._decide)
+        feed = self.monitor_set.feeder(self.signals, decide=self._decide)
 
         def read_and_feed() -> Assessment:
             values = [read() for read in self._reads]
@@ -300,7 +303,7 @@ class StepMonitor(PanelValues):
     def state(self) -> tuple[Any, ...]:
         """Return the state of the monitors for `restore`, without the state of the simulation."""
         offers = self._pending, self._offered
-        return self.panel.state(), replace(self._clock), self._running, offers
+        return self.monitor_set.state(), replace(self._clock), self._running, offers
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Restore a `state` of a monitor of the same specifications.
@@ -308,7 +311,7 @@ class StepMonitor(PanelValues):
         Restore the simulation too: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
         """
         panel, clock, running, offers = state
-        self.panel.restore(panel)
+        self.monitor_set.restore(panel)
         self._clock, self._running, self._unchecked = replace(clock), running, 0
         self._pending, self._offered = offers
 
@@ -326,11 +329,15 @@ class StepMonitor(PanelValues):
         """Make the functions that read this simulation, which pickle cannot carry."""
         self._reads = [bind_signal(signal, self.model, self.data) for signal in self._signals]
         read = slice(self._count)  # a step does not read signals without a specification
-        self._feed = self.panel.feeder(self.signals[read], self._reads[read], decide=self._decide)
-        self._feed_values = self.panel.feeder(self.signals[read], decide=self.panel.note)
+        self._feed = self.monitor_set.feeder(
+            self.signals[read], self._reads[read], decide=self._decide
+        )
+        self._feed_values = self.monitor_set.feeder(
+            self.signals[read], decide=self.monitor_set.note
+        )
 
     def _begin(self) -> None:
-        if self.panel.samples:
+        if self.monitor_set.samples:
             raise StateError(
                 "expected a running simulation, got step() after finish() or after an error; "
                 "call reset()"
@@ -355,7 +362,7 @@ class StepMonitor(PanelValues):
         Raises:
             StateError: If the period was read from the model and a specification has bounds.
         """
-        timestep, period = float(self.model.opt.timestep), self.panel.period
+        timestep, period = float(self.model.opt.timestep), self.monitor_set.period
         if timestep == self._seen_timestep or period is None:
             return
         if math.isclose(timestep, period, rel_tol=_SLACK):
@@ -434,7 +441,7 @@ class StepMonitor(PanelValues):
     def _decide(self) -> None:
         """Record new verdicts, if the simulation is at the time of the sample."""
         self._check_time(self.samples - 1)
-        self.panel.note()
+        self.monitor_set.note()
 
     def _check_time(self, sample: int) -> None:
         self._unchecked = 0

@@ -13,10 +13,10 @@ class PanelValues:
     """The values of a panel as read-only attributes.
 
     Attributes:
-        panel: The monitors of all specifications.
+        monitor_set: The monitors of all specifications.
     """
 
-    panel: Panel
+    monitor_set: Panel
 
     @property
     def robustness(self) -> float:
@@ -25,47 +25,47 @@ class PanelValues:
         It is nan before sample 0. With ``view="step"`` it is the minimum robustness at the newest
         instant whose horizon has passed.
         """
-        return self.panel.robustness
+        return self.monitor_set.robustness
 
     @property
     def lower(self) -> float:
         """The lower bound of the robustness."""
-        return self.panel.lower
+        return self.monitor_set.lower
 
     @property
     def upper(self) -> float:
         """The upper bound of the robustness; negative, -0.0 included: a violation is certain."""
-        return self.panel.upper
+        return self.monitor_set.upper
 
     @property
     def verdict(self) -> Verdict:
         """The verdict on all specifications together."""
-        return min(judge.verdict for _, judge in self.panel.monitors.values())
+        return min(judge.verdict for _, judge in self.monitor_set.monitors.values())
 
     @property
     def violated_by(self) -> str | None:
         """The specification that was violated first; None if there is none."""
-        return self.panel.violated_by
+        return self.monitor_set.violated_by
 
     @property
     def violated_at(self) -> int | None:
         """The sample that showed the first violation; None if there is none."""
-        return self.panel.violated_at
+        return self.monitor_set.violated_at
 
     @property
     def samples(self) -> int:
         """The number of samples since the reset, including sample 0."""
-        return self.panel.samples
+        return self.monitor_set.samples
 
     @property
     def period(self) -> Fraction | None:
         """Time between samples, in seconds."""
-        return self.panel.period
+        return self.monitor_set.period
 
     @property
     def details(self) -> dict[str, dict[str, Any]]:
         """``{spec: {"robustness", "lower", "upper", "verdict"}}`` of the samples so far."""
-        return self.panel.describe()
+        return self.monitor_set.describe()
 
     @property
     def outcomes(self) -> dict[str, dict[str, Any]]:
@@ -74,9 +74,9 @@ class PanelValues:
         ``decided_at`` is the sample that decided the verdict; it is absent while the verdict is
         open. If only the end decided it, ``ended_at`` is the last sample.
         """
-        return self.panel.outcomes()
+        return self.monitor_set.outcomes()
 
     @property
     def monitors(self) -> Monitors:
         """The monitors of each specification: ``(robustness source, judge)``."""
-        return dict(self.panel.monitors)
+        return dict(self.monitor_set.monitors)

@@ -13,7 +13,7 @@ from dataclasses import Field, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from rtamt_gym.options.evaluation import ROWS, Reading
+from rtamt_gym.options.evaluation import ROWS, EvaluationOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +184,6 @@ _SHARED = (
         "nothing is violated; N stands behind =, as in --require-triggered=5, and may be all "
         "(default without =N: 1)",
         read=trials,
-        alias="--require-asked",
     ),
     Option(
         "--require-answered",
@@ -196,7 +195,7 @@ _SHARED = (
         "exit 3 if a trace is shorter, such as 10s or 2h, and nothing is violated",
     ),
     Option(
-        "--apart OTHER",
+        "--distance OTHER",
         "judge 'REQUIREMENT iff OTHER' instead of the requirement: it is violated where only one "
         "of the two holds. OTHER may be a mutant that 'rtamt monitor --mutants' did not notice",
     ),
@@ -262,12 +261,11 @@ def add_options(
         (shared(option) if isinstance(option, str) else option).add_to(parser, trial)
 
 
-def read_evaluation_options(arguments: argparse.Namespace) -> Reading:
+def read_evaluation_options(arguments: argparse.Namespace) -> EvaluationOptions:
     """Return the evaluation options of a command line."""
-    return Reading(**{name: value for name, value in vars(arguments).items() if name in ROWS})
-
-
-TRIGGERED = ("--require-triggered", "--require-asked")
+    return EvaluationOptions(
+        **{name: value for name, value in vars(arguments).items() if name in ROWS}
+    )
 
 
 def with_default_count(words: Iterable[str]) -> list[str]:
@@ -276,4 +274,4 @@ def with_default_count(words: Iterable[str]) -> list[str]:
     The option takes a value only in the form ``--require-triggered=N``: the word after the bare
     option is an argument of its own, such as a specification.
     """
-    return [f"{word}=1" if word in TRIGGERED else word for word in words]
+    return [f"{word}=1" if word == "--require-triggered" else word for word in words]

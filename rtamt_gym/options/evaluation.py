@@ -1,8 +1,8 @@
 """The evaluation options: how samples are judged.
 
-An option is a field of `Reading`: its default, its choices, the calls that take it and the sentence
-that describes it. `EvaluationKeywords` repeats the types for editors. Keyword checks, signatures,
-docstrings and command-line arguments come from the fields.
+An option is a field of `EvaluationOptions`: its default, its choices, the calls that take it and
+the sentence that describes it. `EvaluationKeywords` repeats the types for editors. Keyword checks,
+signatures, docstrings and command-line arguments come from the fields.
 """
 
 # ruff: noqa: RUF009 - `_option` returns a field
@@ -18,18 +18,10 @@ from fractions import Fraction
 from typing import Any, Literal, TypedDict, TypeVar, Unpack, get_args
 
 import rtamt
-from rtamt import (
-    Align,
-    End,
-    Formula,
-    InputError,
-    InputTypeError,
-    Names,
-    NanPolicy,
-    Period,
-    SemanticsName,
-)
+from rtamt import Formula, InputError, InputTypeError
 from rtamt.errors import Argument, nearest
+from rtamt.renamed import OldName
+from rtamt.typing import Align, End, Names, NanPolicy, Period, SemanticsName
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing
 
@@ -93,7 +85,7 @@ def _option(
 
 
 @dataclass(frozen=True, init=False, slots=True)
-class Reading:
+class EvaluationOptions:
     """How samples are judged: the evaluation options of a call.
 
     An option that the call leaves out has its default and is not in ``given``, so that an explicit
@@ -108,7 +100,7 @@ class Reading:
         InputError: If an option has a wrong value.
 
     Example:
-        >>> reading = Reading(view="step", inputs=["req"])
+        >>> reading = EvaluationOptions(view="step", inputs=["req"])
         >>> reading.view, reading.inputs, reading.nan, sorted(reading.given)
         ('step', ('req',), 'raise', ['inputs', 'view'])
     """
@@ -221,6 +213,8 @@ class Reading:
     )
     given: frozenset[str] = field(default=frozenset(), compare=False)
 
+    of_monitors = OldName("from_monitors")
+
     def __init__(self, **options: Unpack[_AllKeywords]) -> None:
         for name, row in ROWS.items():
             value: Any = options.get(name, row.default)
@@ -252,15 +246,15 @@ class Reading:
             del written["stages"]
         return written
 
-    def having(self, **options: Unpack[_AllKeywords]) -> Reading:
+    def having(self, **options: Unpack[_AllKeywords]) -> EvaluationOptions:
         """Return a copy with these options replaced."""
-        return Reading(**{**self.options(), **options})
+        return EvaluationOptions(**{**self.options(), **options})
 
-    def about(self, name: str) -> Reading:
+    def about(self, name: str) -> EvaluationOptions:
         """Return the options of one requirement, without the stages of others.
 
         Example:
-            >>> reading = Reading(stages={"task": ["near > 0", "up > 0"]}, view="episode")
+            >>> reading = EvaluationOptions(stages={"task": ["near > 0", "up > 0"]}, view="episode")
             >>> reading.about("task").stages, reading.about("calm").stages
             (('near > 0', 'up > 0'), None)
         """
@@ -268,16 +262,16 @@ class Reading:
             return self
         return self.having(stages=self.stages.get(name))
 
-    def whole(self, calls: Calls) -> Reading:
+    def whole(self, calls: Calls) -> EvaluationOptions:
         """Return a copy in which every option of these calls counts as given."""
         return self._giving(self.given | set(names_for(calls)))
 
-    def _giving(self, given: frozenset[str]) -> Reading:
-        copy = Reading(**self.options())
+    def _giving(self, given: frozenset[str]) -> EvaluationOptions:
+        copy = EvaluationOptions(**self.options())
         object.__setattr__(copy, "given", given)
         return copy
 
-    def over(self, own: Reading, whose: str, way_out: str) -> Reading:
+    def over(self, own: EvaluationOptions, whose: str, way_out: str) -> EvaluationOptions:
         """Return the options of a monitor together with those of a call that uses it.
 
         Args:
@@ -289,10 +283,12 @@ class Reading:
             InputError: If both set an option to different values.
 
         Example:
-            >>> own = Reading(view="step", period=0.1)
-            >>> Reading(period="100ms", nan="hold").over(own, "it", "leave it out").options()
+            >>> own = EvaluationOptions(view="step", period=0.1)
+            >>> EvaluationOptions(period="100ms", nan="hold").over(
+            ...     own, "it", "leave it out"
+            ... ).options()
             {'period': 0.1, 'view': 'step', 'nan': 'hold'}
-            >>> Reading(view="episode").over(own, "it", "leave it out")
+            >>> EvaluationOptions(view="episode").over(own, "it", "leave it out")
             Traceback (most recent call last):
             rtamt.errors.InputError: view= comes from it, which has 'step', got 'episode'; leave...
         """
@@ -300,10 +296,10 @@ class Reading:
             has, got = getattr(own, name), getattr(self, name)
             if _meaning(name, has) != _meaning(name, got):
                 refuse_other(name, has, got, whose, way_out)
-        both = Reading(**{**self.options(), **own.options()})
+        both = EvaluationOptions(**{**self.options(), **own.options()})
         return both._giving(self.given | own.given)
 
-    def of_monitors(self, specs: Mapping[str, rtamt.Specification]) -> dict[str, dict[str, Any]]:
+    def from_monitors(self, specs: Mapping[str, rtamt.Specification]) -> dict[str, dict[str, Any]]:
         """Return the keywords for `rtamt` monitors of each specification.
 
         With several specifications, each gets only the ``inputs`` and ``outputs`` that it uses.
@@ -325,7 +321,9 @@ class Reading:
         }
 
 
-ROWS: dict[str, Field[Any]] = {row.name: row for row in fields(Reading) if row.name != "given"}
+ROWS: dict[str, Field[Any]] = {
+    row.name: row for row in fields(EvaluationOptions) if row.name != "given"
+}
 """The row of each option, by its name."""
 
 
@@ -340,7 +338,7 @@ def names_for(calls: Calls | None = None) -> list[str]:
 
 def checked_options(
     options: Mapping[str, Any], caller: Callable[..., object], calls: Calls
-) -> Reading:
+) -> EvaluationOptions:
     """Return the options that a call gets as ``**reading``.
 
     Raises:
@@ -355,7 +353,7 @@ def checked_options(
             raise InputTypeError(
                 f"{caller.__name__}() got an unexpected keyword argument {name!r}{hint}"
             )
-    return Reading(**options)
+    return EvaluationOptions(**options)
 
 
 def refuse_other(name: str, own: object, got: object, whose: str, way_out: str) -> None:
@@ -480,4 +478,4 @@ def _known(spec: rtamt.Specification) -> frozenset[str]:
     return frozenset(name[:end] for name, end in ends)
 
 
-documents_options()(Reading)
+documents_options()(EvaluationOptions)

@@ -54,9 +54,9 @@ class Episodes(Runner):
         options = {"batch": n_envs, **options}
         self.monitor = monitor_of(made)
         super().__init__(made, requirements, policies=self.evaluated.make, **options)
-        self.unasked = self.reading.at_termination is None
+        self.unasked = self.evaluation_options.at_termination is None
         if self.unasked:  # every episode would warn
-            self.reading = self.reading.having(at_termination="complete")
+            self.evaluation_options = self.evaluation_options.having(at_termination="complete")
         if self._model is not None and n_envs > 1:
             self._envs = [made, self._another()]
 
@@ -110,7 +110,7 @@ class Episodes(Runner):
         if id(env) not in self._simulators:
             specs, duration = self.requirements, self._of_runs["duration"]
             self._simulators[id(env)] = Simulator(
-                env, specs, self.signals, self.reading, duration=duration
+                env, specs, self.signals, self.evaluation_options, duration=duration
             )
         return self._simulators[id(env)]
 

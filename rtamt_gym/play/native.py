@@ -179,7 +179,7 @@ class NativeRollouts:
             for i, name in enumerate(self._actions):
                 entry = task.case[name]
                 actions[:, place, i] = (
-                    entry.of_steps(period or 1, self.steps)
+                    entry.from_steps(period or 1, self.steps)
                     if isinstance(entry, Waveform)
                     else entry
                 )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rtamt_gym import drawing
 from rtamt_gym.options.evaluation import View
-from rtamt_gym.play.run_record import Course, RunRecord
+from rtamt_gym.play.run_record import History, RunRecord
 from rtamt_gym.results.outcome import verdict_text
 
 _CURVES: Final[Mapping[View, str]] = {
@@ -33,7 +33,7 @@ def draw(runs: Sequence[RunRecord]) -> Figure:
     A panel shows the robustness of the samples so far, between its lower and upper bound; infinite
     bounds end at the frame. A line marks the sample that decided the verdict; the rest is shaded.
     """
-    heights = [1.0] * len(runs[0].signals) + [1.6] * len(runs[0].courses)
+    heights = [1.0] * len(runs[0].signals) + [1.6] * len(runs[0].histories)
     size = (5.2 * len(runs) + 0.4, 1.25 * sum(heights) + 1.1)
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots(
@@ -41,7 +41,7 @@ def draw(runs: Sequence[RunRecord]) -> Figure:
     )
     for column, run in zip(axes.T, runs, strict=True):
         _draw_run(column, run)
-    verdicts = {c.verdict for run in runs for c in run.courses.values()}
+    verdicts = {c.verdict for run in runs for c in run.histories.values()}
     figure.legend(
         handles=[
             Line2D([], [], color=drawing.ROBUSTNESS, label=_CURVES[runs[0].view]),
@@ -62,7 +62,7 @@ def draw(runs: Sequence[RunRecord]) -> Figure:
 
 def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
     times = run.times
-    last = any(c.decided_at == run.last_sample for c in run.courses.values())
+    last = any(c.decided_at == run.last_sample for c in run.histories.values())
     begin, end = float(times[0]), float(times[-1])
     end += (end - begin) * _AFTER * last or float(end == begin)
     signal_axes, course_axes = np.split(axes, [len(run.signals)])
@@ -71,7 +71,7 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
         drawing.tidy(ax, name)
         ax.plot(times, values, color=drawing.SIGNAL, linewidth=1.6)
         ax.margins(y=0.15)
-    for ax, (name, course) in zip(course_axes, run.courses.items(), strict=True):
+    for ax, (name, course) in zip(course_axes, run.histories.items(), strict=True):
         _draw_course(ax, name, course, run, end)
         text = f"{verdict_text(course.verdict, course.final)}, {course.final_text('+.3g')}"
         if decided := course.decided_text(run.period):
@@ -93,7 +93,7 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
     )
 
 
-def _draw_course(ax: Axes, name: str, course: Course, run: RunRecord, end: float) -> None:
+def _draw_course(ax: Axes, name: str, course: History, run: RunRecord, end: float) -> None:
     times = run.times
     curves = (course.robustness, course.lower, course.upper)
     robustness, lower, upper = drawing.robustness_panel(ax, name, course.formula, 64, curves)

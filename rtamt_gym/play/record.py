@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import nearest
+from rtamt.renamed import OldName
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.play.record_files import load_record, save_record
@@ -64,6 +65,10 @@ class Record(Results):
         Case({'inflow': 0.3})
     """
 
+    heights = OldName("robustness_values")
+    unconditional = OldName("without_implications")
+    timed = OldName("has_times")
+
     def __init__(
         self,
         rows: Iterable[Trial],
@@ -88,7 +93,7 @@ class Record(Results):
         return f"<Record{system}: {counted(len(self), 'simulation')}, {violated} {verb}{errors}>"
 
     @property
-    def chosen(self) -> bool:
+    def has_cases(self) -> bool:
         """Whether cases were chosen; episodes of a policy have none, and differ by chance."""
         return bool(self.case_columns)
 
@@ -177,7 +182,7 @@ class Record(Results):
         columns = {name: arrays_of[kinds[name]](cells) for name, cells in self.columns().items()}
         return pd.DataFrame(columns, index=pd.RangeIndex(len(self), name="simulation"))
 
-    def heights(self, requirement: str) -> NDArray[np.float64]:
+    def robustness_values(self, requirement: str) -> NDArray[np.float64]:
         """Return the robustness of a requirement in each simulation; nan after an error."""
         judged = [row.judged(requirement) for row in self.rows]
         return np.array([math.nan if outcome is None else outcome.robustness for outcome in judged])
@@ -198,9 +203,9 @@ class Record(Results):
             "system": self.system,
             "requirements": dict(self.requirements),
             "shapes": self.shapes,
-            "timed": self.timed,
-            "unconditional": self.unconditional,
-            "results": plain_results(self, rates=not self.chosen)["results"],
+            "timed": self.has_times,
+            "unconditional": self.without_implications,
+            "results": plain_results(self, rates=not self.has_cases)["results"],
             "also": also,
             **plain_provenance(self.provenance),
         }
@@ -223,16 +228,16 @@ class Record(Results):
         return record, metadata["also"]
 
     @property
-    def unconditional(self) -> list[str]:
+    def without_implications(self) -> list[str]:
         """The requirements that are known to have no implication."""
         return [
             name
             for name in self.requirements
-            if any(row.outcomes[name].asked == () for row in self.rows if name in row.outcomes)
+            if any(row.outcomes[name].triggers == () for row in self.rows if name in row.outcomes)
         ]
 
     @property
-    def timed(self) -> bool:
+    def has_times(self) -> bool:
         """Whether times are seconds, and not numbers of samples."""
         moments = (outcome.settled for row in self.rows for outcome in row.outcomes.values())
         return all(outcome.seconds is not None for outcome in moments if outcome is not None)

@@ -10,11 +10,13 @@ from typing import Literal
 import numpy as np
 
 import rtamt
-from rtamt import Asked, End, Evidence, InputTypeError, NanPolicy
+from rtamt import InputTypeError
+from rtamt.monitors import Evidence, TriggerCount
+from rtamt.typing import End, NanPolicy
 from rtamt_gym.judging.monitors import EXACT
 from rtamt_gym.judging.panel import Assessment, Feed, Panel
 from rtamt_gym.options.evaluation import AtTermination
-from rtamt_gym.play.run_record import Course, Floats
+from rtamt_gym.play.run_record import Floats, History
 from rtamt_gym.signals.signals import Read
 
 
@@ -138,16 +140,18 @@ class Recorder:
             other.finish(end)
         return other
 
-    def courses(
-        self, specs: Mapping[str, rtamt.Specification], evidence: Mapping[str, Evidence[Asked]]
-    ) -> dict[str, Course]:
+    def histories(
+        self,
+        specs: Mapping[str, rtamt.Specification],
+        evidence: Mapping[str, Evidence[TriggerCount]],
+    ) -> dict[str, History]:
         """Return the course of every specification."""
         outcomes = self.panel.outcomes()
         courses = {}
         for name, (_, judge) in self.panel.monitors.items():
             robustness, lower, upper = np.ascontiguousarray(np.array(self._curves[name]).T)
             outcome = outcomes[name]
-            courses[name] = Course(
+            courses[name] = History(
                 str(specs[name].formula),
                 robustness,
                 lower,
@@ -159,7 +163,7 @@ class Recorder:
                 judge.interface.semantics,
                 _with_role("input", judge),
                 _with_role("output", judge),
-                None if name not in evidence else evidence[name].asked,
+                None if name not in evidence else evidence[name].triggers,
                 name in evidence and evidence[name].vacuous,
                 outcome.get("progress"),
                 outcome.get("ended_at"),

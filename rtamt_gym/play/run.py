@@ -27,7 +27,7 @@ class Run(RunRecord):
         system: Name of the system that ran.
         signals: The values of every variable and of every further recorded signal, from sample 0
             on.
-        courses: The course of every specification, by its name.
+        histories: The course of every specification, by its name.
         ended: Why the run is over: ``"violation"``, ``"decided"``, ``"known"``, ``"terminated"``,
             ``"truncated"`` or ``"duration"``; ``"error"`` of a run that an error carries.
         violated_by: The specification that was violated first, or None.
@@ -54,11 +54,11 @@ class Run(RunRecord):
         <Run of samples: violation of dry at 1 s, 3 samples>
         >>> run.times, run.signals["level"]
         (array([0. , 0.5, 1. ]), array([1., 2., 4.]))
-        >>> run.courses["dry"].robustness, run.courses["dry"].verdicts
+        >>> run.histories["dry"].robustness, run.histories["dry"].verdicts
         (array([ 2.,  1., -1.]), array([ 0,  0, -1], dtype=int8))
         >>> run.violated_by, run.violated_at
         ('dry', 2)
-        >>> run.courses
+        >>> run.histories
         {'dry': <Course of always(level < 3): VIOLATED at sample 2, robustness -1>}
         >>> run.replay()
         {'dry': array([-1., -1., -1.])}
@@ -88,8 +88,8 @@ class Run(RunRecord):
         interfaces: dict[str, dict[str, Any]] = {}
         if specs is None:
             self._check_whole("replay(specs)")
-            interfaces = {name: course.interface for name, course in self.courses.items()}
-            specs = {name: course.specification for name, course in self.courses.items()}
+            interfaces = {name: course.interface for name, course in self.histories.items()}
+            specs = {name: course.specification for name, course in self.histories.items()}
         loaded = load_specs(specs)
         for name, spec in loaded.items():
             for variable in spec.variables:
@@ -140,7 +140,7 @@ class Run(RunRecord):
             1 s      4  level
         """
         self._check_whole("rtamt.explain(formula, run.signals, run.period)")
-        courses = self.courses
+        courses = self.histories
         final = {each: course.final for each, course in courses.items()}
         name = chosen(name, final, self.violated_by)
         spec = courses[name].specification

@@ -14,17 +14,22 @@ import pyarrow.parquet as pq
 
 from rtamt import InputError, Verdict
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.play.run_record import CURVES, Course, Floats, RunRecord
+from rtamt_gym.play.run_record import CURVES, Floats, History, RunRecord
 from rtamt_gym.results.codec import VERSION, fraction_of, number_of, plain
 from rtamt_gym.results.outcome import asked_of
 
-_OF_OUTCOME: Final = ("decided_at", "ended_at", "asked", "vacuous", "progress")
+_OF_OUTCOME: Final = ("decided_at", "ended_at", "triggers", "vacuous", "progress")
 """The fields of a course that are written like those of its outcome."""
+
+_KEYS: Final = {"histories": "courses"}
+"""The keys of files whose attributes have another name."""
 
 
 def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
     """Return a run for JSON; without arrays, the names of its signals replace them."""
-    plain_fields = {item.name: getattr(run, item.name) for item in fields(run)}
+    plain_fields = {
+        _KEYS.get(item.name, item.name): getattr(run, item.name) for item in fields(run)
+    }
     plain_fields["signals"] = run.signals if arrays else list(run.signals)
     outcomes = run.outcomes
     plain_fields["courses"] = {
@@ -38,7 +43,7 @@ def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
         | dict(outcomes[name].evidence or {})
         | ({} if course.progress is None else {"progress": course.progress})
         | ({"by_end": True} if outcomes[name].by_end else {})
-        for name, course in run.courses.items()
+        for name, course in run.histories.items()
     }
     written: dict[str, Any] = plain(plain_fields)
     return written
@@ -52,7 +57,7 @@ def run_fields(
     if not isinstance(case, str | None):  # version 1 has it as text
         case = json.dumps(case)
     signals = kept["signals"]
-    taken = ("wall_time", "reward", "period", "case", "signals", "courses")
+    taken = ("wall_time", "reward", "period", "case", "signals", "histories")
     known = {each.name for each in fields(RunRecord)} - {*taken}
     own = {name: each for name, each in kept.items() if name in known}
     return own | {
@@ -61,7 +66,7 @@ def run_fields(
         "period": fraction_of(kept["period"]),
         "case": None if case is None else Case.from_json(case),
         "signals": {name: column(name) if column else _array(signals[name]) for name in signals},
-        "courses": {
+        "histories": {
             name: _course(
                 each, {c: column(f"{c}({name})") if column else _array(each[c]) for c in CURVES}
             )
@@ -70,8 +75,8 @@ def run_fields(
     }
 
 
-def _course(kept: Mapping[str, Any], curves: Mapping[str, Floats]) -> Course:
-    return Course(
+def _course(kept: Mapping[str, Any], curves: Mapping[str, Floats]) -> History:
+    return History(
         formula=kept["formula"],
         **curves,
         final=number_of(kept["final"]),
@@ -81,7 +86,7 @@ def _course(kept: Mapping[str, Any], curves: Mapping[str, Floats]) -> Course:
         semantics=kept.get("semantics", "standard"),
         inputs=tuple(kept.get("inputs", ())),
         outputs=tuple(kept.get("outputs", ())),
-        asked=asked_of(kept),
+        triggers=asked_of(kept),
         vacuous=kept.get("vacuous", False),
         progress=number_of(kept.get("progress")),
         ended_at=_sample(kept.get("ended_at")),

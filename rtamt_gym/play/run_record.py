@@ -10,7 +10,11 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import Align, Asked, DenseAsked, SemanticsName, Specification, Verdict, parse
+import rtamt
+from rtamt import Specification, Verdict, parse
+from rtamt.monitors import TriggerCount
+from rtamt.renamed import OldName
+from rtamt.typing import Align, SemanticsName
 from rtamt_gym import markup
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.monitors import robustness_text
@@ -64,7 +68,7 @@ def _same(left: object, right: object) -> bool:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Course(_ComparesArrays):
+class History(_ComparesArrays):
     """The course of one specification over a run: robustness and bounds at every sample.
 
     Attributes:
@@ -80,7 +84,7 @@ class Course(_ComparesArrays):
         semantics: As for `rtamt.Monitor`.
         inputs: Variables that the system reads.
         outputs: Variables that the system sets.
-        asked: Its triggers, as in `Outcome.asked`.
+        triggers: Its triggers, as in `Outcome.triggers`.
         vacuous: Whether it was vacuously satisfied.
         progress: Its progress through stages at the end, as in `Outcome.progress`.
         ended_at: The last sample, counted in the same way, if only the end decided the verdict;
@@ -98,10 +102,12 @@ class Course(_ComparesArrays):
     semantics: SemanticsName = "standard"
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
-    asked: tuple[Asked | DenseAsked, ...] | None = None
+    triggers: tuple[TriggerCount | rtamt.dense.TriggerCount, ...] | None = None
     vacuous: bool = False
     progress: float | None = None
     ended_at: int | None = None
+
+    asked = OldName("triggers")
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
@@ -126,7 +132,7 @@ class Course(_ComparesArrays):
         """Return the outcome of the specification, without its course."""
         bounds = self.final, float(self.lower[-1]), float(self.upper[-1])
         result = Outcome.at(bounds, self.verdict, self.decided_at, period, ended=self.ended_at)
-        return replace(result, asked=self.asked, vacuous=self.vacuous, progress=self.progress)
+        return replace(result, triggers=self.triggers, vacuous=self.vacuous, progress=self.progress)
 
     def decided_text(self, period: Fraction | None) -> str:
         """Return when the verdict was decided: a time, a sample or "the end"; empty if open."""
@@ -141,15 +147,15 @@ class Course(_ComparesArrays):
         return f"<Course of {self.formula}: {verdict}{at}, robustness {self.final_text('.3g')}>"
 
 
-class CoursesOnDemand(Mapping[str, Course]):
+class CoursesOnDemand(Mapping[str, History]):
     """Courses that are computed when the first of them is read."""
 
-    def __init__(self, names: tuple[str, ...], compute: Callable[[], dict[str, Course]]) -> None:
+    def __init__(self, names: tuple[str, ...], compute: Callable[[], dict[str, History]]) -> None:
         self._names = names
-        self._compute: Callable[[], dict[str, Course]] | None = compute
-        self._courses: dict[str, Course] = {}
+        self._compute: Callable[[], dict[str, History]] | None = compute
+        self._courses: dict[str, History] = {}
 
-    def __getitem__(self, name: str) -> Course:
+    def __getitem__(self, name: str) -> History:
         return self._read()[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -164,7 +170,7 @@ class CoursesOnDemand(Mapping[str, Course]):
     def __reduce__(self) -> tuple[Any, ...]:
         return dict, (self._read(),)
 
-    def _read(self) -> dict[str, Course]:
+    def _read(self) -> dict[str, History]:
         if self._compute is not None:
             self._courses, self._compute = self._compute(), None
         return self._courses
@@ -194,7 +200,7 @@ class RunRecord(_ComparesArrays):
 
     system: str
     signals: Mapping[str, Floats]
-    courses: Mapping[str, Course]
+    histories: Mapping[str, History]
     ended: RunEnd
     violated_by: str | None
     period: Fraction | None
@@ -209,6 +215,8 @@ class RunRecord(_ComparesArrays):
     case: Case | None = None
     reward: float | None = None
 
+    courses = OldName("histories")
+
     def columns(self) -> dict[str, Floats]:
         """Return a table: ``time``, the signals, and three columns for every specification.
 
@@ -216,7 +224,7 @@ class RunRecord(_ComparesArrays):
         takes the place of the times, which follow from the period.
         """
         columns = {"time": self.times, **self.signals}
-        for name, course in self.courses.items():
+        for name, course in self.histories.items():
             columns |= {f"{curve}({name})": getattr(course, curve) for curve in CURVES}
         return columns
 
@@ -225,7 +233,7 @@ class RunRecord(_ComparesArrays):
         """The number of steps: one less than the number of samples."""
         samples = next(iter(self.signals.values()), None)
         if samples is None:  # the specifications read nothing
-            samples = next(iter(self.courses.values())).robustness
+            samples = next(iter(self.histories.values())).robustness
         return len(samples) - 1
 
     @property
@@ -248,12 +256,12 @@ class RunRecord(_ComparesArrays):
     @property
     def verdict(self) -> Verdict:
         """The verdict on all specifications together: the worst of theirs."""
-        return min(course.verdict for course in self.courses.values())
+        return min(course.verdict for course in self.histories.values())
 
     @property
     def outcomes(self) -> dict[str, Outcome]:
         """The outcome of each specification, by name."""
-        return {name: course.outcome(self.period) for name, course in self.courses.items()}
+        return {name: course.outcome(self.period) for name, course in self.histories.items()}
 
     def trial(self, case: Case | None = None, error: str = "") -> Trial:
         """Return the case and the outcomes, without the samples.
@@ -274,7 +282,7 @@ class RunRecord(_ComparesArrays):
         """
         if self.violated_by is None:
             return None
-        course = self.courses[self.violated_by]
+        course = self.histories[self.violated_by]
         return course.ended_at if course.decided_at is None else course.decided_at
 
     @property
@@ -295,7 +303,7 @@ class RunRecord(_ComparesArrays):
                 markup.curve(course.robustness, f"robustness of {name}"),
                 markup.code(course.formula),
             ]
-            for name, course in self.courses.items()
+            for name, course in self.histories.items()
         ]
         head = ["", "verdict", "robustness", "certain at", "over time", "formula"]
         return f"{markup.plain(repr(self)[1:-1])}{markup.table(head, rows)}"

@@ -15,8 +15,10 @@ import gymnasium as gym
 from gymnasium.vector import VectorEnv
 
 import rtamt
-from rtamt import InputError, InputTypeError, Period, RtamtError
+from rtamt import InputError, InputTypeError, RtamtError
 from rtamt.errors import Argument, nearest
+from rtamt.renamed import OldName
+from rtamt.typing import Period
 from rtamt_gym.checks.arguments import check_choice, check_count, check_number
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.names import listing
@@ -28,7 +30,7 @@ from rtamt_gym.judging.specs import SpecLike, load_specs
 from rtamt_gym.options.evaluation import (
     AtTermination,
     EvaluationKeywords,
-    Reading,
+    EvaluationOptions,
     checked_options,
     documents_options,
     seconds_of,
@@ -72,7 +74,7 @@ class Runner:
         name: The name of the system.
         requirements: The requirements by name.
         signals: What their variables read, if it was given.
-        reading: The evaluation options.
+        evaluation_options: The evaluation options.
         inputs: The ranges that the system itself varies; empty if it has none.
         duration: The maximum duration of a run in seconds; None if it is not known.
         period: Seconds between samples, or as text with a unit; None if it is not known.
@@ -109,9 +111,12 @@ class Runner:
         1 violation -0.043
     """
 
-    reading: Reading
+    evaluation_options: EvaluationOptions
     signals: Mapping[str, SignalLike] | None
     _ready: Simulator | None
+
+    reading = OldName("evaluation_options")
+    in_lanes = OldName("vectorized")
 
     def __init__(
         self,
@@ -138,7 +143,7 @@ class Runner:
         self._rollouts: NativeRollouts | None = None
         self._ready = None
         try:
-            requirements, self.signals, self.reading = with_own_monitor(
+            requirements, self.signals, self.evaluation_options = with_own_monitor(
                 monitor_of(self._system), requirements, signals, options
             )
             simulation = getattr(self._system, "unwrapped", None)
@@ -150,10 +155,14 @@ class Runner:
             self._of_runs: dict[str, Any] = {"policy": policy, "duration": duration, "stop": stop}
             scenario = getattr(simulation, "scenario", None)
             self.inputs: tuple[Signal | Parameter, ...] = getattr(scenario, "inputs", ())
-            self.duration = _duration_of(ran, duration, self.reading.period)
-            self.period = ran.period if self.reading.period is None else self.reading.period
+            self.duration = _duration_of(ran, duration, self.evaluation_options.period)
+            self.period = (
+                ran.period
+                if self.evaluation_options.period is None
+                else self.evaluation_options.period
+            )
             if policy is None and policies is None and batch > 1:
-                judging = Judging(self.requirements, self.signals, self.reading)
+                judging = Judging(self.requirements, self.signals, self.evaluation_options)
                 self._rollouts = NativeRollouts.of(self._system, judging, duration, stop, batch)
         except BaseException:
             self.close()
@@ -199,7 +208,7 @@ class Runner:
     @property
     def options(self) -> Mapping[str, Any]:
         """The options of every call of `rtamt_gym.simulate`."""
-        return {"signals": self.signals, **self.reading.options(), **self._of_runs}
+        return {"signals": self.signals, **self.evaluation_options.options(), **self._of_runs}
 
     @property
     def arguments(self) -> Mapping[str, Any]:
@@ -213,7 +222,7 @@ class Runner:
         return isinstance(self._system, gym.Env)
 
     @property
-    def in_lanes(self) -> bool:
+    def vectorized(self) -> bool:
         """Whether cases run side by side by native rollouts."""
         return self._rollouts is not None
 
@@ -289,7 +298,7 @@ class Runner:
         """
         simulator = None
         if at_termination is not None:
-            reading = self.reading.having(at_termination=at_termination)
+            reading = self.evaluation_options.having(at_termination=at_termination)
             simulator = self._simulator(reading)
         simulation = self._begin(Case(case), seed, above, stop, policy, simulator)
         simulation.play()
@@ -310,18 +319,20 @@ class Runner:
         if self._rollouts is None and self._ready is None:
             with no_exit(self.name):
                 try:
-                    self._ready = self._simulator(self.reading)
+                    self._ready = self._simulator(self.evaluation_options)
                 except RtamtError:
-                    self._simulator(self.reading, Case(case))
+                    self._simulator(self.evaluation_options, Case(case))
 
     def judge(self, name: str, trace: SimulatedTrace) -> float:
         """Return the robustness of a requirement on recorded samples."""
         spec = self.requirements[name]
-        options = self.reading.having(period=trace.period).of_monitors({name: spec})[name]
+        options = self.evaluation_options.having(period=trace.period).from_monitors({name: spec})[
+            name
+        ]
         values = rtamt.evaluate(spec, trace.signals, n=trace.samples, **options)
-        return float(values.min() if self.reading.view == "step" else values[0])
+        return float(values.min() if self.evaluation_options.view == "step" else values[0])
 
-    def _simulator(self, reading: Reading, case: Case | None = None) -> Simulator:
+    def _simulator(self, reading: EvaluationOptions, case: Case | None = None) -> Simulator:
         return Simulator(
             self._system,
             self.requirements,
@@ -350,7 +361,7 @@ class Runner:
                 self.check(case)
                 simulator = self._ready
             if simulator is None:
-                simulator, own = self._simulator(self.reading, case), None
+                simulator, own = self._simulator(self.evaluation_options, case), None
             if policy is None and self._policies is not None:
                 policy = self._policies(seed or 0)
             return simulator.begin(

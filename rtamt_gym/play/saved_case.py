@@ -16,6 +16,7 @@ import gymnasium as gym
 import rtamt
 from rtamt import InputError, Specification, Verdict
 from rtamt.errors import nearest
+from rtamt.renamed import OldName
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.options.evaluation import names_for
@@ -91,7 +92,7 @@ class SavedCase:
         policy: The name of the policy, as ``rtamt run --policy`` takes it, or None.
         period: As for `rtamt_gym.simulate`.
         duration: As for `rtamt_gym.simulate`.
-        reading: Evaluation options of `rtamt_gym.simulate`.
+        evaluation_options: Evaluation options of `rtamt_gym.simulate`.
         robustness: The robustness of the run, which was stopped at its certain violation.
         verdict: The verdict of the run.
         versions: The versions of Python and of packages with which it ran.
@@ -108,12 +109,14 @@ class SavedCase:
     policy: str | None
     period: float | str | None
     duration: float | None
-    reading: Mapping[str, Any]
+    evaluation_options: Mapping[str, Any]
     robustness: float
     verdict: Verdict
     versions: Mapping[str, str]
     folder: Path = field(compare=False)
     fingerprint: Fingerprint | None = None
+
+    reading = OldName("evaluation_options")
 
     @classmethod
     def of(
@@ -151,9 +154,9 @@ class SavedCase:
             policy=_policy_name(options.get("policy"), policy),
             period=options.get("period"),
             duration=options.get("duration"),
-            reading={
+            evaluation_options={
                 name: _listed(value)
-                for name, value in runner.reading.about(name).options().items()
+                for name, value in runner.evaluation_options.about(name).options().items()
                 if name != "period" and value not in (None, False)
             },
             robustness=outcome.robustness,
@@ -197,7 +200,7 @@ class SavedCase:
                 policy=policy,
                 period=self.period,
                 duration=self.duration,
-                **self.reading,
+                **self.evaluation_options,
             )
 
     def current(self) -> Fingerprint:
@@ -225,11 +228,11 @@ class SavedCase:
 
     def gives(self, run: Run) -> bool:
         """Return whether a run has the expected verdict."""
-        return run.courses[self.name].verdict is self.verdict
+        return run.histories[self.name].verdict is self.verdict
 
     def repeats(self, run: Run) -> bool:
         """Return whether a run has the expected verdict and robustness, to the last bit."""
-        final = run.courses[self.name].final
+        final = run.histories[self.name].final
         same = final == self.robustness and math.copysign(1, final) == math.copysign(
             1, self.robustness
         )
@@ -258,7 +261,7 @@ class SavedCase:
             "period": self.period,
             "signals": None if self.signals is None else dict(self.signals),
             "policy": self.policy,
-            "reading": dict(self.reading),
+            "reading": dict(self.evaluation_options),
             "expected": {
                 "verdict": self.verdict,
                 "robustness": self.robustness,
@@ -322,7 +325,7 @@ def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
         "policy": kept["policy"],
         "period": kept["period"],
         "duration": None if kept["duration"] is None else _number("duration", kept["duration"]),
-        "reading": kept["reading"],
+        "evaluation_options": kept["reading"],
         "robustness": _number("robustness", expected["robustness"]),
         "verdict": Verdict[expected["verdict"]],
         "versions": kept["versions"],

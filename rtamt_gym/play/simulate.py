@@ -99,7 +99,7 @@ def simulate(
         above: Numbers by specification, for ``stop="known"``: a robustness that is certain to stay
             above its number is known; without a number, one that cannot change any more.
         label: A name for tables and pictures that tells who acted.
-        **reading: Evaluation options, those of `rtamt_gym.Reading`: ``period``, ``view``,
+        **reading: Evaluation options, those of `rtamt_gym.EvaluationOptions`: ``period``, ``view``,
             ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination``,
             ``at_truncation`` and ``substeps``.
 
@@ -127,7 +127,7 @@ def simulate(
         ... )
         >>> run
         <Run of CartPole-v1: violation of near at 2.36 s, 119 samples>
-        >>> run.courses["near"].verdict.name, run.courses["upright"].verdict.name
+        >>> run.histories["near"].verdict.name, run.histories["upright"].verdict.name
         ('VIOLATED', 'UNDECIDED')
     """
     options = checked_options(reading, simulate, "runs")

@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 import gymnasium as gym
 
 import rtamt
-from rtamt import Asked, End, Evidence, InputError, InputTypeError
+from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument
+from rtamt.monitors import Evidence, TriggerCount
+from rtamt.typing import End
 from rtamt_gym.checks.arguments import check_choice, check_known, check_number
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
@@ -29,15 +31,15 @@ from rtamt_gym.judging.specs import (
     with_unknown_start,
 )
 from rtamt_gym.mujoco.values import PanelValues
-from rtamt_gym.options.evaluation import AtTermination, Reading
+from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.play.recorder import Recorder
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import (
     AT_VERDICTS,
     AT_VIOLATION,
     KNOWN_EVERY,
-    Course,
     CoursesOnDemand,
+    History,
     SimulatedTrace,
     Stop,
 )
@@ -79,7 +81,7 @@ class Simulator:
         system: Any,  # noqa: ANN401 - MuJoCo is not typed
         specs: SpecsLike | None,
         signals: Mapping[str, SignalLike] | None,
-        reading: Reading,
+        reading: EvaluationOptions,
         *,
         case: Mapping[str, float | Waveform] | None = None,
         start: Snapshot | None = None,
@@ -127,8 +129,8 @@ class Simulator:
         plain: Environment,
         ran: Environment,
         signals: Mapping[str, SignalLike] | None,
-        reading: Reading,
-    ) -> Reading:
+        reading: EvaluationOptions,
+    ) -> EvaluationOptions:
         """Pass options to an environment; return the options of its monitors."""
         known = plain.known(signals)
         read = {name: known.get(name) for name in _variables(self.specs)}
@@ -250,7 +252,7 @@ class Simulation:
             self._record.reset()
         else:
             judge = bound.judge
-            panel = judge.begin() if judge else cast("StepMonitor", monitor).panel
+            panel = judge.begin() if judge else cast("StepMonitor", monitor).monitor_set
             self._record = Recorder(
                 panel,
                 variables,
@@ -418,7 +420,7 @@ class Simulation:
         elif bound.judge is not None:
             bound.judge.end(self._panel)
 
-    def _evidence(self) -> Mapping[str, Evidence[Asked]]:
+    def _evidence(self) -> Mapping[str, Evidence[TriggerCount]]:
         """Return how often the samples triggered implications; empty if samples are missing."""
         record, questions = self._record, self._bound.questions
         if record.first_sample:
@@ -427,7 +429,7 @@ class Simulation:
         samples = record.columns() if questions else {}
         return questions.answers(samples, len(record), self._end, verdicts)
 
-    def _found(self, evidence: Mapping[str, Evidence[Asked]]) -> dict[str, Outcome]:
+    def _found(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> dict[str, Outcome]:
         period, progress = self._bound.period, self._panel.progress
         return {
             name: Outcome.at(
@@ -442,13 +444,13 @@ class Simulation:
             for name, bounds, verdict, decided, ended in self._panel.results()
         }
 
-    def _made(self, evidence: Mapping[str, Evidence[Asked]]) -> Run:
+    def _made(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> Run:
         simulator, bound, system = self._simulator, self._bound, self._system
         limits = [steps for steps in (self._most, system.limit) if steps is not None]
         return Run(
             system=system.name,
             signals=self._record.columns(),
-            courses=self._courses(evidence),
+            histories=self._courses(evidence),
             ended=self._ended,
             violated_by=self._panel.violated_by,
             period=bound.period,
@@ -464,7 +466,7 @@ class Simulation:
             label=self._label,
         )
 
-    def _courses(self, evidence: Mapping[str, Evidence[Asked]]) -> Mapping[str, Course]:
+    def _courses(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> Mapping[str, History]:
         """Return the courses; those of monitors of a `Judge` are computed when they are read."""
         record, judge, specs, end = (
             self._record,
@@ -473,11 +475,11 @@ class Simulation:
             self._end,
         )
         if judge is None:
-            return record.courses(specs, evidence)
+            return record.histories(specs, evidence)
 
-        def courses() -> dict[str, Course]:
+        def courses() -> dict[str, History]:
             panel = judge.begin()
-            result = record.replayed(panel, end).courses(specs, evidence)
+            result = record.replayed(panel, end).histories(specs, evidence)
             judge.end(panel)
             return result
 

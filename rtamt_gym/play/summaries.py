@@ -37,19 +37,21 @@ def run_table(episodes: Sequence[Episode]) -> list[str]:
     runs = _runs(episodes)
     stops = any(run.stop != "end" for run in runs)
     at_head = "stopped" if stops else "certain"
-    asks = any(outcome.occasions is not None for run in runs for outcome in run.outcomes.values())
+    asks = any(
+        outcome.trigger_count is not None for run in runs for outcome in run.outcomes.values()
+    )
     head = ("asked",) if asks else ()
     rows = [("ep", "driver", "steps", at_head, "spec", "robustness", "verdict", *head, "saved")]
     for count, run in enumerate(episodes, 1):
         if isinstance(run, Trial):
             at_front = [str(count), "", "-", "-"]
-            for name in runs[0].courses:
+            for name in runs[0].histories:
                 of_spec = (shorten(name, 16), "-", "ERROR", *["-"] * len(head))
                 rows.append((*at_front, *of_spec, "-"))
                 at_front = [""] * len(at_front)
             continue
-        for name, course in run.courses.items():
-            first = name == next(iter(run.courses))
+        for name, course in run.histories.items():
+            first = name == next(iter(run.histories))
             stopped = run.last_sample if run.ended in STOPPED else None
             if stops:
                 when = "-" if stopped is None else sample_text(stopped, run.period)
@@ -78,8 +80,8 @@ def saved_note(episodes: Sequence[Episode]) -> list[str]:
 def runs_json(episodes: Sequence[Episode], reading: Mapping[str, Any]) -> str:
     """Return episodes of one environment as a result of the kind ``"runs"``."""
     first = _runs(episodes)[0]
-    texts = {name: course.formula for name, course in first.courses.items()}
-    specs = {name: course.specification for name, course in first.courses.items()}
+    texts = {name: course.formula for name, course in first.histories.items()}
+    specs = {name: course.specification for name, course in first.histories.items()}
     provenance = Provenance.of(specs)
     results = Results(map(trial_of, episodes), texts, first.system, provenance)
     trials = [{**plain_trial(trial_of(episode)), **_of_run(episode)} for episode in episodes]
@@ -140,7 +142,7 @@ def failures(record: Record, *, rated: bool = True) -> list[str]:
     if not len(failed):
         return []
     first = failed[0]
-    if record.chosen:
+    if record.has_cases:
         columns = first.case.columns().items()
         case = ", ".join(f"{name}={value:.4g}" for name, value in columns)
         head = f"{len(failed)} of {counted(len(record), 'simulation')} failed, the first with "
@@ -159,7 +161,7 @@ def failures(record: Record, *, rated: bool = True) -> list[str]:
 
 def record_json(record: Record, options: Mapping[str, Any]) -> str:
     """Return the record as a result of the kind ``"record"``."""
-    return document("record", {**options, **plain_results(record, rates=not record.chosen)})
+    return document("record", {**options, **plain_results(record, rates=not record.has_cases)})
 
 
 def case_lines(case: Case) -> list[str]:

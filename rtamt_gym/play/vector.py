@@ -19,7 +19,12 @@ from rtamt import InputError, StateError
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.specs import own_requirements, with_unknown_start
 from rtamt_gym.judging.vector_infos import autoreset_mode, final_infos, final_observations
-from rtamt_gym.options.evaluation import AtTermination, Reading, checked_options, seconds_of
+from rtamt_gym.options.evaluation import (
+    AtTermination,
+    EvaluationOptions,
+    checked_options,
+    seconds_of,
+)
 from rtamt_gym.play.loop import PlayBatch, Played, Task, play
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import Stop
@@ -89,7 +94,7 @@ class VectorEpisodes(Runner):
         self._times = StepTimes(self._env, self._comparison(step, reading, timed=timed))
         self.duration = duration or (None if limit is None or step is None else float(step * limit))
         self.unasked = reading.at_termination is None
-        self.reading = reading.having(
+        self.evaluation_options = reading.having(
             at_termination=reading.at_termination or "complete", period=self.period
         )
         self.stop: Stop = stop
@@ -119,20 +124,23 @@ class VectorEpisodes(Runner):
             known |= self.monitor.judging.signals or {}
         read = {**known, **(self.signals or {})}
         self._judged, refuse_nan = with_unknown_start(
-            self.reading, {name: read.get(name) for name in variables}
+            self.evaluation_options, {name: read.get(name) for name in variables}
         )
         parsed = parse_signals(
             self.signals or {}, variables, SOURCES, extra=True, own=known, refuse_nan=refuse_nan
         )
         same_step = autoreset_mode(self._env) is AutoresetMode.SAME_STEP
         self._rescaler = rescaling(
-            self._inside, parsed, below=self.reading.below, rescaled=self.reading.rescaled
+            self._inside,
+            parsed,
+            below=self.evaluation_options.below,
+            rescaled=self.evaluation_options.rescaled,
         )
         read_in = self._inside if self._rescaler is None else self._rescaler.env
         self._columns = SignalColumns(parsed, read_in, same_step=same_step)
 
     def _comparison(
-        self, period: Fraction | None, reading: Reading, *, timed: bool
+        self, period: Fraction | None, reading: EvaluationOptions, *, timed: bool
     ) -> Callable[[Any], StepTime] | None:
         """Return what compares the period with an environment; None if a monitor inside does."""
         if period is None or self.monitor is not None:
@@ -146,7 +154,7 @@ class VectorEpisodes(Runner):
 
         return compare
 
-    def _simulators_of(self, reading: Reading) -> list[Simulator]:
+    def _simulators_of(self, reading: EvaluationOptions) -> list[Simulator]:
         first, *others = self._places
         duration = self._of_runs["duration"]
         read = reading.having(below=False)  # the signals of all environments are read together

@@ -31,8 +31,8 @@ def judged_whole(specs: Mapping[str, Specification], runner: Runner) -> bool:
     """
     return (
         runner.duration is not None
-        and runner.reading.view == "episode"
-        and runner.reading.semantics == "standard"
+        and runner.evaluation_options.view == "episode"
+        and runner.evaluation_options.semantics == "standard"
         and all(spec.unit == "s" and spec.horizon <= runner.duration for spec in specs.values())
         and any(_nests(spec.formula) for spec in specs.values())
     )
@@ -92,7 +92,7 @@ class Whole:
 
     def _satisfied(self, row: Trial, heights: Mapping[str, float], trace: SimulatedTrace) -> Trial:
         """Return the row of a run that satisfies all requirements."""
-        period, reading = trace.period, self._runner.reading
+        period, reading = trace.period, self._runner.evaluation_options
         if period not in self._questions:
             specs = self._runner.requirements
             self._questions[period] = Questions(specs, reading.having(period=period))

@@ -207,7 +207,7 @@ def _added(
 
 
 def _placed(
-    publication: rtamt.Publication, publications: tuple[rtamt.Publication, ...]
+    publication: rtamt.language.Publication, publications: tuple[rtamt.language.Publication, ...]
 ) -> tuple[str, str]:
     """Return the class of the messages of a formula and their topic.
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import rtamt
-from rtamt import InputError, SubscribedField, Subscription
+from rtamt import InputError
 from rtamt.errors import nearest
+from rtamt.language import SubscribedField, Subscription
 from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.columns import Columns, FieldPath, path_text, read_source
 from rtamt_gym.recorded.names import near_name, starts_of

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import InputError
 from rtamt.errors import nearest, shown
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.bag_reader import Bag, open_bag
 from rtamt_gym.recorded.bag_topics import TopicFields, topic_fields
 from rtamt_gym.recorded.columns import Columns
@@ -31,7 +31,10 @@ _MOST: Final = 10_000_000
 
 
 def read_bag(
-    path: str, specs: Mapping[str, rtamt.Specification], reading: Reading, columns: Columns
+    path: str,
+    specs: Mapping[str, rtamt.Specification],
+    reading: EvaluationOptions,
+    columns: Columns,
 ) -> tuple[Trace | EventTrace, Fraction | None]:
     """Read a bag, and the period at which it was sampled; None for events."""
     if not reading.dense and reading.period is None:

@@ -24,7 +24,8 @@ from typing import BinaryIO, Final, TextIO, cast
 
 import numpy as np
 
-from rtamt import InputError, unit_of_times
+from rtamt import InputError
+from rtamt.columns import unit_of_times
 from rtamt.errors import shown
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.cells import TextCells, floats_in, times_in, values_in

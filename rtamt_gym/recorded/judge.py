@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 import rtamt
-from rtamt import End, InputError, SemanticsName, Verdict
+from rtamt import InputError, Verdict
+from rtamt.typing import End, SemanticsName
 from rtamt_gym.judging.monitors import EXACT, first_sample_error, robustness_text
 from rtamt_gym.judging.stages import progress_of, progress_of_events
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.results.extent import Extent, LateStart
@@ -143,17 +144,17 @@ class TraceJudgement:
     def not_recorded(self) -> tuple[str, ...]:
         """What an open verdict needs and the trace does not have, in words."""
         if self.period is None:
-            return tuple(map(str, self.found.untested))
+            return tuple(map(str, self.found.unrecorded))
         return tuple(
             str(
                 replace(
                     part,
                     at=part.at + self.start,
-                    begin=part.begin + self.start,
+                    start=part.start + self.start,
                     end=None if part.end is None else part.end + self.start,
                 )
             )
-            for part in self.found.untested
+            for part in self.found.unrecorded
         )
 
     @property
@@ -162,13 +163,13 @@ class TraceJudgement:
         if self.verdict != Verdict.UNDECIDED:
             return ""
         if self.found.complete == Verdict.UNDECIDED:
-            return f"no --end decides it: it hangs on {self.found.open_for}"
+            return f"no --end decides it: it hangs on {self.found.undecided_because}"
         return f"if the trace is all there is, --end complete says {self.found.complete.name}"
 
     @property
     def asked(self) -> list[str]:
         """How many times each implication was put to the test, in words; empty if none was."""
-        return trigger_texts(self.found.asked, self._instant)
+        return trigger_texts(self.found.triggers, self._instant)
 
     def _instant(self, at: float) -> str:
         """Return the text of a sample, or of a time in dense time."""
@@ -238,7 +239,7 @@ def judge(
     spec: rtamt.Specification,
     trace: Trace,
     period: Fraction | None,
-    reading: Reading,
+    reading: EvaluationOptions,
     *,
     formulas: bool = True,
 ) -> TraceJudgement:
@@ -256,14 +257,14 @@ def judge(
     trace = trace.known(requirement.variables)
     semantics, n = reading.semantics, trace.samples
     reading = _having_unknown(reading.having(period=period), trace, requirement)
-    options = reading.of_monitors({"": requirement})[""]
+    options = reading.from_monitors({"": requirement})[""]
 
     def from_start(end: End) -> rtamt.Judgement:
         return rtamt.judge(requirement, trace.columns, end=end, n=n, **options)
 
     def with_beginning(end: End) -> rtamt.Judgement:
         from_begin = recorded.with_beginning(requirement.variables)
-        unknown = reading.having(nan="unknown").of_monitors({"": requirement})[""]
+        unknown = reading.having(nan="unknown").from_monitors({"": requirement})[""]
         return rtamt.judge(
             requirement, from_begin.columns, end=end, n=from_begin.samples, **unknown
         )
@@ -321,10 +322,10 @@ def _by_start(
 
 
 def noticed(
-    mutants: Sequence[rtamt.Mutant],
+    mutants: Sequence[rtamt.mutation.Mutant],
     trace: Trace | EventTrace,
     period: Fraction | None,
-    reading: Reading,
+    reading: EvaluationOptions,
 ) -> tuple[bool, ...]:
     """Return which mutants of a requirement a trace kills.
 
@@ -343,8 +344,10 @@ def noticed(
     if isinstance(trace, Trace):
         trace = trace.known(requirement.variables)
         reading = _having_unknown(reading.having(period=period), trace, requirement)
-        options = reading.of_monitors({"": requirement})[""]
-        return rtamt.noticed(mutants, trace.columns, end=reading.end, n=trace.samples, **options)
+        options = reading.from_monitors({"": requirement})[""]
+        return rtamt.mutation.killed(
+            mutants, trace.columns, end=reading.end, n=trace.samples, **options
+        )
     events, late = trace, trace.late_start(requirement.variables)
 
     def verdict(spec: rtamt.Specification) -> Verdict | None:
@@ -358,7 +361,9 @@ def noticed(
     return tuple({its, verdict(m.specification)} == _DECIDED for m in mutants)
 
 
-def _having_unknown(reading: Reading, trace: Trace, spec: rtamt.Specification) -> Reading:
+def _having_unknown(
+    reading: EvaluationOptions, trace: Trace, spec: rtamt.Specification
+) -> EvaluationOptions:
     """Return the reading, with unknown values allowed if the specification reads one."""
     return reading if {*trace.unknown}.isdisjoint(spec.variables) else reading.having(nan="unknown")
 
@@ -392,7 +397,11 @@ def _times(start: float, samples: int, period: Fraction | None) -> Floats:
 
 
 def judge_events(
-    spec: rtamt.Specification, trace: EventTrace, reading: Reading, *, formulas: bool = True
+    spec: rtamt.Specification,
+    trace: EventTrace,
+    reading: EvaluationOptions,
+    *,
+    formulas: bool = True,
 ) -> TraceJudgement:
     """Judge events in dense time; the trace ends with the recording.
 
@@ -409,7 +418,7 @@ def judge_events(
 
 
 def _judge_events(
-    spec: rtamt.Specification, trace: EventTrace, reading: Reading, *, formulas: bool
+    spec: rtamt.Specification, trace: EventTrace, reading: EvaluationOptions, *, formulas: bool
 ) -> TraceJudgement:
     semantics, signals, requirement = reading.semantics, trace.tables, viewed(spec, reading.view)
     late = trace.late_start(requirement.variables)
@@ -417,11 +426,11 @@ def _judge_events(
     judgement, known, late, cut = _by_start(ways, late, reading.end, known=trace.start_known)
     series = {}
     for name, part in (_parts(spec) if formulas and not known.unknown else {}).items():
-        events = rtamt.evaluate_dense(part, signals, semantics=semantics)
+        events = rtamt.dense.evaluate(part, signals, semantics=semantics)
         values = _signed(events.values, semantics)
         first = None
         if part.timed:
-            judged = rtamt.judge_dense(part, signals, "complete", semantics=semantics)
+            judged = rtamt.dense.judge(part, signals, "complete", semantics=semantics)
             (first,) = _signed(np.array([judged.robustness]), semantics).tolist()
         series[name] = Series(
             *(events.times, values, trace.step, str(part.formula)), held=True, first=first
@@ -443,7 +452,7 @@ def _judge_events(
 
 
 def _dense_ways(
-    spec: rtamt.Specification, trace: EventTrace, late: LateStart | None, reading: Reading
+    spec: rtamt.Specification, trace: EventTrace, late: LateStart | None, reading: EvaluationOptions
 ) -> tuple[Callable[[End], rtamt.Judgement], Callable[[End], rtamt.Judgement]]:
     """Judge a specification on a trace with a start, by its end; for `_by_start`."""
     options = {"semantics": reading.semantics, **_not_known(trace)}
@@ -452,12 +461,12 @@ def _dense_ways(
     names = [name for name in spec.variables if name not in declared] or spec.variables
 
     def from_start(end: End) -> rtamt.Judgement:
-        return rtamt.judge_dense(spec, trace.tables_from(late, names), end, **options)
+        return rtamt.dense.judge(spec, trace.tables_from(late, names), end, **options)
 
     def with_beginning(end: End) -> rtamt.Judgement:
         assert late is not None, "there is a time before"  # noqa: S101 - for mypy
         signals = trace.tables_with_beginning(late, names)
-        return rtamt.judge_dense(spec, signals, end, **{**options, "nan": "unknown"})
+        return rtamt.dense.judge(spec, signals, end, **{**options, "nan": "unknown"})
 
     return from_start, with_beginning
 

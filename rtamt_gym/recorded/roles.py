@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import InputError, Specification, unit_of_times
+from rtamt import InputError, Specification
 from rtamt.columns import (
     are_clock_numbers,
     are_days,
@@ -24,6 +24,7 @@ from rtamt.columns import (
     plausible_units,
     split_times,
     stated_period,
+    unit_of_times,
 )
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.cells import floats_in

@@ -12,7 +12,7 @@ import numpy as np
 import rtamt
 from rtamt import InputError
 from rtamt.errors import shown
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.names import are_long, check_recorded, starts_of
@@ -24,7 +24,10 @@ from rtamt_gym.tables import number
 
 
 def read_ruled(
-    path: str, specs: Mapping[str, rtamt.Specification], reading: Reading, columns: Columns
+    path: str,
+    specs: Mapping[str, rtamt.Specification],
+    reading: EvaluationOptions,
+    columns: Columns,
 ) -> tuple[Trace | EventTrace, Fraction | None]:
     """Read a trace and its period: the stated one, the one of its samples, or None."""
     row = format_of(path)

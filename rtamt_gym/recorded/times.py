@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import InputError, unit_of_times
+from rtamt import InputError
 from rtamt.columns import (
     are_clock_numbers,
     are_days,
@@ -23,6 +23,7 @@ from rtamt.columns import (
     name_words,
     plausible_units,
     split_times,
+    unit_of_times,
 )
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listed, listing

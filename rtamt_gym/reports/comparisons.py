@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rtamt import RequirementId
+from rtamt.language import RequirementId
 from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.methods import MethodComparison

@@ -132,7 +132,7 @@ class PlayedEpisode:
 
 def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) -> ShownEpisode:
     """An episode in full from its run."""
-    course = run.courses[name]
+    course = run.histories[name]
     step = run.view == "step"
     spec = course.specification
     played = PlayedEpisode(

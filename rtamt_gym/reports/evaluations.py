@@ -100,7 +100,7 @@ def _decisions(evaluation: Evaluation) -> Iterator[str]:
 def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) -> Requirement:
     result = evaluation.requirements[name]
     runs = evaluation.worst_runs.get(name, ())
-    unit = runs[0].courses[name].unit if runs else "s"
+    unit = runs[0].histories[name].unit if runs else "s"
     step = bool(runs) and runs[0].view == "step"
     return requirement_of(
         name,

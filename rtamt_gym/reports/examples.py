@@ -11,15 +11,8 @@ from fractions import Fraction
 from typing import Any, Final, NamedTuple, cast
 
 import rtamt
-from rtamt import (
-    Example,
-    ExampleTrace,
-    Formula,
-    InputError,
-    RequirementExamples,
-    Term,
-    Verdict,
-)
+from rtamt import Formula, InputError, Term, Verdict
+from rtamt.checking import Example, ExampleTrace, RequirementExamples
 from rtamt.errors import Argument
 from rtamt_gym.checks.names import listing
 from rtamt_gym.reports.model import Band, Requirement, Section, ShownExample, numbers_table

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, NamedTuple
 
-from rtamt import RequirementId
+from rtamt.language import RequirementId
 from rtamt_gym.results.mutation import MutationScore
 from rtamt_gym.results.outcome import Moment, Word
 

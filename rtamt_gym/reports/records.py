@@ -79,7 +79,7 @@ def of_record(
         notes.append(
             "The result holds no system, so that no simulation was played again for this page."
         )
-    unit = unit or (unit_of(worst) if worst or record.timed else "steps")
+    unit = unit or (unit_of(worst) if worst or record.has_times else "steps")
     parts = dict(facts or {})
     if sweep is not None:
         parts = {"sampler": sweep.sampler, "seed": str(sweep.seed)} | parts
@@ -131,7 +131,7 @@ def requirements_of(
         runs = worst.get(name, [])
         step = any(run.view == "step" for run in runs)
         period = None if unit == "steps" else 1
-        result = None if record.chosen or not trials else results[name]
+        result = None if record.has_cases or not trials else results[name]
         match.append(
             requirement_of(
                 name,
@@ -233,7 +233,7 @@ def of_run(run: Run, room: int) -> Section:
     trial, label = run.trial(), run.label or labelled(0, run.trial())
     unit = "s" if run.period is not None else "steps"
     requirements = []
-    for name, course in run.courses.items():
+    for name, course in run.histories.items():
         words = in_words_of(course.formula, run.period, unit=course.unit, step=run.view == "step")
         requirements.append(
             requirement_of(
@@ -241,7 +241,7 @@ def of_run(run: Run, room: int) -> Section:
                 words,
                 course.formula,
                 trials_of([trial], [trial.judged(name)], lambda *_: label),
-                [episode_of_run(run, name, label, room, len(run.courses))],
+                [episode_of_run(run, name, label, room, len(run.histories))],
                 unit=unit,
                 id=course.specification.id,
             )

@@ -101,7 +101,7 @@ def with_outcome(trial: TrialRow, outcome: Outcome) -> TrialRow:
         trial,
         robustness=six(outcome.robustness),
         violated_at=None if at is None else rounded_moment(at),
-        asked=outcome.occasions,
+        asked=outcome.trigger_count,
         vacuous=outcome.vacuous,
         defaults=tuple(f"{name} = {number(value)}" for name, value in outcome.defaults.items()),
         unknown=bool(outcome.unknown),

@@ -119,7 +119,7 @@ def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
     run, note = _played(saved) if play else (None, _unplayed(saved))
     name, unit = saved.name, "steps" if run is not None and run.period is None else "s"
     worst = [] if run is None else [episode_of_run(run, name, "the case found", room, 1)]
-    step = saved.reading.get("view") == "step"
+    step = saved.evaluation_options.get("view") == "step"
     # What another verdict would stand on is not what this one stands on.
     stands_on = run.outcomes[name] if run is not None and saved.gives(run) else None
     violated = None if run is None else run.outcomes[name].violated
@@ -131,7 +131,7 @@ def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
         None if run is None else six(run.duration),
         seed=saved.seed,
         case=case_texts(saved.case),
-        asked=None if stands_on is None else stands_on.occasions,
+        asked=None if stands_on is None else stands_on.trigger_count,
         vacuous=stands_on is not None and stands_on.vacuous,
         progress=None if stands_on is None else stands_on.progress,
     )
@@ -181,7 +181,7 @@ def _played(saved: SavedCase) -> tuple[Run | None, str]:
         return None, f"{type(error).__name__}: {message}"
     if saved.repeats(run):
         return run, "Played again for this page, the case gave the same robustness."
-    got = number(run.courses[saved.name].final)
+    got = number(run.histories[saved.name].final)
     return run, f"Played again for this page, the case gave another robustness: {got}."
 
 
@@ -205,7 +205,7 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
     name, falsified = kept["requirement"], kept["falsified"]
     case = case_texts(Case.from_json(json.dumps(kept["input"])))
     facts = ("simulations", "budget", "optimizer", "seed", "robustness", "reductions")
-    unit = "s" if record.timed else "steps"
+    unit = "s" if record.has_times else "steps"
     effects = Effects(tuple(kept.get("without_effect", ())), int(kept.get("effect_simulations", 0)))
     return Section(
         kind="search",

@@ -19,7 +19,7 @@ import numpy as np
 import rtamt
 from rtamt import EpisodeMonitor
 from rtamt_gym.judging.monitors import EXACT
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.recorded.ruled import read_ruled
@@ -174,7 +174,7 @@ def _episode(
         raise NotShownError("this page shows samples under the standard or the boolean semantics")
     period = Fraction(kept["period"]) if "period" in kept else None
     parts = {item: kept[item] for item in ("view", "semantics", "align") if item in kept}
-    reading = Reading(period=period, **parts)
+    reading = EvaluationOptions(period=period, **parts)
     spec = rtamt.parse(formula)
     columns = Columns(**kept.get("columns", {}))
     try:
@@ -206,7 +206,7 @@ def _episode(
 
 
 def _curves(
-    spec: rtamt.Specification, trace: Trace, period: Fraction | None, reading: Reading
+    spec: rtamt.Specification, trace: Trace, period: Fraction | None, reading: EvaluationOptions
 ) -> dict[str, Any]:
     """Robustness and bounds at every sample; nothing of a long trace."""
     if trace.samples > _LONGEST:

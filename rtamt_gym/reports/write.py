@@ -293,9 +293,9 @@ SECTIONS: Final[Mapping[str, Callable[[Mapping[str, Any], Path, int, Access], Se
     "record": lambda kept, _path, room, _: _record(kept, room),
     "search": lambda kept, _path, _room, _: of_search_json(kept),
     "case": _case,
-    "evaluation": lambda kept, _path, room, _: of_evaluation(Evaluation.of_kept(kept), room),
-    "comparison": lambda kept, _path, _room, _: of_comparison(Comparison.of_kept(kept)),
-    "methods": lambda kept, _path, _room, _: of_methods(MethodComparison.of_kept(kept)),
+    "evaluation": lambda kept, _path, room, _: of_evaluation(Evaluation.from_saved(kept), room),
+    "comparison": lambda kept, _path, _room, _: of_comparison(Comparison.from_saved(kept)),
+    "methods": lambda kept, _path, _room, _: of_methods(MethodComparison.from_saved(kept)),
     "mined": lambda kept, _path, _room, _: of_mined(kept),
 }
 """The section of each kind of result that a file can hold."""

@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.play.record import Record
     from rtamt_gym.play.run import Run
+    from rtamt_gym.play.run_record import History
     from rtamt_gym.play.saved_case import SavedCase
+    from rtamt_gym.results.outcome import Outcome
     from rtamt_gym.results.statistics import RequirementResult
     from rtamt_gym.search.falsification.falsification import Falsification
     from rtamt_gym.search.mining.mining import Mined
@@ -21,8 +23,10 @@ __all__ = [
     "Comparison",
     "Evaluation",
     "Falsification",
+    "History",
     "MethodComparison",
     "Mined",
+    "Outcome",
     "Record",
     "RequirementResult",
     "Run",
@@ -35,6 +39,8 @@ if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__ = lazy_names(
         __name__,
         {
+            "Outcome": "rtamt_gym.results.outcome.Outcome",
+            "History": "rtamt_gym.play.run_record.History",
             "Comparison": "rtamt_gym.evaluation.comparison.Comparison",
             "Evaluation": "rtamt_gym.evaluation.evaluation.Evaluation",
             "Falsification": "rtamt_gym.search.falsification.falsification.Falsification",

@@ -229,7 +229,7 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         not_recorded=tuple(kept.get("not_recorded", ())),
         way_out=kept.get("way_out", ""),
         explanation=kept.get("explanation", ""),
-        asked=asked_of(kept),
+        triggers=asked_of(kept),
         vacuous=kept.get("vacuous", False),
         defaults={name: float(value) for name, value in kept.get("defaults", {}).items()},
         unknown=tuple(kept.get("unknown", ())),

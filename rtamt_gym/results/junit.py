@@ -9,8 +9,9 @@ from fractions import Fraction
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from rtamt import RequirementId, Verdict
+from rtamt import Verdict
 from rtamt.errors import shown_lines
+from rtamt.language import RequirementId
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome, Word, word
 from rtamt_gym.results.trial import Trial
@@ -90,9 +91,9 @@ def _suite(
             for key, value in own.items():
                 ET.SubElement(properties, "property", name=key, value=_xml(value))
         _say(case, cell, formulas[name], failing_cell(warnings, row.name, name, cell))
-        if isinstance(cell, Outcome) and cell.asked:
+        if isinstance(cell, Outcome) and cell.triggers:
             never = never_triggered_word(unknown=bool(cell.unknown))
-            rows = (f"{never if row.first is None else row}: {row.text}" for row in cell.asked)
+            rows = (f"{never if row.first is None else row}: {row.text}" for row in cell.triggers)
             ET.SubElement(case, "system-out").text = _xml("\n".join(rows))
     if row.described:
         ET.SubElement(suite, "system-out").text = _xml("\n".join([row.described, *row.notes]))
@@ -104,9 +105,10 @@ def _properties(cell: Outcome | Failure, identity: RequirementId | None) -> dict
     properties = {}
     if identity is not None:
         properties = {"id": identity.id, "link": identity.link}
-    if isinstance(cell, Outcome) and cell.occasions is not None:
-        properties["asked"] = str(cell.occasions)
-        properties |= {key: "true" for key in ("vacuous", "never_asked") if getattr(cell, key)}
+    if isinstance(cell, Outcome) and cell.trigger_count is not None:
+        properties["asked"] = str(cell.trigger_count)
+        properties |= {"vacuous": "true"} if cell.vacuous else {}
+        properties |= {"never_asked": "true"} if cell.never_triggered else {}
     if isinstance(cell, Outcome) and cell.late_start is not None:
         late = cell.late_start
         properties |= {"late_start": late.text, "left_out": str(late.left_out)}

@@ -220,7 +220,7 @@ def cell_text(cell: Outcome | Failure, *, on_defaults: bool = False) -> str:
 
 def times_text(cell: Outcome | Failure) -> str:
     """How many times a requirement was put to the test, as in ``12x``; empty if it cannot be."""
-    times = None if isinstance(cell, Failure) else cell.occasions
+    times = None if isinstance(cell, Failure) else cell.trigger_count
     return "" if times is None else f"{times}x"
 
 

@@ -25,7 +25,7 @@ class JudgedMutant:
     """A mutant of a requirement, and what became of it.
 
     Attributes:
-        kind: The kind of the change, a name in `rtamt.MUTATIONS`.
+        kind: The kind of the change, a name in `rtamt.mutation.MUTATIONS`.
         line: The line of the requirement's text, from 1.
         column: The column, from 1.
         before: What stands there.

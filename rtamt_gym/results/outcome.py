@@ -8,7 +8,10 @@ from dataclasses import asdict, dataclass, field, fields
 from fractions import Fraction
 from typing import Any, Final, Literal, Self
 
-from rtamt import Asked, DenseAsked, Evidence, Verdict
+import rtamt
+from rtamt import Verdict
+from rtamt.monitors import Evidence, TriggerCount
+from rtamt.renamed import OldName
 from rtamt_gym.results.extent import LateStart
 
 BY_END: Final = "by how it ended"
@@ -65,8 +68,8 @@ class Outcome:
         not_recorded: What an open verdict needs and the trace does not have.
         way_out: What would decide an open verdict; else empty.
         explanation: Which samples decided; empty if it was not asked for.
-        asked: For each implication of the requirement how often it was put to the test, as
-            `rtamt.Judgement.asked` counts it; empty if it has none, None if nobody has counted.
+        triggers: For each implication of the requirement how often it was put to the test, as
+            `rtamt.Judgement.triggers` counts it; empty if it has none, None if nobody has counted.
         vacuous: Whether it was satisfied without an answer (`rtamt.Judgement.vacuous`).
         defaults: The variables of which it read a declared default, in part of a recorded trace or
             in all of it, with the values.
@@ -87,13 +90,17 @@ class Outcome:
     not_recorded: tuple[str, ...] = ()
     way_out: str = ""
     explanation: str = ""
-    asked: tuple[Asked | DenseAsked, ...] | None = None
+    triggers: tuple[TriggerCount | rtamt.dense.TriggerCount, ...] | None = None
     vacuous: bool = False
     defaults: Mapping[str, float] = field(default_factory=dict, hash=False)
     unknown: tuple[str, ...] = ()
     progress: float | None = None
     late_start: LateStart | None = None
     ended: Moment | None = None
+
+    asked = OldName("triggers")
+    never_asked = OldName("never_triggered")
+    occasions = OldName("trigger_count")
 
     def __repr__(self) -> str:
         shown = [f"{field.name}={getattr(self, field.name)!r}" for field in fields(self)]
@@ -107,7 +114,7 @@ class Outcome:
         verdict: Verdict,
         sample: int | None,
         period: Fraction | None,
-        stands_on: Evidence[Asked] | None = None,
+        stands_on: Evidence[TriggerCount] | None = None,
         progress: float | None = None,
         *,
         ended: int | None = None,
@@ -126,11 +133,11 @@ class Outcome:
         robustness, lower, upper = bounds
         decided, last = (None if at is None else Moment.of(at, period) for at in (sample, ended))
         asked, vacuous = (
-            (None, False) if stands_on is None else (stands_on.asked, stands_on.vacuous)
+            (None, False) if stands_on is None else (stands_on.triggers, stands_on.vacuous)
         )
         return cls(
             *(robustness, lower, upper, verdict, decided),
-            asked=asked,
+            triggers=asked,
             vacuous=vacuous,
             progress=progress,
             ended=last,
@@ -163,34 +170,36 @@ class Outcome:
         return None if self.violated is None else self.violated.time
 
     @property
-    def never_asked(self) -> bool:
+    def never_triggered(self) -> bool:
         """Whether it is satisfied, and none of its implications was put to the test."""
-        return self.verdict is Verdict.SATISFIED and self.occasions == 0
+        return self.verdict is Verdict.SATISFIED and self.trigger_count == 0
 
     @property
     def answered(self) -> bool:
         """Whether it was put to the test, and an answer or that there was none has decided it."""
-        if not self.occasions or self.by_end:
+        if not self.trigger_count or self.by_end:
             return False
         satisfied = self.verdict is Verdict.SATISFIED and not self.vacuous
         return satisfied or self.verdict is Verdict.VIOLATED
 
     @property
-    def occasions(self) -> int | None:
+    def trigger_count(self) -> int | None:
         """How many times its implications were put to the test.
 
         None if it has none, or nobody has counted.
         """
-        return sum(implication.occasions for implication in self.asked) if self.asked else None
+        return sum(implication.count for implication in self.triggers) if self.triggers else None
 
     @property
     def evidence(self) -> Mapping[str, Any] | None:
         """``asked``, ``vacuous`` and ``never_asked`` as JSON holds them; None: not counted."""
-        if self.asked is None:
+        if self.triggers is None:
             return None
-        stored: dict[str, Any] = {"asked": [asdict(implication) for implication in self.asked]}
-        if self.asked:
-            stored |= {"vacuous": self.vacuous, "never_asked": self.never_asked}
+        stored: dict[str, Any] = {
+            "asked": [_plain_row(implication) for implication in self.triggers]
+        }
+        if self.triggers:
+            stored |= {"vacuous": self.vacuous, "never_asked": self.never_triggered}
         return stored
 
     @property
@@ -220,12 +229,21 @@ class Failure:
     traceback: str = ""
 
 
-def asked_of(kept: Mapping[str, Any]) -> tuple[Asked | DenseAsked, ...] | None:
+def asked_of(kept: Mapping[str, Any]) -> tuple[TriggerCount | rtamt.dense.TriggerCount, ...] | None:
     """The rows that `Outcome.evidence` has written; None where nobody had counted."""
     rows = kept.get("asked")
     if rows is None:
         return None
-    return tuple(Asked(**row) if "samples" in row else DenseAsked(**row) for row in rows)
+    return tuple(_row_of(row) for row in rows)
+
+
+def _plain_row(row: TriggerCount | rtamt.dense.TriggerCount) -> dict[str, Any]:
+    return {"occasions" if key == "count" else key: value for key, value in asdict(row).items()}
+
+
+def _row_of(stored: Mapping[str, Any]) -> TriggerCount | rtamt.dense.TriggerCount:
+    fields = {"count" if key == "occasions" else key: value for key, value in stored.items()}
+    return TriggerCount(**fields) if "samples" in fields else rtamt.dense.TriggerCount(**fields)
 
 
 WORDS: Final[Mapping[Verdict, Word]] = {

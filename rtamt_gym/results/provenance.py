@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Self
 
-from rtamt import RequirementId, Specification
+from rtamt import Specification
 from rtamt.errors import shown
+from rtamt.language import RequirementId
 from rtamt_gym.results.fingerprint import Fingerprint, Reuse
 
 _OF_VERSIONS: Final = ("rtamt", "numpy", "gymnasium", "mujoco", "fmpy", "numba")

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import Verdict
+from rtamt.renamed import OldName
 from rtamt_gym.results.intervals import IntervalKind, quantiles, rate_interval
 from rtamt_gym.results.outcome import Outcome, order
 from rtamt_gym.results.trial import STOPPED, Trial
@@ -50,12 +51,13 @@ class RequirementResult:
         worst: Seed and robustness of the ten worst episodes: first episodes that violate the
             requirement, then episodes that leave it open, each with the least robustness first. A
             fall that ``at_termination="failure"`` makes a violation may have any robustness.
-        asked: How many of those that did not fail have put it to the test: of an implication of it
-            the left side held. None if it has no implication, or nobody has counted.
+        triggered: How many of those that did not fail have put it to the test: of an implication of
+            it the left side held. None if it has no implication, or nobody has counted.
         progress: The mean progress, from 0 to 1, of those that did not fail, in the stages of the
             requirement. None if it has none, or nobody has counted.
-        apart: Whether trials that failed are left out of the rate: they were chosen, as in a sweep,
-            and nothing is known of them. Episodes of a policy that failed are not satisfied.
+        failures_excluded: Whether trials that failed are left out of the rate: they were chosen, as
+            in a sweep, and nothing is known of them. Episodes of a policy that failed are not
+            satisfied.
         kind: The kind of the interval of the rate.
     """
 
@@ -70,10 +72,14 @@ class RequirementResult:
     first_violations: Floats
     saved: float
     worst: tuple[tuple[int, float], ...]
-    asked: int | None = None
+    triggered: int | None = None
     progress: float | None = None
-    apart: bool = False
+    failures_excluded: bool = False
     kind: IntervalKind = "exact"
+
+    asked = OldName("triggered")
+    apart = OldName("failures_excluded")
+    heights = OldName("robustness_values")
 
     @property
     def judged(self) -> int:
@@ -83,7 +89,7 @@ class RequirementResult:
     @property
     def counted(self) -> int:
         """How many episodes the rate is a share of: all, or those that did not fail."""
-        return self.judged if self.apart else self.episodes
+        return self.judged if self.failures_excluded else self.episodes
 
     @property
     def rate(self) -> float:
@@ -96,7 +102,7 @@ class RequirementResult:
         return rate_interval(self.satisfied, self.counted, self.kind)
 
     @property
-    def heights(self) -> Floats:
+    def robustness_values(self) -> Floats:
         """The robustness of the episodes that have one, least first; -0.0 comes before 0.0."""
         known = self.robustness[~np.isnan(self.robustness)]
         return known[np.lexsort((np.copysign(1.0, known), known))]
@@ -104,7 +110,7 @@ class RequirementResult:
     @property
     def quantiles(self) -> Mapping[float, float]:
         """The quantiles 0.05, 0.25, 0.5, 0.75 and 0.95 of the robustness; empty if all failed."""
-        return quantiles(self.heights)
+        return quantiles(self.robustness_values)
 
     def __repr__(self) -> str:
         others = [
@@ -204,7 +210,7 @@ def _height(key: str, heading: str, of: Callable[[Floats], float], **more: Any) 
     """A statistic of the robustness of the trials that have one."""
 
     def value(result: RequirementResult) -> float | None:
-        return of(result.heights) if result.heights.size else None
+        return of(result.robustness_values) if result.robustness_values.size else None
 
     return Statistic(key, heading, value, short, robustness=True, **more)
 
@@ -228,8 +234,8 @@ STATISTICS: Final = (
         "failed", "failed", lambda of: of.failed, style="red", shown=lambda of: of.failed > 0
     ),
     Statistic(
-        *("asked", "asked in", lambda of: of.asked),
-        shown=lambda of: of.asked is not None,
+        *("asked", "asked in", lambda of: of.triggered),
+        shown=lambda of: of.triggered is not None,
         judged=True,
     ),
     Statistic(
@@ -238,7 +244,9 @@ STATISTICS: Final = (
     ),
     _height("least", "least", lambda heights: float(heights[0])),
     # Of fewer than 20 it is the least.
-    _height("cvar", "CVaR 5%", expected_shortfall, shown=lambda of: len(of.heights) >= 20),
+    _height(
+        "cvar", "CVaR 5%", expected_shortfall, shown=lambda of: len(of.robustness_values) >= 20
+    ),
     _height("median", "median", lambda heights: float(heights[(len(heights) - 1) // 2])),
     _height("greatest", "greatest", lambda heights: float(heights[-1]), where="counts"),
 )
@@ -300,13 +308,13 @@ def result_of(
         first_violations=np.array(violations, np.float64),
         saved=math.fsum(_saved(*item, limit) for item in judged),
         worst=tuple((seed, height) for _, seed, height in ranked[:_WORST]),
-        asked=sum(bool(value.occasions) for _, value in judged)
-        if any(value.asked for _, value in judged)
+        triggered=sum(bool(value.trigger_count) for _, value in judged)
+        if any(value.triggers for _, value in judged)
         else None,
         progress=mean_progress(
             [value.progress for _, value in judged if value.progress is not None]
         ),
-        apart=apart,
+        failures_excluded=apart,
         kind=kind,
     )
 

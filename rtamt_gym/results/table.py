@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self, overload
 
 from rtamt import InputError, Verdict
 from rtamt.errors import nearest
+from rtamt.renamed import OldName
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.results.intervals import IntervalKind
@@ -29,6 +30,9 @@ class Results(Sequence[Trial]):
         system: The name of the system; empty of recorded traces.
         provenance: What they were made of and with; it is not compared.
     """
+
+    of_files = OldName("with_files")
+    chosen = OldName("has_cases")
 
     def __init__(
         self,
@@ -71,7 +75,7 @@ class Results(Sequence[Trial]):
 
     __hash__ = None  # type: ignore[assignment]  # it is as large as its rows
 
-    def of_files(self, paths: Iterable[str]) -> Self:
+    def with_files(self, paths: Iterable[str]) -> Self:
         """The same results with the hashes of files that they were made of."""
         return type(self)(
             self.rows, self.requirements, self.system, self.provenance.with_files(paths)
@@ -128,7 +132,7 @@ class Results(Sequence[Trial]):
         for name, text in self.requirements.items():
             outcomes = [row.judged(name) for row in self.rows]
             result[name] = result_of(
-                name, text, self.rows, outcomes, limit, apart=self.chosen, kind=kind
+                name, text, self.rows, outcomes, limit, apart=self.has_cases, kind=kind
             )
         return result
 
@@ -141,11 +145,11 @@ class Results(Sequence[Trial]):
         if len(formulas) > 1:
             text = " and ".join(f"({formula})" for formula in formulas)
         return result_of(
-            SUCCESS, text, self.rows, self.together(), limit, apart=self.chosen, kind=kind
+            SUCCESS, text, self.rows, self.together(), limit, apart=self.has_cases, kind=kind
         )
 
     @property
-    def chosen(self) -> bool:
+    def has_cases(self) -> bool:
         """Whether the trials were chosen, as the points of a sweep: else chance has made them.
 
         Rates are of those that were judged then. Of trials that chance has made, one that failed is

@@ -55,7 +55,7 @@ class Measure(NamedTuple):
 
 
 def _evidence(outcome: Outcome) -> str | None:
-    return json.dumps(outcome.evidence) if outcome.asked else None
+    return json.dumps(outcome.evidence) if outcome.triggers else None
 
 
 def _whole(flag: bool | None) -> int | None:  # noqa: FBT001 - it is data
@@ -77,7 +77,7 @@ MEASURES: Final = (
         optional=True,
     ),
     Measure("violated", lambda outcome: BY_END if outcome.by_end else None, "text", optional=True),
-    Measure("asked", lambda outcome: outcome.occasions, "whole", optional=True),
+    Measure("asked", lambda outcome: outcome.trigger_count, "whole", optional=True),
     Measure("progress", lambda outcome: outcome.progress, optional=True),
     Measure("evidence", _evidence, "text", optional=True),
 )
@@ -201,7 +201,7 @@ class Trial:
                 measured["upper"],
                 Verdict[measured["verdict"]],
                 decided,
-                asked=() if asked is None and name in unconditional else asked,
+                triggers=() if asked is None and name in unconditional else asked,
                 vacuous=evidence.get("vacuous", False),
                 progress=measured["progress"],
                 ended=ended,

@@ -17,7 +17,8 @@ from rtamt_gym.tables import counted, shorten, wrapped
 if TYPE_CHECKING:
     from fractions import Fraction
 
-    from rtamt import Asked, DenseAsked
+    import rtamt
+    from rtamt.monitors import TriggerCount
     from rtamt_gym.results.outcome import Failure, Outcome, Word
     from rtamt_gym.results.table import Results
     from rtamt_gym.results.trial import Trial
@@ -136,7 +137,7 @@ def evidence_warnings(
             continue
         total, cells = counted(len(outcomes), trial), ("", name)
         certain = " for certain" * any(outcome.unknown for outcome in outcomes)
-        triggered = sum(bool(outcome.occasions) for outcome in outcomes)
+        triggered = sum(bool(outcome.trigger_count) for outcome in outcomes)
         if not triggered:
             word = never_triggered_word(unknown=bool(certain))
             text = f"{word}: {name} was put to the test{certain} in 0 of {total}"
@@ -149,7 +150,9 @@ def evidence_warnings(
                 f"triggered too seldom: {name} in {triggered} of {total}{certain}; "
                 f"--require-triggered={required.triggered} requires {required.triggered}"
             )
-            rows = [row for row in results.rows if not (o := row.judged(name)) or not o.occasions]
+            rows = [
+                row for row in results.rows if not (o := row.judged(name)) or not o.trigger_count
+            ]
             failing = {(row.name, name): text for row in rows}
             kind = "triggered too seldom"
             seldom.append(VerdictWarning(text, kind, name, failing, fails=True))
@@ -167,13 +170,13 @@ def _partly_triggered(
     """Yield texts on implications that were not triggered, and on verdicts without an answer."""
     times = Counter[str]()
     for outcome in outcomes:
-        for implication in outcome.asked or ():
-            times[implication.text] += implication.occasions
+        for implication in outcome.triggers or ():
+            times[implication.text] += implication.count
     word = never_triggered_word(unknown=bool(certain))
     for text, count in times.items():
         if not count:
             yield f"{word} in {name}: {shorten(text, 60)} in 0 of {total}"
-    unanswered = sum(outcome.vacuous and not outcome.never_asked for outcome in outcomes)
+    unanswered = sum(outcome.vacuous and not outcome.never_triggered for outcome in outcomes)
     if unanswered:
         yield f"satisfied without an answer: {name} in {unanswered} of {total}"
 
@@ -293,7 +296,7 @@ def triggered_in(results: Results, name: str) -> tuple[int, int] | None:
     None if the requirement has no implication, or triggers were not counted.
     """
     outcomes = _counted(results, name)
-    return (sum(bool(o.occasions) for o in outcomes), len(outcomes)) if outcomes else None
+    return (sum(bool(o.trigger_count) for o in outcomes), len(outcomes)) if outcomes else None
 
 
 def undecided_in(results: Results, name: str) -> tuple[int, int]:
@@ -317,13 +320,13 @@ def trigger_line(results: Results, trial: str = "trace") -> str:
     for name in results.requirements:
         if outcomes := _counted(results, name):
             certain = " for certain" * any(outcome.unknown for outcome in outcomes)
-            triggered = sum(bool(outcome.occasions) for outcome in outcomes)
+            triggered = sum(bool(outcome.trigger_count) for outcome in outcomes)
             parts.append(f"{name} in {triggered} of {counted(len(outcomes), trial)}{certain}")
     return f"asked: {', '.join(parts)}" if parts else ""
 
 
 def trigger_texts(
-    implications: Sequence[Asked | DenseAsked], instant: Callable[[float], str]
+    implications: Sequence[TriggerCount | rtamt.dense.TriggerCount], instant: Callable[[float], str]
 ) -> list[str]:
     """Return how often each implication was triggered, in words; empty if none was.
 
@@ -332,7 +335,7 @@ def trigger_texts(
         instant: Writes a sample, or in dense time a time.
     """
     return [
-        f"asked {row.occasions}x, first at {instant(row.first)}"
+        f"asked {row.count}x, first at {instant(row.first)}"
         + ", satisfied without an answer" * row.vacuous
         + f": {row.text}" * (len(implications) > 1)
         for row in implications
@@ -343,4 +346,4 @@ def trigger_texts(
 def _counted(results: Results, name: str) -> list[Outcome]:
     """Return the outcomes of a requirement with implications whose triggers were counted."""
     judged = (row.judged(name) for row in results.rows)
-    return [outcome for outcome in judged if outcome is not None and outcome.asked]
+    return [outcome for outcome in judged if outcome is not None and outcome.triggers]

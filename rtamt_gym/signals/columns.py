@@ -3,8 +3,8 @@
 `rtamt_gym.signals.signals` lists the selectors. ``obs[2]`` reads column 2 of the batched
 observations, and ``info['speed']`` the array of that key. Its mask ``_speed``, if there is one,
 must be true for every environment that takes a sample; at a reset it tells where the default
-applies. A function is called for each environment; a function that `rtamt_gym.batched` marks is
-called once with the batch. Selectors that read simulations, such as ``qpos[1]``, read the
+applies. A function is called for each environment; a function that `rtamt_gym.wrappers.batched`
+marks is called once with the batch. Selectors that read simulations, such as ``qpos[1]``, read the
 environments of a `SyncVectorEnv` one by one.
 """
 
@@ -44,8 +44,8 @@ class SignalColumns:
         signals: The signals, in the order of the columns.
         env: The vector environment.
         same_step: Whether it resets an environment in the step that ends its episode.
-        compare: Whether the first calls of functions that are marked with `rtamt_gym.batched` are
-            compared with calls for each environment.
+        compare: Whether the first calls of functions that are marked with
+            `rtamt_gym.wrappers.batched` are compared with calls for each environment.
 
     Attributes:
         reads_obs: Whether a signal reads observations.

@@ -13,8 +13,8 @@ A signal is a text selector, a function, or a pair of one of them and its value 
 | a function | its result for a `Step` | called, unless a value is given |
 
 The value at reset is a number, or None if nothing is known: the sample of the reset is unknown
-then. A function reads one environment, in a vector environment too; `rtamt_gym.batched` marks a
-function that reads a batch at once. With several agents, a selector starts with the agent:
+then. A function reads one environment, in a vector environment too; `rtamt_gym.wrappers.batched`
+marks a function that reads a batch at once. With several agents, a selector starts with the agent:
 ``agent_0: obs[2]``.
 
 `rtamt_gym.signals.selectors` parses selectors; the rows of `rtamt_gym.signals.sources` bind them.
@@ -115,7 +115,7 @@ class Step(NamedTuple):
     """The argument of a function that is a signal.
 
     It describes one environment, in a vector environment too. A function that is marked with
-    `rtamt_gym.batched` gets the batch of all environments.
+    `rtamt_gym.wrappers.batched` gets the batch of all environments.
 
     Attributes:
         obs: The observation that `reset` or `step` returned.
@@ -210,7 +210,8 @@ def batched(function: Callable[[Any], Any]) -> Batched:
     Example:
         >>> import gymnasium as gym
         >>> import numpy as np
-        >>> from rtamt_gym import VectorStlMonitor, batched
+        >>> from rtamt_gym import VectorStlMonitor
+        >>> from rtamt_gym.wrappers import batched
         >>> envs = gym.make_vec("CartPole-v1", 3, vectorization_mode="vector_entry_point")
         >>> energy = batched(lambda step: np.square(step.obs[:, 1]) + np.square(step.obs[:, 3]))
         >>> envs = VectorStlMonitor(envs, "always(energy < 1)", {"energy": energy})

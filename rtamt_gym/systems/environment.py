@@ -17,7 +17,7 @@ from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Feed, Panel
-from rtamt_gym.options.evaluation import Reading, refuse_other
+from rtamt_gym.options.evaluation import EvaluationOptions, refuse_other
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
@@ -291,8 +291,8 @@ def with_own_monitor(
     monitor: Any,  # noqa: ANN401 - of one environment, or of many
     specs: Any,  # noqa: ANN401
     signals: Mapping[str, SignalLike] | None,
-    reading: Reading,
-) -> tuple[Any, Mapping[str, SignalLike] | None, Reading]:
+    reading: EvaluationOptions,
+) -> tuple[Any, Mapping[str, SignalLike] | None, EvaluationOptions]:
     """Return specifications, signals and options; without specifications, those of the monitor."""
     if monitor is None or specs is not None:
         return specs, signals, reading

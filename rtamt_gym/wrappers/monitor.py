@@ -132,7 +132,7 @@ class StlMonitor(
             clip: Bound of the numbers that ``observe`` appends; the interesting margins of every
                 specification should be inside. If more than half of the samples of the first 10
                 episodes are outside, a ``UserWarning`` reports their range
-            **reading: The evaluation options of :class:`rtamt_gym.Reading`
+            **reading: The evaluation options of :class:`rtamt_gym.EvaluationOptions`
 
         Raises:
             SpecificationError: If a specification is wrong, needs a period and has none, has a

@@ -32,7 +32,7 @@ from rtamt_gym.judging.specs import (
     with_unknown_start,
 )
 from rtamt_gym.judging.vector_panel import VectorPanel
-from rtamt_gym.options.evaluation import AtTermination, EvaluationKeywords, Reading
+from rtamt_gym.options.evaluation import AtTermination, EvaluationKeywords, EvaluationOptions
 from rtamt_gym.signals.periods import (
     ask_another,
     clock_of,
@@ -105,7 +105,7 @@ class Monitoring(Observing):
         env: Any,
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None,
-        reading: Reading,
+        reading: EvaluationOptions,
         options: OwnOptions,
         find_period: ReadPeriod = read_period,
         *,

@@ -189,7 +189,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
             buffer_length: The number of records in :attr:`stl_episodes`
             constants: As for :class:`StlMonitor`
             history: Whether to keep the samples of the episode for :meth:`explain`
-            **reading: The evaluation options of :class:`rtamt_gym.Reading`
+            **reading: The evaluation options of :class:`rtamt_gym.EvaluationOptions`
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does

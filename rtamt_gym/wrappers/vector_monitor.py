@@ -111,9 +111,9 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         """Parse the specifications and bind the signals.
 
         It takes the arguments of :class:`StlMonitor`, with these differences: ``env`` is a vector
-        environment; a function that :func:`rtamt_gym.batched` marks reads all environments at once;
-        for the period of an ``AsyncVectorEnv``, one more environment is made and closed if a
-        specification has bounds; and ``on_violation`` is ``"report"`` by default. It and
+        environment; a function that :func:`rtamt_gym.wrappers.batched` marks reads all environments
+        at once; for the period of an ``AsyncVectorEnv``, one more environment is made and closed if
+        a specification has bounds; and ``on_violation`` is ``"report"`` by default. It and
         ``on_satisfaction`` may be ``"terminate"`` or ``"truncate"`` only with
         ``AutoresetMode.DISABLED``.
 

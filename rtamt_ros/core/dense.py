@@ -7,14 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from rtamt import (
-    DenseEpisodeMonitor,
-    DenseMonitor,
-    InputError,
-    Specification,
-    SpecificationError,
-    Verdict,
-)
+import rtamt
+from rtamt import InputError, Specification, SpecificationError, Verdict
 from rtamt.machines.readout import moved
 from rtamt_ros.core.account import Account
 from rtamt_ros.core.inputs import Input
@@ -34,13 +28,13 @@ class DenseJudge:
     A run begins when every input has come and none is stale. The robustness of a time is reported
     as soon as it is known: with receive times, when a message comes or a look is taken, up to the
     message's own time, as topics that are silent have kept their values; with stamps, when every
-    topic has a later one. `DenseMonitor` gives the robustness; if it cannot wait for the
-    requirement, `DenseEpisodeMonitor` gives the robustness of the run so far. Bounds and verdict
-    come from `DenseEpisodeMonitor`.
+    topic has a later one. `rtamt.dense.Monitor` gives the robustness; if it cannot wait for the
+    requirement, `rtamt.dense.EpisodeMonitor` gives the robustness of the run so far. Bounds and
+    verdict come from `rtamt.dense.EpisodeMonitor`.
 
     Under ``stale_as="unknown"`` a run goes on while inputs are stale: from the time on at which one
-    is, `DenseEpisodeMonitor` takes its values for unknown until its next message. `DenseMonitor`,
-    which needs every value, begins anew when all inputs are there again.
+    is, `rtamt.dense.EpisodeMonitor` takes its values for unknown until its next message.
+    `rtamt.dense.Monitor`, which needs every value, begins anew when all inputs are there again.
 
     Args:
         requirement: What to judge.
@@ -67,13 +61,13 @@ class DenseJudge:
         self.account = Account(requirement, record)
         self.inputs = requirement.inputs
         self._unknown = settings.stale_as == "unknown"
-        self._episode = DenseEpisodeMonitor(
+        self._episode = rtamt.dense.EpisodeMonitor(
             spec, nan="unknown" if self._unknown else "raise", **options
         )
-        self._monitor: DenseMonitor | None = None
-        self._named: dict[str, DenseMonitor | DenseEpisodeMonitor] = {}
+        self._monitor: rtamt.dense.Monitor | None = None
+        self._named: dict[str, rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor] = {}
         try:
-            self._monitor = DenseMonitor(spec, **options)
+            self._monitor = rtamt.dense.Monitor(spec, **options)
         except SpecificationError:  # an unbounded future inside the formula
             self._named = {
                 name: _alone(spec, name, options)
@@ -330,7 +324,7 @@ class DenseJudge:
     def _latenesses(self) -> dict[str, int]:
         """By how many nanoseconds the formulas that are known last lie before the requirement."""
         late = {
-            name: each.horizon if isinstance(each, DenseMonitor) else 0.0
+            name: each.horizon if isinstance(each, rtamt.dense.Monitor) else 0.0
             for name, each in self._named.items()
         }
         if self._monitor is not None:
@@ -356,15 +350,15 @@ class DenseJudge:
 
 def _alone(
     specification: Specification, name: str, options: Mapping[str, Any]
-) -> DenseMonitor | DenseEpisodeMonitor:
+) -> rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor:
     """The monitor of a named formula by itself."""
     formula = specification.formulas[name]
     alone = replace(specification, formula=formula, formulas={name: formula}, uses={})
     try:
-        return DenseMonitor(alone, **options)
+        return rtamt.dense.Monitor(alone, **options)
     except SpecificationError:  # an unbounded future inside the formula
-        return DenseEpisodeMonitor(alone, **options)
+        return rtamt.dense.EpisodeMonitor(alone, **options)
 
 
-def _value(monitor: DenseMonitor | DenseEpisodeMonitor, name: str) -> float:
-    return monitor.values[name] if isinstance(monitor, DenseMonitor) else monitor.robustness
+def _value(monitor: rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor, name: str) -> float:
+    return monitor.values[name] if isinstance(monitor, rtamt.dense.Monitor) else monitor.robustness

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from rtamt import SubscribedField
+from rtamt.language import SubscribedField
 from rtamt_ros.core.settings import Settings
 
 __all__ = ["Input"]

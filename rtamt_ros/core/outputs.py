@@ -6,7 +6,8 @@ import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from rtamt import Publication, SpecificationError
+from rtamt import SpecificationError
+from rtamt.language import Publication
 from rtamt_ros.core.requirements import SubscribedRequirement
 
 __all__ = ["Output", "bound_topics", "outputs_of"]

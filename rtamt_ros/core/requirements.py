@@ -6,14 +6,9 @@ import itertools
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from rtamt import (
-    Formula,
-    InputError,
-    Specification,
-    SpecificationError,
-    Subscription,
-)
+from rtamt import Formula, InputError, Specification, SpecificationError
 from rtamt.errors import nearest
+from rtamt.language import Subscription
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.settings import Settings
 

@@ -73,7 +73,7 @@ def generated(
 
 
 def agrees(
-    found: rtamt.Check, specs: dict[str, rtamt.Specification], period: float | str | None
+    found: rtamt.checking.Check, specs: dict[str, rtamt.Specification], period: float | str | None
 ) -> int:
     """How many witnesses the monitors judge as shown; raises at the first that they do not."""
     count = 0
@@ -134,9 +134,9 @@ def main() -> None:
             times.append((time.process_time() - begin) / len(found.requirements))
             judged += agrees(found, dict(spec.requirements), period)
             for one, each in found.requirements.items():
-                said[each.says] += 1
-                if each.says == "unknown":
-                    answers = (each.satisfiable, each.falsifiable, *each.asked.values())
+                said[each.answer] += 1
+                if each.answer == "unknown":
+                    answers = (each.satisfiable, each.falsifiable, *each.triggers.values())
                     whys = {*each.unknown.values(), *(a.why for a in answers)} - {""}
                     print(f"  unknown   {name} {one}: {'; '.join(sorted(whys))}")
             if times[-1] >= 1:
@@ -154,7 +154,7 @@ def main() -> None:
         found = rtamt.check(pairs(options.pairs))
         took = time.process_time() - begin
         print(
-            f"{options.pairs} requirements in pairs: {took:.1f} s, says {found.says}, "
+            f"{options.pairs} requirements in pairs: {took:.1f} s, says {found.answer}, "
             f"{len(found.implied)} implied, {len(found.equal)} equal, {len(found.unknown)} unknown"
         )
 

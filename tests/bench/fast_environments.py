@@ -67,7 +67,7 @@ def rewarded(env: Any) -> Any:  # noqa: ANN401
 
 def shared(env: Any) -> Any:  # noqa: ANN401
     """The same, with the rewards written into PufferLib's array."""
-    from rtamt_gym import SharedBuffers
+    from rtamt_gym.wrappers import SharedBuffers
 
     return SharedBuffers(rewarded(env))
 

@@ -11,7 +11,8 @@ import pytest
 from programs import run
 from vector_environments import ANGLE, TEXT, difference, make_pole, sync
 
-from rtamt_gym import SharedBuffers, StlReward, VectorStlMonitor, VectorStlReward, as_vector_env
+from rtamt_gym import StlReward, VectorStlMonitor, VectorStlReward
+from rtamt_gym.wrappers import SharedBuffers, as_vector_env
 
 SAFE = "always(abs(theta) < 0.1)"
 NEXT_STEP = gym.vector.AutoresetMode.NEXT_STEP

@@ -20,7 +20,8 @@ from staliro.signals import (
 from staliro.specifications import rtamt as theirs
 
 import rtamt
-from rtamt_gym import Case, Parameter, Run, Runner, Signal, Waveform, falsify, simulate
+from rtamt_gym import Case, Parameter, Runner, Signal, Waveform, falsify, simulate
+from rtamt_gym.results import Run
 from rtamt_gym.search.falsification.taliro import TaliroProblem, TaliroSystem
 
 PERIOD = 0.25
@@ -90,7 +91,7 @@ def test_a_model_gives_what_it_gives_to_psy_taliro(points: Any, kind: str, data:
     assert np.array_equal([run.signals["at"], run.signals["speed"]], np.array([*trace.states]).T)
     assert run.times.tolist() == [*trace.times]
     cost = theirs.parse_discrete(NEAR, COLUMNS).evaluate(trace).value
-    assert run.courses["spec"].final == cost
+    assert run.histories["spec"].final == cost
 
 
 def test_even_points_of_one_range_are_a_signal_and_others_are_parameters() -> None:

@@ -77,7 +77,7 @@ def test_costs_are_the_robustness_at_the_start(
     assert cost == rtamt.evaluate(requirement, columns, STEP)[0]
     events = {name: list(zip(trace.times, columns[name], strict=True)) for name in columns}
     cost = requirements.parse_dense(requirement, COLUMNS).evaluate(trace).value
-    assert cost == rtamt.evaluate_dense(requirement, events)[0][1]
+    assert cost == rtamt.dense.evaluate(requirement, events)[0][1]
 
 
 def test_states_may_have_names() -> None:

@@ -17,6 +17,7 @@ from experiments import SCRIPTS
 from paths import EXAMPLES
 
 import rtamt
+import rtamt.language.words
 from rtamt.patterns import CATALOGUE
 
 ARGUMENTS = {
@@ -133,7 +134,7 @@ def test_the_page_on_patterns_has_the_words_the_traces_and_a_picture_of_each(
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
         shown = page.partition(f"examples/patterns/{picture}")[2].partition("\n### ")[0]
         assert f"\n{pattern.formula}\n" in shown
-        assert rtamt.in_words(pattern.formula) in shown
+        assert rtamt.language.words.in_words(pattern.formula) in shown
         for trace in (pattern.satisfying, pattern.violating):
             for name, values in trace.items():
                 assert f"{name}=[{', '.join(f'{value:g}' for value in values)}]" in shown

@@ -86,12 +86,12 @@ OTHERS = (
 
 @pytest.mark.parametrize(("name", "unit"), TIMES.items())
 def test_time_names_state_their_unit(name: str, unit: str) -> None:
-    assert rtamt.unit_of_times(name.strip()) == unit
+    assert rtamt.columns.unit_of_times(name.strip()) == unit
 
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_names_are_not_times(name: str) -> None:
-    assert rtamt.unit_of_times(name) is None
+    assert rtamt.columns.unit_of_times(name) is None
 
 
 def test_units_are_plausible_by_step_and_date() -> None:

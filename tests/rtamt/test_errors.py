@@ -101,7 +101,7 @@ def test_a_hint_that_a_program_has_no_option_for_leaves_no_line(
     text: str | rtamt.Specification,
 ) -> None:
     with pytest.raises(rtamt.SpecificationError) as caught:
-        rtamt.DenseMonitor(text)
+        rtamt.dense.Monitor(text)
     head, hint = str(caught.value).split("\n  hint: ")
     assert hint == "give resolution='1ps', of which it is one"
     assert caught.value.message.worded(lambda _: None) == head

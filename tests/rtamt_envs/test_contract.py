@@ -196,7 +196,7 @@ def test_the_baseline_runs_under_the_requirements(name: str) -> None:
         stop="end",
     )
     assert run.steps == SCENARIOS[name][1]
-    assert set(run.courses) == set(bare.requirements)
+    assert set(run.histories) == set(bare.requirements)
     assert all(np.isfinite(values).all() for values in run.signals.values())
     signals = read_signals(bare.scenario)
     monitored = StlMonitor(gym.make(f"rtamt/{name}-v0"), bare.requirements, signals)
@@ -206,7 +206,7 @@ def test_the_baseline_runs_under_the_requirements(name: str) -> None:
         if terminated:
             break
     at = monitored.samples - 1
-    courses = [course for course in run.courses.values() if len(course.upper) > at]
+    courses = [course for course in run.histories.values() if len(course.upper) > at]
     assert info["stl_upper"] == min(course.upper[at] for course in courses)
 
 

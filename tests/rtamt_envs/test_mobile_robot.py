@@ -142,7 +142,7 @@ def judged(parameters: dict[str, float], seed: int = 0) -> dict[str, float]:
     env = gym.make("rtamt/MobileRobot-v0", parameters=parameters)
     inner: Any = env.unwrapped
     run = simulate(env, inner.requirements, policy=inner.baseline, seed=seed, stop="end")
-    return {name: float(each.robustness[-1]) for name, each in run.courses.items()}
+    return {name: float(each.robustness[-1]) for name, each in run.histories.items()}
 
 
 def test_the_baseline_meets_all_requirements_wherever_it_begins() -> None:

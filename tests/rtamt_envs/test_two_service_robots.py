@@ -65,7 +65,7 @@ def judged(parameters: dict[str, float], seed: int = 0) -> dict[str, float]:
     env = gym.make("rtamt/TwoServiceRobots-v0", parameters=parameters)
     inner: Any = env.unwrapped
     run = simulate(env, inner.requirements, policy=inner.baseline, seed=seed, stop="end")
-    return {name: float(each.robustness[-1]) for name, each in run.courses.items()}
+    return {name: float(each.robustness[-1]) for name, each in run.histories.items()}
 
 
 def test_the_baseline_keeps_apart_and_serves_all_stations() -> None:

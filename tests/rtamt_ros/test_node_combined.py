@@ -103,7 +103,7 @@ def test_asked_counts_what_judge_counts_on_the_trace_as_soon_as_a_left_side_is_k
         so_far = {name: [step[at] for step in steps[: number + 1]] for at, name in enumerate("xy")}
         spec = parse(f"float64 x\nfloat64 y\n{text}")
         trace = {name: so_far[name] for name in spec.variables}
-        counts = [each.samples for each in judge(spec, trace, period=0.1, end="open").asked]
+        counts = [each.samples for each in judge(spec, trace, period=0.1, end="open").triggers]
         if TEXTS.index(text) == 3:  # the second left side looks 0.2 s ahead
             lefts = evaluate(f"float64 x\nfloat64 y\n{AHEAD}", so_far, period=0.1)
             counts[1] = int(holds(lefts)[: max(0, number - 1)].sum())

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from memory_middleware import SECOND, MemoryMiddleware, message
 
 import rtamt
-from rtamt import Events, SpecificationError, evaluate_dense
+from rtamt import SpecificationError
 from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode, Settings
 
@@ -97,9 +97,9 @@ def test_by_receipt_a_node_publishes_what_evaluate_dense_says(
     for each in given_.values():
         each.append((end, each[-1][1]))
     wanted = {name: each for name, each in given_.items() if name in spec.variables}
-    whole = evaluate_dense(spec, wanted)
-    found = Events(*_arrays(published(ros)))
-    horizon = rtamt.DenseMonitor(spec).horizon
+    whole = rtamt.dense.evaluate(spec, wanted)
+    found = rtamt.dense.Events(*_arrays(published(ros)))
+    horizon = rtamt.dense.Monitor(spec).horizon
     expected = [(time, value) for time, value in whole if time < end - horizon - 1e-9]
     assert list(found) == expected
     assert node.reports[0].restarts == 0
@@ -147,9 +147,9 @@ def test_by_stamps_the_order_in_which_topics_come_does_not_matter(
         ).items()
         if name in spec.variables
     }
-    end = (time + 1000 * MS) / 1e9 - rtamt.DenseMonitor(spec).horizon
-    expected = [each for each in evaluate_dense(spec, wanted) if each[0] < end - 1e-9]
-    assert list(Events(*_arrays(published(ros)))) == expected
+    end = (time + 1000 * MS) / 1e9 - rtamt.dense.Monitor(spec).horizon
+    expected = [each for each in rtamt.dense.evaluate(spec, wanted) if each[0] < end - 1e-9]
+    assert list(rtamt.dense.Events(*_arrays(published(ros)))) == expected
     assert (node.reports[0].restarts, node.reports[0].out_of_order) == (0, 0)
 
 

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from memory_middleware import SECOND, MemoryMiddleware, message
 
 import rtamt
-from rtamt import EpisodeMonitor, SemanticsName, evaluate
+from rtamt import EpisodeMonitor, evaluate
+from rtamt.typing import SemanticsName
 from rtamt_ros.node import MonitorNode, Settings
 
 MS = 1_000_000

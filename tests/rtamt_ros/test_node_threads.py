@@ -13,7 +13,6 @@ import pytest
 from memory_middleware import SECOND, MemoryMiddleware, message
 
 import rtamt
-from rtamt import evaluate_dense
 from rtamt_ros.node import MonitorNode, Settings
 
 MS = 1_000_000
@@ -108,7 +107,7 @@ def test_events_of_several_threads_are_judged_in_the_order_in_which_they_are_rec
     end = (ros.time - 1 - START) / 1e9
     for each in events.values():
         each.append((end, each[-1][1]))
-    whole = [each for each in evaluate_dense(text, events) if each[0] < end - 0.5]
+    whole = [each for each in rtamt.dense.evaluate(text, events) if each[0] < end - 0.5]
     assert ros.data("rtamt/spec") == [value for _, value in whole]
     assert node.reports == ()
 

@@ -181,7 +181,7 @@ def test_in_dense_time_a_value_is_unknown_from_when_it_is_stale(
         ros.tick()
         whole, late = sent.until(ros.time)
         spec = rtamt.parse(text.replace("0.2", "0.2 s"), unit="ns")
-        found = rtamt.judge_dense(spec, whole, "open", nan="unknown")
+        found = rtamt.dense.judge(spec, whole, "open", nan="unknown")
         (report,) = node.reports
         assert (report.lower, report.upper) == (found.lower, found.upper)
         assert report.verdict is found.verdict

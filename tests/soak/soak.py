@@ -58,7 +58,7 @@ class Rounds:
         self._episode = rtamt.EpisodeMonitor(TEXT, backend=backend)
         self._late = rtamt.VectorMonitor(TEXT, number, backend=backend)
         self._episodes = rtamt.VectorEpisodeMonitor(TEXT, number, backend=backend)
-        self._dense = rtamt.DenseMonitor(TEXT, backend=backend)
+        self._dense = rtamt.dense.Monitor(TEXT, backend=backend)
 
     def run(self) -> Found:
         """What the monitors give in the next round."""

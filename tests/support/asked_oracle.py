@@ -22,7 +22,7 @@ FALSE = parse("false").formula
 
 
 class Row(NamedTuple):
-    """What `rtamt.Asked` says of an implication."""
+    """What `rtamt.monitors.TriggerCount` says of an implication."""
 
     text: str
     samples: int
@@ -179,7 +179,7 @@ def _lower(trace: Trace, n: int, end: str) -> Callable[[Node, int], float]:
 
 
 class DenseRow(NamedTuple):
-    """What `rtamt.DenseAsked` says of an implication."""
+    """What `rtamt.dense.TriggerCount` says of an implication."""
 
     text: str
     duration: Time

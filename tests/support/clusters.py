@@ -7,8 +7,9 @@ from typing import Any
 
 from campaign_systems import tank_runner, troubled
 
-from rtamt_gym import Parameter, Record, evaluate_policy, falsify, sweep
+from rtamt_gym import Parameter, evaluate_policy, falsify, sweep
 from rtamt_gym.play.campaign import run_campaign
+from rtamt_gym.results import Record
 
 __all__ = ["check"]
 

@@ -12,7 +12,7 @@ from dense_oracle import STEP
 from hypothesis import strategies as st
 from strategies import QUARTERS, VARIABLES
 
-from rtamt import DenseEpisodeMonitor, DenseMonitor
+import rtamt
 
 Breakpoints = list[tuple[float, float]]
 Bits = list[tuple[float, float, float]]
@@ -61,7 +61,7 @@ def chunked(whole: Signals, shares: list[list[float]]) -> Chunks:
     return calls
 
 
-def of(monitor: DenseMonitor | DenseEpisodeMonitor, chunk: Signals) -> Signals:
+def of(monitor: rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor, chunk: Signals) -> Signals:
     """The events of the variables that the monitor has."""
     return {name: events for name, events in chunk.items() if name in monitor.variables}
 
@@ -71,7 +71,7 @@ def relevant(whole: Mapping[str, _Events], names: tuple[str, ...]) -> dict[str, 
     return {name: whole[name] for name in names}
 
 
-def play(monitor: DenseMonitor, calls: Chunks) -> Breakpoints:
+def play(monitor: rtamt.dense.Monitor, calls: Chunks) -> Breakpoints:
     """Updates the monitor with every chunk and finishes it; all steps of the result."""
     given = [step for chunk in calls for step in monitor.update(of(monitor, chunk))]
     return given + monitor.finish()

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 from rtamt import Verdict
-from rtamt_gym import Case, Evaluation, Record
+from rtamt_gym import Case
+from rtamt_gym.results import Evaluation, Record
 from rtamt_gym.results.fingerprint import Fingerprint
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.provenance import Provenance

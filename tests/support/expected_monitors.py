@@ -6,13 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from rtamt import (
-    DenseEpisodeMonitor,
-    DenseMonitor,
-    EpisodeMonitor,
-    Monitor,
-    SpecificationError,
-)
+import rtamt
+from rtamt import EpisodeMonitor, Monitor, SpecificationError
 from rtamt.monitors.options import Spec
 
 
@@ -70,18 +65,18 @@ class DenseExpected:
     Args:
         spec: What is exported.
         *parts: The named formulas.
-        **options: Those of `DenseEpisodeMonitor`.
+        **options: Those of `rtamt.dense.EpisodeMonitor`.
     """
 
     def __init__(self, spec: Spec, *parts: Spec, **options: Any) -> None:  # noqa: ANN401
         options = {"backend": "python", **options}
-        self.episode = DenseEpisodeMonitor(spec, **options)
-        self._monitors: list[DenseMonitor | DenseEpisodeMonitor] = []
+        self.episode = rtamt.dense.EpisodeMonitor(spec, **options)
+        self._monitors: list[rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor] = []
         for part in parts:
             try:
-                self._monitors.append(DenseMonitor(part, **options))
+                self._monitors.append(rtamt.dense.Monitor(part, **options))
             except SpecificationError:
-                self._monitors.append(DenseEpisodeMonitor(part, **options))
+                self._monitors.append(rtamt.dense.EpisodeMonitor(part, **options))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -98,7 +93,7 @@ class DenseExpected:
         """Robustness, bounds and verdict, and the named formulas."""
         e = self.episode
         named = [
-            m.robustness if isinstance(m, DenseEpisodeMonitor) else [*m.values.values()][-1]
+            m.robustness if isinstance(m, rtamt.dense.EpisodeMonitor) else [*m.values.values()][-1]
             for m in self._monitors
         ]
         return [e.robustness, e.lower, e.upper, float(e.verdict), *named]

@@ -17,8 +17,9 @@ from fmpy import read_model_description
 from hypothesis import strategies as st
 from strategies import QUARTERS, formulas
 
-from rtamt import Formula, Specification, export_fmu, variable
+from rtamt import Formula, Specification, variable
 from rtamt.export import Fmi, fmu
+from rtamt.export.fmu import export_fmu
 from rtamt.language.formula import make
 from rtamt.language.node import Node
 

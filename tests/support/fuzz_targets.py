@@ -64,8 +64,8 @@ MONITORS: tuple[Callable[[], Any], ...] = (
     lambda: rtamt.EpisodeMonitor("always((x > 0) until[3:9] (once[2:8](x > 1)))"),
     lambda: rtamt.VectorMonitor("historically[1:7](x > 0)", 3),
     lambda: rtamt.VectorEpisodeMonitor("always((x > 0) implies eventually[0:5](x > 1))", 3),
-    lambda: rtamt.DenseMonitor("always[0:3](x > 0) or once[1:2](x > 1)"),
-    lambda: rtamt.DenseEpisodeMonitor("always((x > 0) implies eventually[0:3](x > 1))"),
+    lambda: rtamt.dense.Monitor("always[0:3](x > 0) or once[1:2](x > 1)"),
+    lambda: rtamt.dense.EpisodeMonitor("always((x > 0) implies eventually[0:3](x > 1))"),
 )
 
 
@@ -102,7 +102,7 @@ def snapshot(data: bytes) -> None:
 
 def _feed(monitor: Any, i: int) -> None:  # noqa: ANN401 - any monitor
     value = math.sin(i * 1.7) * 3
-    if isinstance(monitor, rtamt.DenseMonitor | rtamt.DenseEpisodeMonitor):
+    if isinstance(monitor, rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor):
         monitor.update({"x": [(i / 2, value)]})
     elif isinstance(monitor, rtamt.VectorMonitor | rtamt.VectorEpisodeMonitor):
         monitor.update(np.full((3, 1), value))

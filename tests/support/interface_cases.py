@@ -8,7 +8,8 @@ from oracle import Read
 from strategies import VARIABLES, formulas
 
 import rtamt
-from rtamt import SemanticsName, Specification
+from rtamt import Specification
+from rtamt.typing import SemanticsName
 
 Case = tuple[Specification, SemanticsName]
 AWARE: st.SearchStrategy[SemanticsName] = st.sampled_from(SEMANTICS[1:])

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from oracle import INF, Read, Trace, Value, holds, predicate
 
-from rtamt import SemanticsName
 from rtamt.language.node import Node
+from rtamt.typing import SemanticsName
 
 SEMANTICS: tuple[SemanticsName, ...] = (
     "standard",

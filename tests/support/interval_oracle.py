@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from strategies import QUARTERS
 
-from rtamt import Between
+from rtamt import UncertainValue
 
 INF = math.inf
 TURNS = (0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 2.0, -2.0, 3.0, 5e-324, -5e-324, 1e308, -1e308)
@@ -60,9 +60,9 @@ def some_ends(rng: random.Random, numbers: Sequence[float] = NUMBERS) -> Ends:
     return lower, upper
 
 
-def inside(value: float | Between, rng: random.Random) -> float:
+def inside(value: float | UncertainValue, rng: random.Random) -> float:
     """A number that a value may be."""
-    if not isinstance(value, Between):
+    if not isinstance(value, UncertainValue):
         return value
     assert isinstance(value.lower, float)
     assert isinstance(value.upper, float)

@@ -10,19 +10,9 @@ from fractions import Fraction
 import numpy as np
 
 from rtamt import Verdict
-from rtamt_gym import (
-    Case,
-    Evaluation,
-    Falsification,
-    Parameter,
-    Record,
-    Run,
-    Sweep,
-    falsify,
-    simulate,
-    sweep,
-)
+from rtamt_gym import Case, Parameter, falsify, simulate, sweep
 from rtamt_gym.reports.model import Figure, Section
+from rtamt_gym.results import Evaluation, Falsification, Record, Run, Sweep
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import Trial
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from rtamt_gym import Step, batched
+from rtamt_gym import Step
+from rtamt_gym.wrappers import batched
 
 
 def sideways(step: Step) -> float:

@@ -6,7 +6,8 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 
-from rtamt import Answer, Example, ExampleTrace, RequirementExamples, Verdict
+from rtamt import Verdict
+from rtamt.checking import Answer, Example, ExampleTrace, RequirementExamples
 from rtamt_gym.reports.examples import with_examples
 from rtamt_gym.reports.figures import (
     cases_figure,

@@ -168,7 +168,7 @@ class LiveScenario:
         for course in events.values():
             if course[-1][0] < times[-1]:  # it was silent, and kept its value
                 course.append((times[-1], course[-1][1]))
-        offline = [value for _, value in rtamt.evaluate_dense(OFFLINE[FOLLOWS], events)]
+        offline = [value for _, value in rtamt.dense.evaluate(OFFLINE[FOLLOWS], events)]
         published = [value for value in numbers(run.heard[EVENTS]) if math.isfinite(value)]
         assert in_order(published, offline)
         assert len(published) >= len(offline) - 3

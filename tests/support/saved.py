@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import rtamt
-from rtamt_gym import Runner, SavedCase, Space
+from rtamt_gym import Runner, Space
 from rtamt_gym.inputs.space import SpaceLike
+from rtamt_gym.results import SavedCase
 
 __all__ = ["Kind", "check"]
 
@@ -39,10 +40,10 @@ def check(kind: Kind, coordinates: list[float], seed: int, path: Path) -> None:
             assert run.case == case
             assert run.seed == row.seed
             if row.ended != "violation" or outcome.verdict is rtamt.Verdict.VIOLATED:
-                final = run.courses[name].final
+                final = run.histories[name].final
                 assert math.copysign(1, final) == math.copysign(1, outcome.robustness)
                 assert final == outcome.robustness
-                assert run.courses[name].verdict is outcome.verdict
+                assert run.histories[name].verdict is outcome.verdict
                 assert read.gives(run)
                 assert read.repeats(run)
                 assert read.newer() == {}

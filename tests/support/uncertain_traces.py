@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from interval_oracle import inside, order
 from strategies import QUARTERS, VARIABLES, Draw, Trace
 
-from rtamt import Between
+from rtamt import UncertainValue
 
-Uncertain = dict[str, list[float | Between]]
+Uncertain = dict[str, list[float | UncertainValue]]
 
-UNKNOWN = Between(-math.inf, math.inf)
+UNKNOWN = UncertainValue(-math.inf, math.inf)
 
 
 @functools.cache
@@ -26,14 +26,14 @@ def uncertain_traces(draw: Draw, least: int = 1, most: int = 10, share: float = 
     return {name: [some_value(rng, share) for _ in range(n)] for name in VARIABLES}
 
 
-def some_value(rng: random.Random, share: float) -> float | Between:
+def some_value(rng: random.Random, share: float) -> float | UncertainValue:
     """A number, or, in that share of cases, an interval: half of them everything."""
     if rng.random() >= share:
         return rng.choice(QUARTERS)
     if rng.random() < 0.5:
         return UNKNOWN
     lower, upper = sorted(rng.choices(QUARTERS, k=2), key=order)
-    return Between(lower, upper)
+    return UncertainValue(lower, upper)
 
 
 def one_of(trace: Uncertain, rng: random.Random) -> Trace:

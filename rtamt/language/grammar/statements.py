@@ -170,7 +170,7 @@ class _Reader:
             imports=self.imports,
             types=self.types,
             unit=unit,
-            given=self.given,
+            overrides=self.given,
             chains=self.builder.chains,
             positions=self.builder.positions,
             uses=self.uses,

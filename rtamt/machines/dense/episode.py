@@ -1,4 +1,4 @@
-"""The machine of `DenseEpisodeMonitor` in Python: robustness and bounds at the start of a trace.
+"""The Python machine of `rtamt.dense.EpisodeMonitor`: robustness and bounds at the start.
 
 It does over the regions of dense time what `rtamt.machines.episode.machine` does over samples.
 Position 0 is the start of the trace, and the last position that was seen is the instant of the

@@ -10,7 +10,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from rtamt.inputs.arrays import Floats
-from rtamt.inputs.between import Between
+from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.clock import Ticks
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import Given, not_known
@@ -258,7 +258,7 @@ class _Refusal(NamedTuple):
     reader: EventReader
     trace: TraceValues
 
-    def refuse(self, values: Sequence[float | Between], i: int) -> NoReturn:
+    def refuse(self, values: Sequence[float | UncertainValue], i: int) -> NoReturn:
         self.reader.refuse(values, (int(self.trace.ticks[i]), self.trace.dated))
 
     def refuse_between(

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from types import MemberDescriptorType
 from typing import Any, NamedTuple
 
-from rtamt.inputs.between import Between
+from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.samples import SampleReader, SampleValues, ends_of, in_between
 from rtamt.machines.episode.machine import PythonEpisodeMachine, refuse_update
 from rtamt.machines.protocols import End
@@ -115,7 +115,7 @@ class PythonEpisodeVariants(Retiring, StateFields):
         """Return the next sample and its terms; refuse a term without a value."""
         ends = [ends_of(value) for value in values]
         lower = [low for low, _ in ends]
-        if not any(isinstance(value, Between) for value in values):
+        if not any(isinstance(value, UncertainValue) for value in values):
             known = self._result.terms(lower)
             return SampleTerms(lower, lower, known, known)
         ranges = ranges_of(self._result.program, [of_ends(*pair) for pair in ends])

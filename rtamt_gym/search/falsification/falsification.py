@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rtamt import Explanation, InputError, Verdict
+from rtamt.renamed import OldName
 from rtamt_gym import markup
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
@@ -55,7 +56,7 @@ class Falsification:
         requirement: The name of the requirement that is violated; if none is, the name of the one
             that came closest.
         row: The simulation that violates, with the reduced input; if none does, the closest.
-        found: The case that violates as it was found, before it was reduced; if none does, the
+        unreduced: The case that violates as it was found, before it was reduced; if none does, the
             closest.
         record: All simulations of the search, in their order, without those for the reduction and
             for `effects`.
@@ -64,7 +65,7 @@ class Falsification:
         coverage: How much of the space the simulations have seen that were judged.
         reductions: The simulations that the reduction took.
         effects: The inputs without an effect on the robustness, and the simulations that told them.
-            In each, one input was moved to the other end of its range, from `found` and from a
+            In each, one input was moved to the other end of its range, from `unreduced` and from a
             second simulation of the search.
         optimizer: The name of the optimizer.
         budget: The most simulations that the search could make.
@@ -75,7 +76,7 @@ class Falsification:
     falsified: bool
     requirement: str
     row: Trial
-    found: Case
+    unreduced: Case
     record: Record
     space: Space
     scales: Mapping[str, float]
@@ -87,6 +88,8 @@ class Falsification:
     seed: int
     _runner: Runner = field(compare=False)
     interrupted: bool = False
+
+    found = OldName("unreduced")
 
     @property
     def input(self) -> Case:
@@ -208,7 +211,7 @@ class Falsification:
                 "robustness": self.robustness,
                 **({"by_end": True} if self._by_end else {}),
                 "input": self.input,
-                "found": self.found,
+                "found": self.unreduced,
                 "simulation_seed": self.row.seed,
                 "simulations": self.simulations,
                 "interrupted": self.interrupted,
@@ -294,11 +297,11 @@ class Falsification:
             lines += ["", *_wrapped(f"{runs}; {took}", ""), "input of the closest:"]
         lines += case_lines(self.input)
         if self.reductions:
-            before, after = _size(self.found), _size(self.input)
+            before, after = _size(self.unreduced), _size(self.input)
             runs = counted(self.reductions, "more simulation")
             made = f"reduced from {before} numbers to {after}"
             if before == after:
-                made = "no simpler one found" if self.input == self.found else "rounded"
+                made = "no simpler one found" if self.input == self.unreduced else "rounded"
             lines += _wrapped(f"{made} by {runs}", "")
         if self.scales:
             scales = ", ".join(f"{text}: {number(it)}" for text, it in self.scales.items())

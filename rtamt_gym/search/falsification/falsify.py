@@ -23,7 +23,7 @@ from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.options.evaluation import (
     EvaluationKeywords,
-    Reading,
+    EvaluationOptions,
     checked_options,
     documents_options,
 )
@@ -155,9 +155,9 @@ def falsify(
             are not. `Record.load` reads the folder at any time.
         accept_changed: As for `sweep`.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
-            ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
-            ``at_truncation``.
+        **reading: How samples are judged, the options of `rtamt_gym.EvaluationOptions`: ``period``,
+            ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination``
+            and ``at_truncation``.
 
     Returns:
         What was found; if no simulation violates, the closest. A simulation that raises an error
@@ -224,7 +224,7 @@ def falsify(
         specs: Requirements | None,
         stop: Stop,
         signals: Mapping[str, SignalLike] | None = signals,
-        judged: Reading = judged,
+        judged: EvaluationOptions = judged,
     ) -> Runner:
         return Runner(
             system,
@@ -250,7 +250,7 @@ def falsify(
     of_optimizer, of_search = np.random.SeedSequence(seed).spawn(2)
     rng = np.random.default_rng(of_search)
     # A monitor that the system has gives its specifications, and so its signals and reading too.
-    again = partial(make, signals=runner.signals, judged=runner.reading)
+    again = partial(make, signals=runner.signals, judged=runner.evaluation_options)
     texts = {each: str(spec.standalone()) for each, spec in specs.items()}
     scaling = _scales(scales, specs)
     fingerprint = runner.fingerprint()
@@ -287,7 +287,7 @@ def falsify(
             falsified=search.violated is not None,
             requirement=search.closest,
             row=simplest or best,
-            found=best.case,
+            unreduced=best.case,
             record=record(),
             space=varied,
             scales=search.scales or {},

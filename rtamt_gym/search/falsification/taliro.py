@@ -144,7 +144,7 @@ class _Requirement(staliro.Specification[State, float, None]):  # type: ignore[m
                 "expected a trace of a TaliroProblem, which has the robustness, got another; "
                 "staliro.specifications.rtamt reads any"
             )
-        return staliro.Result(min(each.final for each in trace.run.courses.values()), None)
+        return staliro.Result(min(each.final for each in trace.run.histories.values()), None)
 
 
 class TaliroSystem(System):

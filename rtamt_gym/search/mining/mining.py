@@ -9,8 +9,10 @@ from fractions import Fraction
 from typing import Literal, Unpack, get_args
 
 import rtamt
-from rtamt import End, Explanation, InputError
+from rtamt import Explanation, InputError
 from rtamt.errors import Argument
+from rtamt.renamed import OldName
+from rtamt.typing import End
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.recorded.progress import progress as shown_progress
@@ -75,7 +77,7 @@ class Mined:
         probes: At how many values, both ends among them, every trace was judged to see whether it
             changes its verdict once at most.
         notes: What else is to be known, in sentences.
-        asked: How many traces put the requirement to the test at the value; None if it has no
+        triggers: How many traces put the requirement to the test at the value; None if it has no
             implication. Where it is 0, the value says nothing of the system.
     """
 
@@ -93,7 +95,10 @@ class Mined:
     evaluations: int
     probes: int
     notes: tuple[str, ...] = ()
-    asked: int | None = None
+    triggers: int | None = None
+
+    asked = OldName("triggers")
+    never_asked = OldName("never_triggered")
 
     @property
     def witness(self) -> Witness:
@@ -117,9 +122,9 @@ class Mined:
         return str(self.specification.formula)
 
     @property
-    def never_asked(self) -> str:
+    def never_triggered(self) -> str:
         """That no trace puts the requirement to the test at the value, in words; else empty."""
-        if self.asked != 0:
+        if self.triggers != 0:
             return ""
         what = f"{self.parameter} = {text_of(self.value)}"
         return f"never asked: {what} was put to the test in 0 of {counted(self.traces, 'trace')}"
@@ -138,7 +143,7 @@ class Mined:
             "evaluations": self.evaluations,
             "probes": self.probes,
             "notes": self.notes,
-            "asked": self.asked,
+            "asked": self.triggers,
         }
         results = Results(trials, {self.parameter: self.formula})
         return document("mined", {**about, **plain_results(results, rates=False)})
@@ -169,7 +174,7 @@ class Mined:
         if case:
             columns = ", ".join(f"{key}={number(value)}" for key, value in case.columns().items())
             lines += _wrapped(f"case: {columns}")
-        never = [""] * bool(self.never_asked) + wrapped(self.never_asked)
+        never = [""] * bool(self.never_triggered) + wrapped(self.never_triggered)
         return "\n".join([*lines, str(self.explanation), *never])
 
 
@@ -342,8 +347,8 @@ def _mined(
 
 def _asked(spec: rtamt.Specification, traces: list[Samples]) -> int | None:
     """How many traces put a requirement to the test; None if it has no implication."""
-    rows = [traces[0].judge(spec).asked]
+    rows = [traces[0].judge(spec).triggers]
     if not rows[0]:
         return None
-    rows += [trace.judge(spec).asked for trace in traces[1:]]
-    return sum(any(each.occasions for each in asked) for asked in rows)
+    rows += [trace.judge(spec).triggers for trace in traces[1:]]
+    return sum(any(each.count for each in asked) for asked in rows)

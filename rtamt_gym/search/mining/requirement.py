@@ -82,7 +82,7 @@ class Template:
             self.text = text or given.text.strip()
             self._plain, self._unit = given.text, given.unit
             self._requirement = given.requirement
-            self._constants = {**given.given, **self._constants}
+            self._constants = {**given.overrides, **self._constants}
         self.at = lru_cache(maxsize=64)(self._at)
         self.unit = self._bounding_unit()
 

@@ -17,7 +17,7 @@ import numpy as np
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.readers import is_bag
@@ -57,7 +57,7 @@ class Samples:
     name: str
     given: object
     signals: Any
-    reading: Reading
+    reading: EvaluationOptions
     n: int | None = None
     start: float = 0.0
     notes: tuple[str, ...] = ()
@@ -81,7 +81,7 @@ class Samples:
         return self.reading.seconds
 
     def _options(self, spec: rtamt.Specification) -> dict[str, Any]:
-        return self.reading.of_monitors({"": spec})[""]
+        return self.reading.from_monitors({"": spec})[""]
 
 
 @contextmanager
@@ -97,7 +97,7 @@ def _naming(name: str) -> Iterator[None]:
 def samples_of(
     traces: Traces,
     spec: rtamt.Specification,
-    reading: Reading,
+    reading: EvaluationOptions,
     *,
     shown: bool,
 ) -> tuple[list[Samples], tuple[str, ...]]:
@@ -197,7 +197,7 @@ def _is_a(given: object, module: str, name: str) -> bool:
     return loaded is not None and isinstance(given, getattr(loaded, name))
 
 
-def _of_run(run: Run, name: str, reading: Reading) -> Samples:
+def _of_run(run: Run, name: str, reading: EvaluationOptions) -> Samples:
     if run.first_sample:
         raise InputError(
             f"{name}: expected the samples of a whole episode, got those from sample "
@@ -219,7 +219,7 @@ def _of_file(
     path: str,
     given: object,
     spec: rtamt.Specification,
-    reading: Reading,
+    reading: EvaluationOptions,
 ) -> Samples:
     if not Path(path).suffix and path != "-" and not Path(path).exists():
         raise InputError(
@@ -241,7 +241,9 @@ def _of_file(
     )
 
 
-def _of_episode(reading: Reading, period: Fraction | None, ended: RunEnd) -> Reading:
+def _of_episode(
+    reading: EvaluationOptions, period: Fraction | None, ended: RunEnd
+) -> EvaluationOptions:
     """How a run is judged; one that its system has ended is all there is."""
     if reading.period is None:
         reading = reading.having(period=period)
@@ -253,7 +255,7 @@ def _of_episode(reading: Reading, period: Fraction | None, ended: RunEnd) -> Rea
 def _of_sweep(
     sweep: Sweep,
     spec: rtamt.Specification,
-    reading: Reading,
+    reading: EvaluationOptions,
     *,
     shown: bool,
 ) -> list[Samples]:

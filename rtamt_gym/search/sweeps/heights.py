@@ -77,7 +77,7 @@ def map_of(
     name = record.name(requirement)
     x, y = two_of(space.columns, x, y)
     every = np.stack([record.numbers(x), record.numbers(y)], axis=1)
-    heights = record.heights(name)
+    heights = record.robustness_values(name)
     known = ~np.isnan(heights)
     if not known.any():
         raise InputError(f"no simulation has a robustness of {name!r}: there is no map")

@@ -130,7 +130,7 @@ def _heights(record: Record, name: str) -> NDArray[np.float64]:
             "indices need simulations up to their end, and some were stopped; sweep with ",
             Argument("stop", "end"),
         )
-    heights = record.heights(name)
+    heights = record.robustness_values(name)
     infinite = int(np.count_nonzero(~np.isfinite(heights)))
     if infinite:
         raise InputError(

@@ -98,7 +98,7 @@ def draw_scatter(record: Record, space: Space) -> Figure:
     for ax in panels.flat[:]:
         ax.set_visible(False)
     for number, name in enumerate(names):
-        heights = record.heights(name)
+        heights = record.robustness_values(name)
         verdicts = [row.outcomes[name].verdict if name in row.outcomes else None for row in record]
         for place, column in enumerate(columns):
             ax = panels[number * lines + place // _PANELS, place % _PANELS]

@@ -212,7 +212,7 @@ class Sweep:
         lines = record_table(self.record)
         if self.sampler == "grid" and len(self.space.columns) == 2:
             for name in self.requirements:
-                heights = self.record.heights(name)
+                heights = self.record.robustness_values(name)
                 if np.unique(heights[~np.isnan(heights)]).size > 1:
                     lines += ["", *self.map(requirement=name).lines()]
         if reused := reuse_lines(self.record.provenance, "simulation"):
@@ -282,9 +282,9 @@ def sweep(
             its policy, rtamt or the simulator has changed since, which is an error otherwise. The
             record states the mixture, in ``record.provenance.reuse``.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
-            ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
-            ``at_truncation``.
+        **reading: How samples are judged, the options of `rtamt_gym.EvaluationOptions`: ``period``,
+            ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination``
+            and ``at_truncation``.
 
     Returns:
         The record, the space, and what follows from them. An error of a simulation is in its row.
@@ -407,7 +407,7 @@ def tell_failures(record: Record) -> None:
     if not len(failed):
         return
     if len(failed) == len(record):
-        what = "simulation" if record.chosen else "episode"
+        what = "simulation" if record.has_cases else "episode"
         raise InputError(
             f"all {counted(len(record), what)} failed, the first with {failed[0].error}"
         )

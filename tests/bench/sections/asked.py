@@ -12,7 +12,7 @@ TARGET = 15
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """`Judgement.asked` and `Implications.evidence` beside `judge`, in percent of it."""
+    """`Judgement.triggers` and `Implications.evidence` beside `judge`, in percent of it."""
     for dense, sizes in ((False, (200, 10_000, 1_000_000)), (True, (1_000, 20_000))):
         what = "events of each variable, judge_dense" if dense else "samples, judge"
         table = Table(f"asked of one implication; {what}", "% of the judgement")

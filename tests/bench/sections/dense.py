@@ -18,7 +18,7 @@ OFFLINE = 40
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """`DenseMonitor.update` by events and by chunks, `evaluate_dense` of whole signals."""
+    """`rtamt.dense`: `Monitor.update` by events and by chunks, `evaluate` of whole signals."""
     subjects = setting.subjects()
     seconds, repeats = (0.002, 3) if setting.quick else (0.01, 9)
     table = Table("DenseMonitor.update with 1 event, with 100 as arrays", "ns an event")

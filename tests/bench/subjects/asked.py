@@ -26,9 +26,9 @@ def measure(case: worker.Case) -> worker.Measure:
     signals: dict[str, Any] = {"req": req, "gnt": gnt}
     if dense:
         times = np.arange(n) * 0.1
-        signals = {name: rtamt.Events(times, values) for name, values in signals.items()}
-    counted = rtamt.DenseImplications(spec) if dense else rtamt.Implications(spec)
-    judge = rtamt.judge_dense if dense else rtamt.judge
+        signals = {name: rtamt.dense.Events(times, values) for name, values in signals.items()}
+    counted = rtamt.dense.Implications(spec) if dense else rtamt.monitors.Implications(spec)
+    judge = rtamt.dense.judge if dense else rtamt.judge
     verdict = judge(spec, signals).verdict
 
     def run() -> list[float]:
@@ -37,7 +37,7 @@ def measure(case: worker.Case) -> worker.Measure:
             begin = time.perf_counter()
             found = judge(spec, signals)
             judged = time.perf_counter()
-            _ = found.asked
+            _ = found.triggers
             read = time.perf_counter()
             counted.evidence(signals, "cut", verdict)  # type: ignore[arg-type]
             end = time.perf_counter()

@@ -105,7 +105,7 @@ def offline(case: worker.Case) -> worker.Measure:
 
 def dense(case: worker.Case) -> worker.Measure:
     """Events one at a time as pairs, and in chunks as arrays."""
-    machine = rtamt.DenseMonitor(KINDS[case["kind"]], backend=case["backend"])
+    machine = rtamt.dense.Monitor(KINDS[case["kind"]], backend=case["backend"])
 
     def pairs(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401
         return {n: list(zip(times.tolist(), v.tolist(), strict=True)) for n, v in trace.items()}
@@ -121,10 +121,10 @@ def dense(case: worker.Case) -> worker.Measure:
 
 def dense_offline(case: worker.Case) -> worker.Measure:
     trace, times = traces.columns(case["kind"], 0, case["n"]), traces.moments(0, case["n"])
-    signals = {name: rtamt.Events(times, values) for name, values in trace.items()}
+    signals = {name: rtamt.dense.Events(times, values) for name, values in trace.items()}
     spec = rtamt.parse(KINDS[case["kind"]])
     return worker.whole(
-        lambda: rtamt.evaluate_dense(spec, signals, backend=case["backend"]),
+        lambda: rtamt.dense.evaluate(spec, signals, backend=case["backend"]),
         case["n"] * len(signals),
     )
 

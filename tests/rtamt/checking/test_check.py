@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from small_texts import VALUES, texts
 
 import rtamt
-from rtamt import Answer, ExampleTrace, InputError, InputTypeError, Verdict, judge
+from rtamt import InputError, InputTypeError, Verdict, judge
+from rtamt.checking import Answer, ExampleTrace
 from rtamt.checking.check import _fewest
 from rtamt.checking.encoding import VariableLimits
 from rtamt.checking.search import SearchAnswer
@@ -36,12 +37,12 @@ def test_answers_are_those_of_all_traces(text: str) -> None:
         (Verdict.VIOLATED, found.falsifiable),
     ):
         if verdict in possible:
-            assert answer.says == "yes"
+            assert answer.answer == "yes"
         if answer.trace is not None:
             columns = {"x": list(answer.trace.columns.get("x", ()))}
             judged = judge(text, columns, end="cut", n=answer.trace.samples)
             assert judged.verdict is verdict
-        if answer.says == "no":  # all windows end: a no is proved
+        if answer.answer == "no":  # all windows end: a no is proved
             assert verdict not in possible
             assert answer.samples == 0
 
@@ -64,17 +65,17 @@ def test_equal_and_implied_hold_on_all_traces(one: str, other: str) -> None:
         assert (way if one_implied == "one" else way[::-1]) not in ways, against
 
 
-def only(text: str, **options: object) -> rtamt.CheckedRequirement:
+def only(text: str, **options: object) -> rtamt.checking.CheckedRequirement:
     (found,) = rtamt.check(text, **options).requirements.values()  # type: ignore[arg-type]
     return found
 
 
 def test_a_requirement_in_which_nothing_is_wrong() -> None:
     found = only("always(req >= 3 implies eventually[0:5](gnt >= 3))")
-    assert found.says == "yes"
-    assert not found.idle
-    assert [answer.says for answer in found.asked.values()] == ["yes"]
-    (answer,) = found.asked.values()
+    assert found.answer == "yes"
+    assert not found.redundant
+    assert [answer.answer for answer in found.triggers.values()] == ["yes"]
+    (answer,) = found.triggers.values()
     assert answer.trace is not None
     first = {name: values[0] for name, values in answer.trace.columns.items()}
     assert first["req"] >= 3
@@ -82,7 +83,7 @@ def test_a_requirement_in_which_nothing_is_wrong() -> None:
 
 def test_parts_that_clash_are_named() -> None:
     found = only("always(x < 3 and y > 0) and eventually(x > 5)")
-    assert found.satisfiable.says == "no"
+    assert found.satisfiable.answer == "no"
     assert found.satisfiable.clash == ("always(x < 3)", "eventually(x > 5)")
     assert found.satisfiable.places == ((1, 10), (1, 29))
     assert only("always(x > 1 and x < 0)").satisfiable == Answer(
@@ -95,7 +96,7 @@ def test_ranges_that_clash_are_named() -> None:
     assert found.satisfiable.clash == ("always(x < 3)", "declared: x in [5, 9]")
     assert found.satisfiable.places == ((3, 10), None)
     nothing = only("float x in [5, 9]; x > 3")
-    assert (nothing.falsifiable.says, nothing.falsifiable.clash) == (
+    assert (nothing.falsifiable.answer, nothing.falsifiable.clash) == (
         "no",
         ("declared: x in [5, 9]",),
     )
@@ -112,27 +113,27 @@ def test_ranges_that_clash_are_named() -> None:
     ],
 )
 def test_parts_that_decide_nothing_are_named(text: str, idle: list[tuple[str, str]]) -> None:
-    assert [(each.text, each.instead) for each in only(text).idle] == idle
+    assert [(each.text, each.instead) for each in only(text).redundant] == idle
 
 
 def test_tautology_and_unreachable_implication() -> None:
     nothing = only("always[0:5](x > 1 implies x > 0)")
-    assert (nothing.satisfiable.says, str(nothing.falsifiable)) == ("yes", "no")
+    assert (nothing.satisfiable.answer, str(nothing.falsifiable)) == ("yes", "no")
     never = only("always[0:5]((x > 1 and x < 0) implies y > 0) and eventually[0:5](y < 0)")
-    assert [str(answer) for answer in never.asked.values()] == ["no"]
-    assert never.says == "no"
+    assert [str(answer) for answer in never.triggers.values()] == ["no"]
+    assert never.answer == "no"
 
 
 def test_assumptions_hold_of_every_trace() -> None:
     free = only("always[0:3](x < 3)")
     bound = only("always[0:3](x < 3)", assume="always(x < 2)")
-    assert (free.falsifiable.says, bound.falsifiable.says) == ("yes", "no")
+    assert (free.falsifiable.answer, bound.falsifiable.answer) == ("yes", "no")
 
 
 def test_nonlinear_terms_are_tried_or_unknown() -> None:
-    assert only("sqrt(x) > 2").falsifiable.says == "yes"
+    assert only("sqrt(x) > 2").falsifiable.answer == "yes"
     unknown = only("x * y > 2 and x * y < 1 + x - x").satisfiable
-    assert unknown.says in {"no", "unknown"}
+    assert unknown.answer in {"no", "unknown"}
     always = only("x * x >= 0").falsifiable
     assert always == Answer("unknown", why="it is not linear (mul)")
 
@@ -155,13 +156,13 @@ def test_a_trace_may_have_to_repeat() -> None:
 def test_a_horizon_that_is_too_short_is_said() -> None:
     found = only("eventually[100:200](x > 3)", horizon=50).satisfiable
     assert found == Answer("unknown", why="it needs 201 samples, the horizon is 50")
-    assert only("eventually[100:200](x > 3)").says == "yes"
+    assert only("eventually[100:200](x > 3)").answer == "yes"
 
 
 def test_whole_numbers_are_whole() -> None:
     text = "input {} gear; gear > 1 and gear < 2"
-    assert only(text.format("int32")).satisfiable.says == "no"
-    assert only(text.format("float64")).satisfiable.says == "yes"
+    assert only(text.format("int32")).satisfiable.answer == "no"
+    assert only(text.format("float64")).satisfiable.answer == "yes"
 
 
 def test_bounds_in_time_become_samples() -> None:
@@ -175,17 +176,17 @@ def test_several_requirements() -> None:
         {"low": "always(x < 3)", "lower": "always(x < 2)", "high": "eventually(x > 5)"}
     )
     assert found.together is not None
-    assert found.together.says == "no"
+    assert found.together.answer == "no"
     assert found.conflict in {("low", "high"), ("lower", "high")}
     assert found.implied == {"low": "lower"}
     same = rtamt.check("a = always(x < 3); b = not eventually(x >= 3)")
     assert same.equal == (("a", "b"),)
-    assert same.says == "no"
+    assert same.answer == "no"
 
 
 def test_an_answer_that_takes_too_long_is_unknown() -> None:
     found = rtamt.check("always(x > 1 implies eventually[0:50](y > 1))", timeout=1e-9)
-    assert found.says == "unknown"
+    assert found.answer == "unknown"
     assert "within 1e-09 s" in found.requirements["spec"].satisfiable.why
 
 
@@ -232,16 +233,16 @@ def test_requirements_compatible_only_without_triggers() -> None:
         {"up": "always(m == 1 implies x > 1)", "down": "always(m == 1 implies x < 0)"}
     )
     assert found.together is not None
-    assert found.together.says == "yes"
-    assert {name: answer.says for (name, _), answer in found.asked.items()} == {
+    assert found.together.answer == "yes"
+    assert {name: answer.answer for (name, _), answer in found.triggers.items()} == {
         "up": "no",
         "down": "no",
     }
-    assert found.says == "no"
+    assert found.answer == "no"
     fine = rtamt.check(
         {"up": "always(m == 1 implies x > 1)", "more": "always(m == 1 implies x > 0)"}
     )
-    assert {answer.says for (name, _), answer in fine.asked.items() if name == "up"} == {"yes"}
+    assert {answer.answer for (name, _), answer in fine.triggers.items() if name == "up"} == {"yes"}
 
 
 def test_what_is_assumed_is_named_where_it_clashes() -> None:
@@ -274,7 +275,7 @@ def test_functions_that_are_linear_are_decided(
     text: str, satisfiable: str, falsifiable: str
 ) -> None:
     found = only(text)
-    assert (found.satisfiable.says, found.falsifiable.says) == (satisfiable, falsifiable)
+    assert (found.satisfiable.answer, found.falsifiable.answer) == (satisfiable, falsifiable)
 
 
 def test_unknown_implication_has_a_reason() -> None:
@@ -339,7 +340,7 @@ def test_answers_match_traces_within_the_rate(text: str, rate: tuple[float, floa
         (Verdict.VIOLATED, found.falsifiable),
     ):
         if verdict in possible:
-            assert answer.says == "yes"
+            assert answer.answer == "yes"
         if answer.trace is not None:
             values = answer.trace.columns.get("x", ())
             assert all(
@@ -352,7 +353,7 @@ def test_answers_match_traces_within_the_rate(text: str, rate: tuple[float, floa
 def test_a_no_names_the_rate_on_which_it_rests() -> None:
     text = "always[0:9](x < 1 implies next(x > 5))"
     found = rtamt.check(text, "100ms", rates={"x": (-2, 2)}).requirements["spec"]
-    assert [answer.says for answer in found.asked.values()] == ["no"]
+    assert [answer.answer for answer in found.triggers.values()] == ["no"]
     never = rtamt.check("x < 1 and next(x > 5)", "100ms", rates={"x": (-2, 2)})
     assert never.requirements["spec"].satisfiable.clash == (
         "x < 1",
@@ -364,9 +365,9 @@ def test_a_no_names_the_rate_on_which_it_rests() -> None:
 def test_a_rate_is_per_second_or_per_sample() -> None:
     text = "x < 0 and eventually[0:1](x > 1)"
     slow = {"x": (-1.05, 1.05)}
-    assert rtamt.check(text, "100ms", rates=slow).requirements["spec"].satisfiable.says == "yes"
-    assert rtamt.check(text, rates={"x": (-1, 1)}).requirements["spec"].satisfiable.says == "no"
-    assert rtamt.check(text, rates={"x": (-1, 2)}).requirements["spec"].satisfiable.says == "yes"
+    assert rtamt.check(text, "100ms", rates=slow).requirements["spec"].satisfiable.answer == "yes"
+    assert rtamt.check(text, rates={"x": (-1, 1)}).requirements["spec"].satisfiable.answer == "no"
+    assert rtamt.check(text, rates={"x": (-1, 2)}).requirements["spec"].satisfiable.answer == "yes"
 
 
 def test_steps_that_doubles_round_keep_the_rate() -> None:
@@ -391,7 +392,7 @@ def test_examples_and_comparisons_keep_rates() -> None:
         values = example.trace.unrolled("x")
         assert all(abs(b - a) <= 1 for a, b in itertools.pairwise(values))
     same = rtamt.equivalent("x < 1 and next(x < 5)", "x < 1", rates={"x": (-2, 2)})
-    assert same.says == "yes"
+    assert same.answer == "yes"
 
 
 @pytest.mark.parametrize(
@@ -469,7 +470,7 @@ def test_long_windows_are_answered(name: str) -> None:
     text, period = LONG[name]
     spec = rtamt.parse(text)
     (found,) = rtamt.check(spec, period).requirements.values()
-    assert found.says == "yes"
+    assert found.answer == "yes"
     for answer, verdict in (
         (found.satisfiable, Verdict.SATISFIED),
         (found.falsifiable, Verdict.VIOLATED),
@@ -501,7 +502,7 @@ def test_a_long_no_is_proved() -> None:
     (found,) = rtamt.check(text).requirements.values()
     assert found.falsifiable == Answer("no")
     (late,) = rtamt.check(text, horizon=300).requirements.values()
-    assert late.falsifiable.says == "unknown"
+    assert late.falsifiable.answer == "unknown"
 
 
 @pytest.mark.parametrize(
@@ -514,7 +515,7 @@ def test_a_long_no_is_proved() -> None:
 )
 def test_points_for_nonlinear_terms(text: str) -> None:
     (found,) = rtamt.check(text).requirements.values()
-    assert (found.satisfiable.says, found.falsifiable.says) == ("yes", "yes")
+    assert (found.satisfiable.answer, found.falsifiable.answer) == ("yes", "yes")
 
 
 def test_points_keep_ranges_and_are_whole() -> None:

@@ -247,4 +247,4 @@ def test_exact_sides_compare_as_before(term: TermKey) -> None:
 )
 def test_equivalence_of_exact_terms(one: str, other: str, answer: str) -> None:
     pytest.importorskip("z3")
-    assert rtamt.equivalent(one, other).says == answer
+    assert rtamt.equivalent(one, other).answer == answer

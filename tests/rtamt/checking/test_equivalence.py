@@ -10,7 +10,8 @@ from profiles import examples
 from small_texts import VALUES, texts
 
 import rtamt
-from rtamt import End, InputError, Verdict, judge
+from rtamt import InputError, Verdict, judge
+from rtamt.typing import End
 
 
 @given(one=texts, other=texts, least=st.sampled_from(VALUES), most=st.sampled_from(VALUES))
@@ -28,7 +29,7 @@ def test_an_equivalence_holds_on_all_traces_in_range(
     }
     apart = {(Verdict.SATISFIED, Verdict.VIOLATED), (Verdict.VIOLATED, Verdict.SATISFIED)} & ways
     if apart:
-        assert found.says == "no"
+        assert found.answer == "no"
     if found.trace is not None:
         assert all(least <= x <= most for x in found.trace.columns.get("x", ()))
         columns, n = {"x": found.trace.columns.get("x", ())}, found.trace.samples
@@ -37,7 +38,7 @@ def test_an_equivalence_holds_on_all_traces_in_range(
         assert judged[satisfied] is Verdict.SATISFIED
         assert judged[1 - satisfied] is Verdict.VIOLATED
     else:
-        assert (found.says, found.samples) == ("yes", 0)  # all windows end
+        assert (found.answer, found.samples) == ("yes", 0)  # all windows end
 
 
 def test_unbounded_equivalence_states_its_samples() -> None:
@@ -57,7 +58,7 @@ def test_unbounded_equivalence_is_proved_by_parts(
     whole: str, one: str, other: str, end: End
 ) -> None:
     found = rtamt.equivalent(whole.format(one), whole.format(other), end=end)
-    if (found.says, found.samples) != ("yes", 0):
+    if (found.answer, found.samples) != ("yes", 0):
         return
     for n in range(1, 4):
         for t in itertools.product(VALUES[::2], repeat=n):
@@ -80,21 +81,23 @@ def test_equal_parts_prove_equivalence(one: str, other: str) -> None:
     for end in get_args(End):
         assert str(rtamt.equivalent(one, other, end=end)) == "yes"
     checked = rtamt.check(f"a = {one}", same_as=f"a = {other}").same["a"]
-    assert (checked.says, checked.samples) == ("yes", 0)
+    assert (checked.answer, checked.samples) == ("yes", 0)
 
 
 def test_what_nobody_knows_is_unknown() -> None:
     found = rtamt.equivalent("x * x >= 0", "true or x > 0")
-    assert (found.says, found.trace) == ("unknown", None)
+    assert (found.answer, found.trace) == ("unknown", None)
     assert str(found) == "unknown: it is not linear (mul)"
 
 
 @pytest.mark.slow
 def test_assumptions_and_the_ranges_of_both_hold() -> None:
-    assert rtamt.equivalent("always(x < 3)", "always(x < 4)", assume="always(x < 2)").says == "yes"
+    assert (
+        rtamt.equivalent("always(x < 3)", "always(x < 4)", assume="always(x < 2)").answer == "yes"
+    )
     declared = "float x in [0, 2]; always(x < 3)"
-    assert rtamt.equivalent(declared, "always(x < 4)").says == "yes"
-    assert rtamt.equivalent("always(x < 4)", declared).says == "yes"
+    assert rtamt.equivalent(declared, "always(x < 4)").answer == "yes"
+    assert rtamt.equivalent("always(x < 4)", declared).answer == "yes"
     with pytest.raises(InputError) as error:
         rtamt.equivalent(declared, "float x in [3, 4]; always(x < 4)")
     assert str(error.value) == (
@@ -104,11 +107,11 @@ def test_assumptions_and_the_ranges_of_both_hold() -> None:
 
 def test_types_have_ranges_that_hold() -> None:
     (found,) = rtamt.check("uint8 gear; always(gear <= 255)").requirements.values()
-    assert found.falsifiable.says == "no"
+    assert found.falsifiable.answer == "no"
     (found,) = rtamt.check("uint8 gear; gear > 255").requirements.values()
-    assert found.satisfiable.says == "no"
+    assert found.satisfiable.answer == "no"
     (found,) = rtamt.check("int gear; gear > 255").requirements.values()
-    assert found.satisfiable.says == "yes"
+    assert found.satisfiable.answer == "yes"
 
 
 def test_values_without_effect_keep_their_range() -> None:
@@ -123,12 +126,12 @@ def test_values_without_effect_keep_their_range() -> None:
 def test_requirements_are_compared_with_their_namesakes() -> None:
     text = "a = always(x < 3); b = x > 1"
     found = rtamt.check(text, same_as="b = not x <= 1; a = always(x <= 3)")
-    assert {name: each.says for name, each in found.same.items()} == {"a": "no", "b": "yes"}
-    assert found.says == "no"
+    assert {name: each.answer for name, each in found.same.items()} == {"a": "no", "b": "yes"}
+    assert found.answer == "no"
     assert [(name, what) for name, what, _ in found.traces()] == [("a", "apart")]
     one = rtamt.check("a = x > 1", same_as={"other": "x > 1 or x > 2"})
-    assert {name: each.says for name, each in one.same.items()} == {"a": "yes"}
-    assert one.says == "yes"
+    assert {name: each.answer for name, each in one.same.items()} == {"a": "yes"}
+    assert one.answer == "yes"
 
 
 def test_requirements_without_a_namesake_are_refused() -> None:
@@ -162,4 +165,4 @@ def test_requirements_without_a_namesake_are_refused() -> None:
 )
 def test_parts_prove_as_much_as_they_can(one: str, other: str, samples: int) -> None:
     found = rtamt.equivalent(one, other)
-    assert (found.says, found.samples) == ("yes", samples)
+    assert (found.answer, found.samples) == ("yes", samples)

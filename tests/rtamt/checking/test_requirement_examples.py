@@ -11,8 +11,8 @@ from profiles import examples
 from small_texts import texts_of
 
 import rtamt
-from rtamt import Example, InputError, Verdict, judge
-from rtamt.checking import simplify
+from rtamt import InputError, Verdict, judge
+from rtamt.checking import Example, simplify
 
 RESPONSE = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
 
@@ -21,7 +21,7 @@ VALUES = (-1.0, 0.0, 1.0, 2.0)
 texts = texts_of("x > 0", "x >= 1", "x < 1", "y > 0", "y <= 1")
 
 
-def only(text: str, **options: object) -> rtamt.RequirementExamples:
+def only(text: str, **options: object) -> rtamt.checking.RequirementExamples:
     (found,) = rtamt.examples(text, **options).values()  # type: ignore[arg-type]
     return found
 
@@ -46,8 +46,8 @@ def test_examples_are_judged_as_they_say(text: str) -> None:
         (found.satisfiable, found.satisfied),
         (found.falsifiable, found.violated),
     ):
-        assert bool(shown) is (answer.says == "yes")
-        if answer.says == "no" and answer.samples == 0:
+        assert bool(shown) is (answer.answer == "yes")
+        if answer.answer == "no" and answer.samples == 0:
             verdict = Verdict.SATISFIED if answer is found.satisfiable else Verdict.VIOLATED
             assert verdict not in _possible(text)
 
@@ -93,7 +93,7 @@ def test_windows_are_left_by_one_sample(p: str, begin: int, width: int, endless:
 
 def test_a_response_has_its_kinds_of_examples() -> None:
     found = only(RESPONSE)
-    assert found.says == "yes"
+    assert found.answer == "yes"
     assert {kind for each in found.examples for kind in each.kinds} == {
         "violated",
         "answered",

@@ -15,7 +15,7 @@ from profiles import examples
 from strategies import formulas
 
 import rtamt
-from rtamt import DenseMonitor, Formula, StlDenseTimeSpecification, evaluate_dense
+from rtamt import Formula, StlDenseTimeSpecification
 
 bounded = formulas(dense=True).filter(lambda f: f.variables)
 
@@ -30,7 +30,7 @@ def test_evaluate_holds_signals_to_the_last_time(
 ) -> None:
     spec = declared(formula, language=LANGUAGES[backend])
     same_end = held(relevant(whole, formula.variables))
-    expected = [list(step) for step in evaluate_dense(formula, same_end, backend="python")]
+    expected = [list(step) for step in rtamt.dense.evaluate(formula, same_end, backend="python")]
     assert spec.evaluate(*call(whole)) == expected
 
 
@@ -186,11 +186,11 @@ def decided(formula: Formula, known: Signals, end: float) -> Breakpoints:
     What may still come can change only the robustness after that time less the horizon: every
     variable keeps its value from there on.
     """
-    horizon, lasting = DenseMonitor(formula).horizon, {}
+    horizon, lasting = rtamt.dense.Monitor(formula).horizon, {}
     for name, events in relevant(known, formula.variables).items():
         before = [event for event in events if event[0] <= end]
         lasting[name] = [*before, (end + horizon + 100.0, before[-1][1])]
-    steps = evaluate_dense(formula, lasting)
+    steps = rtamt.dense.evaluate(formula, lasting)
     # Between zeros of other signs there is no step for programs.
     return by_value([(time + horizon, value) for time, value in steps if time <= end - horizon])
 
@@ -203,7 +203,7 @@ def expected_of(formula: Formula, known: Signals, before: float | None) -> Pairs
     steps = decided(formula, known, end)
     if not steps:  # the window of the first instant is not over
         so_far = {n: [e for e in known[n] if e[0] <= end] for n in formula.variables}
-        return [[end, evaluate_dense(formula, held(so_far))[0][1]]]
+        return [[end, rtamt.dense.evaluate(formula, held(so_far))[0][1]]]
     news = [list(step) for step in steps if before is None or step[0] > before]
     return news if news and news[-1][0] == end else [*news, [end, steps[-1][1]]]
 
@@ -232,8 +232,8 @@ def function(pairs: Pairs, since: float = -math.inf) -> Breakpoints:
 
 def whole_trace(formula: Formula, whole: Signals) -> Breakpoints:
     """What `evaluate` gives, each step at the time at which it is known online."""
-    horizon = DenseMonitor(formula).horizon
-    steps = evaluate_dense(formula, held(relevant(whole, formula.variables)))
+    horizon = rtamt.dense.Monitor(formula).horizon
+    steps = rtamt.dense.evaluate(formula, held(relevant(whole, formula.variables)))
     return by_value([(time + horizon, value) for time, value in steps])
 
 

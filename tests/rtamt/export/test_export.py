@@ -17,16 +17,11 @@ from interface_oracle import SEMANTICS
 from profiles import examples
 from strategies import Trace, length, sample, traces
 
-from rtamt import (
-    DenseMonitor,
-    EpisodeMonitor,
-    InputError,
-    SemanticsName,
-    SpecificationError,
-    export_fmu,
-    parse,
-)
+import rtamt
+from rtamt import EpisodeMonitor, InputError, SpecificationError, parse
 from rtamt.export import Fmi
+from rtamt.export.fmu import export_fmu
+from rtamt.typing import SemanticsName
 
 OUTPUTS = ("robustness", "lower", "upper", "verdict", "part", "whole")
 
@@ -205,7 +200,7 @@ def test_dense_named_formula_over_the_trace_so_far() -> None:
         "seen": "eventually[0:1](x > 2)",
         "done": "eventually(eventually[0:1](x > 2))",
     }
-    monitors = {name: DenseMonitor(f"{name} = {part}") for name, part in parts.items()}
+    monitors = {name: rtamt.dense.Monitor(f"{name} = {part}") for name, part in parts.items()}
     with exported(text, 2, dense=True) as unit:
         unit.begin()
         for i, x in enumerate((1.0, 4.0, 3.0, 2.0, 1.0)):

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from profiles import examples
 
 import rtamt
-from rtamt import SpecificationError, export_fmu
+from rtamt import SpecificationError
 from rtamt.export import Fmi
+from rtamt.export.fmu import export_fmu
 
 TEXT = """
 specification lane

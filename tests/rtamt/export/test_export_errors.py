@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, export_fmu
+from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
 from rtamt.export import fmu
+from rtamt.export.fmu import export_fmu
 
 TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
 

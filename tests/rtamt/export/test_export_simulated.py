@@ -12,8 +12,10 @@ from fmpy import simulate_fmu
 from fmus import library, write_fmu
 from numpy.typing import NDArray
 
-from rtamt import DenseEpisodeMonitor, EpisodeMonitor, Monitor, Verdict, export_fmu, judge, parse
+import rtamt
+from rtamt import EpisodeMonitor, Monitor, Verdict, judge, parse
 from rtamt.export import Fmi
+from rtamt.export.fmu import export_fmu
 
 TEXT = """
 const float limit = 4
@@ -109,7 +111,7 @@ def test_dense_monitor_sees_events_between_steps(
         output_interval=0.1,
         output=outputs,
     )
-    monitor = DenseEpisodeMonitor(text)
+    monitor = rtamt.dense.EpisodeMonitor(text)
     for t, x, y in rows:
         values = {"x": x, "y": y}
         monitor.update({name: [(t, values[name])] for name in monitor.variables})

@@ -74,19 +74,19 @@ def test_a_default_lasts_to_the_first_event_in_dense_time(backend: BackendName) 
         ([(0, 0.75), (4, 1.0)], [(0, 0.75), (4, 1.0)]),
     ):
         given = {"x": xs, "limit": limits} if limits else {"x": xs}
-        found = rtamt.evaluate_dense(spec, given, backend=backend)
-        known = rtamt.evaluate_dense(spec, {"x": xs, "limit": whole}, backend=backend)
+        found = rtamt.dense.evaluate(spec, given, backend=backend)
+        known = rtamt.dense.evaluate(spec, {"x": xs, "limit": whole}, backend=backend)
         assert (found.times.tolist(), found.values.tolist()) == (
             known.times.tolist(),
             known.values.tolist(),
         )
     dates = [(np.datetime64("2024-01-01"), 0.25), (np.datetime64("2024-01-02"), 0.0)]
-    found = rtamt.evaluate_dense(spec, {"x": dates}, backend=backend)
+    found = rtamt.dense.evaluate(spec, {"x": dates}, backend=backend)
     assert (found.times.tolist(), found.values.tolist()) == (
         [1704067200 * 10**9, 1704153600 * 10**9],
         [0.25, 0.5],
     )
-    one = rtamt.evaluate_dense(spec, {"x": [(1, 0.25)]}, backend=backend)
+    one = rtamt.dense.evaluate(spec, {"x": [(1, 0.25)]}, backend=backend)
     assert (one.times.tolist(), one.values.tolist()) == ([1.0], [0.25])
 
 
@@ -117,9 +117,9 @@ def test_variables_without_a_default_are_needed(backend: BackendName) -> None:
         (lambda: monitor.update({}), needed),
         (lambda: monitor.update(x=1.0, y=2.0), "unknown variable 'y'; the variables are x, limit"),
         (lambda: rtamt.evaluate(TEXT, {"limit": [1]}, backend=backend), no_column),
-        (lambda: rtamt.evaluate_dense(TEXT, {"limit": [(0, 1)]}, backend=backend), no_signal),
+        (lambda: rtamt.dense.evaluate(TEXT, {"limit": [(0, 1)]}, backend=backend), no_signal),
         (
-            lambda: rtamt.evaluate_dense(alone, {}, backend=backend),
+            lambda: rtamt.dense.evaluate(alone, {}, backend=backend),
             none_at_all,
         ),
         (
@@ -159,29 +159,29 @@ def test_in_dense_time_a_default_lasts_until_the_first_event(
     else:
         order = sorted((time, name, value) for name, its in whole.items() for time, value in its)
         chunks = [{name: [(time, value)]} for time, name, value in order]
-    monitor = rtamt.DenseMonitor(text, backend=backend)
-    episode = rtamt.DenseEpisodeMonitor(text, backend=backend)
+    monitor = rtamt.dense.Monitor(text, backend=backend)
+    episode = rtamt.dense.EpisodeMonitor(text, backend=backend)
     seen = []
     for chunk in chunks:
         seen += monitor.update(chunk)
         episode.update(chunk)
         assert early or monitor.settled >= episode.settled - monitor.horizon
-    assert seen + monitor.finish() == list(rtamt.evaluate_dense(text, whole, backend=backend))
-    judged = rtamt.judge_dense(text, whole, "open", backend=backend)
+    assert seen + monitor.finish() == list(rtamt.dense.evaluate(text, whole, backend=backend))
+    judged = rtamt.dense.judge(text, whole, "open", backend=backend)
     assert episode.bounds() == (judged.lower, judged.upper)
     assert (episode.robustness, episode.decided_at) == (judged.robustness, judged.decided_at)
 
 
 @backends
 def test_in_dense_time_nothing_waits_for_a_default(backend: BackendName) -> None:
-    monitor = rtamt.DenseMonitor("input float64 x; input float64 k = 2; x < k", backend=backend)
+    monitor = rtamt.dense.Monitor("input float64 x; input float64 k = 2; x < k", backend=backend)
     assert monitor.update(x=[(0, 1), (3, 4), (5, 0)]) == [(0.0, 1.0), (3.0, -2.0)]
     with pytest.raises(rtamt.InputError, match=r"a time after 5\.0 at event 0 of 'k', got 4\.0"):
         monitor.update(k=[(4, 9)])
     assert monitor.update(k=[(6, 9)]) == []
     assert monitor.update(x=[(8, 9)]) == [(5.0, 2.0)]
     assert monitor.finish() == [(6.0, 9.0)]
-    alone = rtamt.DenseMonitor("input float64 x = 1; input float64 k = 2; x < k", backend=backend)
+    alone = rtamt.dense.Monitor("input float64 x = 1; input float64 k = 2; x < k", backend=backend)
     with pytest.raises(rtamt.StateError, match="needs an event of every variable"):
         alone.finish()
     assert alone.update(k=[(1, 3), (2, 0)]) == [(1.0, 2.0)]

@@ -1,4 +1,4 @@
-"""`Events`: a signal as two arrays and as a sequence of pairs."""
+"""`rtamt.dense.Events`: a signal as two arrays and as a sequence of pairs."""
 
 import copy
 import math
@@ -9,22 +9,23 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from rtamt import Events, InputError, InputTypeError, RtamtError, evaluate_dense
+import rtamt
+from rtamt import InputError, InputTypeError, RtamtError
 
 PAIRS = [(0.0, 3.0), (1.5, math.inf), (4.0, 2.0)]
 
 
 @pytest.fixture
-def events() -> Events:
+def events() -> rtamt.dense.Events:
     """Three of them."""
-    return Events([0, 1.5, 4], [3, math.inf, 2])
+    return rtamt.dense.Events([0, 1.5, 4], [3, math.inf, 2])
 
 
-def test_events_are_the_sequence_of_their_pairs(events: Events) -> None:
+def test_events_are_the_sequence_of_their_pairs(events: rtamt.dense.Events) -> None:
     assert list(events) == [events[0], events[1], events[2]] == PAIRS
     assert (len(events), events[-1]) == (3, (4.0, 2.0))
     assert events[1:] == PAIRS[1:]
-    assert isinstance(events[1:], Events)
+    assert isinstance(events[1:], rtamt.dense.Events)
     assert (4.0, 2.0) in events
     assert events.index((1.5, math.inf)) == 1
     assert [*reversed(events)] == PAIRS[::-1]
@@ -33,22 +34,22 @@ def test_events_are_the_sequence_of_their_pairs(events: Events) -> None:
         events[3]
 
 
-def test_events_equal_any_sequence_of_the_same_pairs(events: Events) -> None:
+def test_events_equal_any_sequence_of_the_same_pairs(events: rtamt.dense.Events) -> None:
     assert events == PAIRS == events
     assert events == tuple(map(list, PAIRS))
     assert events == np.array(PAIRS)
-    assert events == Events(*np.array(PAIRS).T)
+    assert events == rtamt.dense.Events(*np.array(PAIRS).T)
     assert events != PAIRS[:2]
     assert events != [*PAIRS[:2], (4.0, 2.5)]
     assert events != [1, 2, 3]
-    assert events != Events([0, 1.5, 5], [3, math.inf, 2])
+    assert events != rtamt.dense.Events([0, 1.5, 5], [3, math.inf, 2])
     assert events != "abc"
-    assert Events([], []) == []
+    assert rtamt.dense.Events([], []) == []
 
 
-def test_events_never_change(events: Events) -> None:
+def test_events_never_change(events: rtamt.dense.Events) -> None:
     times = np.array([0.0, 1.0])
-    made = Events(times, times)
+    made = rtamt.dense.Events(times, times)
     times[1] = 9
     assert made == [(0, 0), (1, 1)]
     for array in (events.times, events.values, pickle.loads(pickle.dumps(events)).values):
@@ -61,22 +62,22 @@ def test_events_never_change(events: Events) -> None:
         hash(events)
 
 
-def test_events_are_copied_and_pickled(events: Events) -> None:
+def test_events_are_copied_and_pickled(events: rtamt.dense.Events) -> None:
     for twin in (copy.copy(events), copy.deepcopy(events), pickle.loads(pickle.dumps(events))):
         assert twin == events
-        assert isinstance(twin, Events)
+        assert isinstance(twin, rtamt.dense.Events)
 
 
-def test_events_show_their_beginning(events: Events) -> None:
+def test_events_show_their_beginning(events: rtamt.dense.Events) -> None:
     assert repr(events) == "Events([0.0, 1.5, 4.0], [3.0, inf, 2.0])"
-    assert len(repr(Events(range(1000), range(1000)))) <= 80
+    assert len(repr(rtamt.dense.Events(range(1000), range(1000)))) <= 80
     day = np.array(["2026-01-01"], "datetime64[ns]")
-    assert repr(Events(day, [1])) == "Events(['2026-01-01T00:00:00.000000000'], [1.0])"
+    assert repr(rtamt.dense.Events(day, [1])) == "Events(['2026-01-01T00:00:00.000000000'], [1.0])"
 
 
 def test_robustness_is_events_for_another_formula() -> None:
-    close = evaluate_dense("once[0:1](x > 2)", {"x": PAIRS})
-    assert evaluate_dense("p > 0", {"p": close}) == close
+    close = rtamt.dense.evaluate("once[0:1](x > 2)", {"x": PAIRS})
+    assert rtamt.dense.evaluate("p > 0", {"p": close}) == close
 
 
 @pytest.mark.parametrize(
@@ -103,4 +104,4 @@ def test_what_is_no_signal_is_refused(
     times: ArrayLike, values: ArrayLike, error: type[RtamtError], text: str
 ) -> None:
     with pytest.raises(error, match=f"^{re.escape(text)}$"):
-        Events(times, values)
+        rtamt.dense.Events(times, values)

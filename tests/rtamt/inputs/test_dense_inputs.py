@@ -7,7 +7,8 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from rtamt import DenseMonitor, Events, InputError, evaluate_dense
+import rtamt
+from rtamt import InputError
 
 Backend = Literal["native", "python"]
 
@@ -39,14 +40,14 @@ def read_only(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         lambda: np.repeat(TABLE, 2, axis=0)[::2],
         lambda: np.hstack([TABLE, TABLE])[:, 2:],
         lambda: read_only(TABLE),
-        lambda: Events(TABLE[:, 0], TABLE[:, 1]),
+        lambda: rtamt.dense.Events(TABLE[:, 0], TABLE[:, 1]),
         lambda: zip(TABLE[:, 0], TABLE[:, 1], strict=True),
     ],
 )
 def test_every_form_of_events_means_the_same(form: Callable[[], Any], backend: Backend) -> None:
     expected = [(0, 2), (1, 0), (2.5, 1)]
-    assert evaluate_dense("x > 1", {"x": form()}, backend=backend) == expected
-    monitor = DenseMonitor("x > 1", backend=backend)
+    assert rtamt.dense.evaluate("x > 1", {"x": form()}, backend=backend) == expected
+    monitor = rtamt.dense.Monitor("x > 1", backend=backend)
     assert monitor.update({"x": form()}) + monitor.finish() == expected
 
 
@@ -55,17 +56,17 @@ def test_integers_and_booleans_are_numbers(backend: Backend) -> None:
     for events in (
         [(0, False), (1, True), (2, False)],
         np.array([[0, 0], [1, 1], [2, 0]], np.uint8),
-        Events(range(3), [False, True, False]),
+        rtamt.dense.Events(range(3), [False, True, False]),
     ):
-        assert evaluate_dense("x > 0", {"x": events}, backend=backend) == expected
+        assert rtamt.dense.evaluate("x > 0", {"x": events}, backend=backend) == expected
 
 
 def test_what_the_caller_hands_over_is_not_changed(backend: Backend) -> None:
-    pairs, table, events = list(PAIRS), TABLE.copy(), Events(*TABLE.T)
+    pairs, table, events = list(PAIRS), TABLE.copy(), rtamt.dense.Events(*TABLE.T)
     given_away: dict[str, Any] = {"x": pairs, "y": table, "z": events}
     text = "always[0:1](x > 0) and once[0:1](y > 0) and z > 0"
-    first = evaluate_dense(text, given_away, backend=backend)
-    monitor = DenseMonitor(text, backend=backend)
+    first = rtamt.dense.evaluate(text, given_away, backend=backend)
+    monitor = rtamt.dense.Monitor(text, backend=backend)
     monitor.update(given_away)
     assert list(given_away) == ["x", "y", "z"]
     assert pairs == PAIRS
@@ -73,12 +74,12 @@ def test_what_the_caller_hands_over_is_not_changed(backend: Backend) -> None:
     assert events == PAIRS
     table += 1  # nor does the monitor keep it
     assert monitor.update({}) == []
-    assert evaluate_dense(text, given_away | {"y": PAIRS}, backend=backend) == first
+    assert rtamt.dense.evaluate(text, given_away | {"y": PAIRS}, backend=backend) == first
 
 
 def test_integers_of_numpy_are_exact_times(backend: Backend) -> None:
     first = 2**60 + 1  # of which no double is one
-    found = evaluate_dense(
+    found = rtamt.dense.evaluate(
         "x > 0",
         {"x": [(np.int64(first), 1), (np.int64(first + 2), 2)]},
         resolution="1s",
@@ -88,8 +89,8 @@ def test_integers_of_numpy_are_exact_times(backend: Backend) -> None:
 
 
 def test_events_from_last_to_first_are_refused() -> None:
-    events = Events([0.0, 1.0], [1, 2])
-    assert events[:1:-1] == Events([], [])
+    events = rtamt.dense.Events([0.0, 1.0], [1, 2])
+    assert events[:1:-1] == rtamt.dense.Events([], [])
     assert events[:0:-1] == events[1:]
     with pytest.raises(InputError, match=r"^expected a time after 1.0 at event 1, got 0.0$"):
         events[::-1]

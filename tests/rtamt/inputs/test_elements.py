@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from message_classes import MODULES, Twist
 
 import rtamt
-from rtamt import DenseMonitor, EpisodeMonitor, InputError, Monitor, evaluate, evaluate_dense
+from rtamt import EpisodeMonitor, InputError, Monitor, evaluate
 from rtamt.language.names import joined, lineage, steps
 
 SPEC = rtamt.parse("scan.ranges[0] > 1 and scan.rows[1].x[2] < scan.gain")
@@ -87,8 +87,8 @@ def test_events_of_messages_with_lists_are_those_of_their_elements(rows: list[An
     single = {
         name: [(float(t), row[at]) for t, row in enumerate(rows)] for at, name in enumerate(names)
     }
-    assert evaluate_dense(SPEC, {"scan": events}) == evaluate_dense(SPEC, single)
-    whole, parts = DenseMonitor(SPEC), DenseMonitor(SPEC)
+    assert rtamt.dense.evaluate(SPEC, {"scan": events}) == rtamt.dense.evaluate(SPEC, single)
+    whole, parts = rtamt.dense.Monitor(SPEC), rtamt.dense.Monitor(SPEC)
     assert whole.update({"scan": events}) == parts.update(single)
     assert whole.finish() == parts.finish()
 
@@ -141,7 +141,7 @@ def test_an_element_of_a_column_that_is_not_there_is_said() -> None:
         evaluate("scan.ranges[2] > 0", {"scan": {"ranges": [[1, 2, 3], [1, 2]]}})
     assert str(error.value) == ("'scan.ranges' at sample 1 (list) has 2 elements, none of them [2]")
     with pytest.raises(InputError) as error:
-        DenseMonitor("scan.ranges[2] > 0").update({"scan": [(1.5, {"ranges": [1]})]})
+        rtamt.dense.Monitor("scan.ranges[2] > 0").update({"scan": [(1.5, {"ranges": [1]})]})
     assert str(error.value) == ("'scan.ranges' at time 1.5 (list) has 1 element, none of them [2]")
 
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from profiles import examples
 from strategies import Trace, formulas, length, sample, traces
 
+import rtamt
 from rtamt import (
-    Between,
     EpisodeMonitor,
     Formula,
     InputError,
@@ -20,11 +20,10 @@ from rtamt import (
     Monitor,
     RtamtError,
     SpecificationError,
+    UncertainValue,
     evaluate,
-    evaluate_dense,
     explain,
     judge,
-    judge_dense,
 )
 
 Backend = Literal["native", "python"]
@@ -337,9 +336,10 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
 def test_an_interval_of_arrays_is_no_value(backend: Backend) -> None:
     monitor = EpisodeMonitor("x > 0", backend=backend)
     with pytest.raises(InputTypeError) as error:
-        monitor.update(Between([1, 2], [2, 3]))
+        monitor.update(UncertainValue([1, 2], [2, 3]))
     assert str(error.value).startswith(
-        "expected a number at each end for 'x' at sample 0, got Between Between([1.0, 2.0]"
+        "expected a number at each end for 'x' at sample 0, "
+        "got UncertainValue UncertainValue([1.0, 2.0]"
     )
     assert monitor.samples == 0
 
@@ -396,8 +396,8 @@ CALLS_WITH_COLUMNS: list[Callable[[dict[str, Any]], object]] = [
     lambda data: evaluate("always(speed > 0)", data),
     lambda data: judge("always(speed > 0)", data),
     lambda data: explain("always(speed > 0)", data),
-    lambda data: evaluate_dense("always(speed > 0)", data),
-    lambda data: judge_dense("always(speed > 0)", data),
+    lambda data: rtamt.dense.evaluate("always(speed > 0)", data),
+    lambda data: rtamt.dense.judge("always(speed > 0)", data),
 ]
 
 

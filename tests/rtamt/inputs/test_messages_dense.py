@@ -15,7 +15,7 @@ from profiles import examples
 from strategies import formulas
 
 import rtamt
-from rtamt import DenseMonitor, Formula, InputError, InputTypeError, evaluate_dense
+from rtamt import Formula, InputError, InputTypeError
 
 Backend = Literal["native", "python"]
 FIELDS = {"a": "cmd.linear.x", "b": "cmd.angular.y", "c": "c"}
@@ -34,13 +34,13 @@ def test_events_of_messages_are_events_of_their_fields(
     plain = {name: plain[name] for name in formula.variables}
     if max(e[0][0] for e in plain.values()) > min(e[-1][0] for e in plain.values()):
         return
-    expected = evaluate_dense(formula, plain, backend=backend)
+    expected = rtamt.dense.evaluate(formula, plain, backend=backend)
     messages = [(t, Twist(Vector(v), Vector(0, 2 * v))) for t, v in whole["a"]]
     nested = [(t, {"linear": m.linear, "angular": vars(m.angular)}) for t, m in messages]
     for cmd in (messages, tuple(nested), iter(nested)):
         events: dict[str, Any] = {"cmd": cmd, "c": whole["c"]}
-        assert evaluate_dense(dotted(formula), events, backend=backend) == expected
-    monitor = DenseMonitor(dotted(formula), backend=backend)
+        assert rtamt.dense.evaluate(dotted(formula), events, backend=backend) == expected
+    monitor = rtamt.dense.Monitor(dotted(formula), backend=backend)
     given: list[tuple[float, float]] = []
     if "c" in monitor.variables:
         given += monitor.update({"c": whole["c"]})
@@ -86,7 +86,7 @@ def test_messages_that_do_not_fit_are_refused_and_leave_no_trace(
     events: dict[str, Any], error: type[Exception], message: str, backend: Backend
 ) -> None:
     text = "from geometry import Twist; input Twist cmd; float pos; cmd.linear.x > pos"
-    monitor = DenseMonitor(rtamt.parse(text, modules=MODULES), backend=backend)
+    monitor = rtamt.dense.Monitor(rtamt.parse(text, modules=MODULES), backend=backend)
     monitor.update({"cmd": [(0.0, Twist()), (1.0, Twist(Vector(3)))], "pos": [(0.0, 1.0)]})
     with pytest.raises(error, match=f"^{re.escape(message)}"):
         monitor.update(events)
@@ -98,7 +98,9 @@ def test_messages_that_do_not_fit_are_refused_and_leave_no_trace(
 
 
 def test_values_are_written_to_the_fields_that_formulas_name(backend: Backend) -> None:
-    monitor = DenseMonitor("out.near = x > 0\nout.value = always[0:1](x > 0)", backend=backend)
+    monitor = rtamt.dense.Monitor(
+        "out.near = x > 0\nout.value = always[0:1](x > 0)", backend=backend
+    )
     message = Slotted()
     assert monitor.write(out=message) is False
     assert math.isnan(message.near)

@@ -34,7 +34,7 @@ def test_copies_pickles_and_files_keep_it(tmp_path: Path) -> None:
     path = tmp_path / "swept.stl"
     path.write_text(TEXT)
     spec = rtamt.load(path, constants={"limit": "1e-3"})
-    assert spec.given == {"limit": Fraction(1, 1000)}
+    assert spec.overrides == {"limit": Fraction(1, 1000)}
     for twin in (copy.deepcopy(spec), pickle.loads(pickle.dumps(spec)), rtamt.parse(str(spec))):
         assert twin == spec
         assert twin.constants == {"limit": 0.001, "T": 3.0}

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
-from rtamt import RequirementId, Specification, SpecificationError
+from rtamt import Specification, SpecificationError
+from rtamt.language import RequirementId
 
 TEXT = """specification drive
 @ id(apart, "SYS-REQ-7", "https://reqs.example/{id}?from=ci")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rtamt import publications
+from rtamt.language.publications import publications
 
 TEXT = """
 from rtamt_msgs.msg import FloatStamped

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from strategies import formulas
 
 import rtamt
+import rtamt.language.words
 from rtamt import EpisodeMonitor, Specification
 
 
@@ -22,7 +23,9 @@ def test_its_text_means_the_same_to_who_does_not_know_the_unit(
         return EpisodeMonitor(given, period=period).program.latency
 
     assert latency(read) == latency(spec)
-    assert rtamt.in_words(str(spec.standalone())) == rtamt.in_words(str(formula), unit=unit)
+    assert rtamt.language.words.in_words(str(spec.standalone())) == rtamt.language.words.in_words(
+        str(formula), unit=unit
+    )
 
 
 def test_seconds_stay_unsaid_and_what_is_said_stays() -> None:

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt import SpecificationError, SubscribedField, subscriptions
+from rtamt import SpecificationError
+from rtamt.language import SubscribedField
+from rtamt.language.subscriptions import subscriptions
 
 PAPER = """
 from geometry_msgs.msg import Twist

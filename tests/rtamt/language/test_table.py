@@ -121,7 +121,7 @@ def test_an_operator_is_one_row(add: Add, backend: Literal["python", "auto"]) ->
     with pytest.raises(SpecificationError, match="'lX' is the operator 'later' and cannot name"):
         variable("lX")
     with pytest.raises(ParseError, match="'later' speaks of neighbouring samples"):
-        rtamt.DenseMonitor("later(x > 1)")
+        rtamt.dense.Monitor("later(x > 1)")
 
 
 @pytest.mark.slow(keep=1)
@@ -147,14 +147,14 @@ def test_a_row_of_operators_inside_operators_is_explained_in_dense_time(
         trace = {name: [(t, draw.randint(-6, 6)) for t in times[name]] for name in times}
         time = draw.randint(0, 9)
         made, other = f"x > 0 {row.symbol}[{begin}:{end}] y > 0", spelled.format(begin, end)
-        assert rtamt.evaluate_dense(made, trace) == rtamt.evaluate_dense(other, trace)
+        assert rtamt.dense.evaluate(made, trace) == rtamt.dense.evaluate(other, trace)
         one, two = (
-            rtamt.explain_dense(text, trace, time, resolution="1s") for text in (made, other)
+            rtamt.dense.explain(text, trace, time, resolution="1s") for text in (made, other)
         )
         assert (one.robustness, one.causes) == (two.robustness, two.causes)
         if rtamt.holds(one.robustness):
             made, other = f"not ({made})", f"not ({other})"
-            one = rtamt.explain_dense(made, trace, time, resolution="1s")
+            one = rtamt.dense.explain(made, trace, time, resolution="1s")
         signs = named(one, trace)
         for share in (0.2, 0.5, 0.8):
             changed = {
@@ -162,13 +162,13 @@ def test_a_row_of_operators_inside_operators_is_explained_in_dense_time(
                 for name, its in trace.items()
             }
             if named(one, changed) == signs:
-                after = rtamt.explain_dense(other, changed, time, resolution="1s")
+                after = rtamt.dense.explain(other, changed, time, resolution="1s")
                 assert not rtamt.holds(after.robustness)
 
 
-def named(why: rtamt.DenseExplanation, trace: Mapping[str, list[tuple[int, int]]]) -> list[bool]:
+def named(why: rtamt.dense.Explanation, trace: Mapping[str, list[tuple[int, int]]]) -> list[bool]:
     """The signs of the predicates at the instants that an explanation of a violation names."""
-    spans = [(each.formula, *each.window, each.open_end) for each in why.circumstances]
+    spans = [(each.formula, *each.window, each.open_end) for each in why.contributions]
     if why.steps[-1].outside is None:
         spans.append((why.steps[-1].formula, why.steps[-1].time, why.steps[-1].time, False))
     return [

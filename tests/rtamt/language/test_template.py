@@ -12,15 +12,9 @@ from hypothesis import assume, given
 from named_numbers import Named, with_names
 from strategies import formulas
 
-from rtamt import (
-    Formula,
-    ParseError,
-    Specification,
-    SpecificationError,
-    SpecificationTemplate,
-    parse,
-)
+from rtamt import Formula, ParseError, Specification, SpecificationError, parse
 from rtamt.errors import InputTypeError
+from rtamt.language import SpecificationTemplate
 from rtamt.language.grammar import statements
 
 named = formulas(endless=True).flatmap(lambda formula: with_names(str(formula)))
@@ -32,7 +26,7 @@ def content(spec: Specification) -> tuple[object, ...]:
     The place of an operator with an interval is that of the interval, so it is not that of an
     operator whose bounds a text leaves out.
     """
-    maps: list[Mapping[object, object]] = [spec.uses, spec.given, spec.types]  # type: ignore[list-item]
+    maps: list[Mapping[object, object]] = [spec.uses, spec.overrides, spec.types]  # type: ignore[list-item]
     places = {n: at for n, at in spec.positions.items() if n.interval is not None or n.op is None}
     said = (spec, str(spec), spec.text, spec.bounding, spec.requirement)
     return (*said, places, spec.positions.keys(), *map(dict, maps))

@@ -10,11 +10,12 @@ from strategies import formulas, rooted
 from words_reader import read
 
 import rtamt
-from rtamt import Formula, Interval, in_words
+from rtamt import Formula, Interval
 from rtamt.language import phrases
 from rtamt.language.formula import make
 from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
+from rtamt.language.words import in_words
 
 PATTERNS = {
     "always(speed < 120)": "speed stays below 120 at all times",

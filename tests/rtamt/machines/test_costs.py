@@ -52,13 +52,13 @@ def noise(n: int) -> NDArray[np.float64]:
     return np.random.default_rng(7).standard_normal((n, 2))
 
 
-def events(n: int) -> dict[str, rtamt.Events]:
+def events(n: int) -> dict[str, rtamt.dense.Events]:
     """Events at irregular times, one in a unit of time on average."""
     times = np.cumsum(np.random.default_rng(5).uniform(0.5, 1.5, n))
-    return {name: rtamt.Events(times, v) for name, v in zip("ab", noise(n).T, strict=True)}
+    return {name: rtamt.dense.Events(times, v) for name, v in zip("ab", noise(n).T, strict=True)}
 
 
-def pairs(column: rtamt.Events) -> list[tuple[float, float]]:
+def pairs(column: rtamt.dense.Events) -> list[tuple[float, float]]:
     return list(zip(column.times.tolist(), column.values.tolist(), strict=True))
 
 
@@ -150,7 +150,7 @@ def test_a_whole_trace_of_events_costs_their_number(
 ) -> None:
     spec = rtamt.parse(text)
     short, long = (
-        count(rtamt.evaluate_dense, spec, events(n), backend=backend) for n in (500, 2_000)
+        count(rtamt.dense.evaluate, spec, events(n), backend=backend) for n in (500, 2_000)
     )
     assert long <= 4 * 1.1 * short
 
@@ -159,7 +159,7 @@ def test_an_event_costs_the_same_in_any_window(count: StepCounter, backend: Back
     rows = pairs(events(2_000)["a"])
 
     def spent(window: int) -> int:
-        monitor = rtamt.DenseMonitor(f"always[0:{window}](a > -2)", backend=backend)
+        monitor = rtamt.dense.Monitor(f"always[0:{window}](a > -2)", backend=backend)
         monitor.update({"a": rows[:1_000]})
         return sum(count(monitor.update, {"a": [row]}) for row in rows[1_000:])
 
@@ -182,7 +182,7 @@ def test_an_event_of_an_episode_changes_few_open_values(
     a, b = pairs(trace["a"]), pairs(trace["b"])
 
     def spent(window: int) -> int:
-        monitor = rtamt.DenseEpisodeMonitor(text.format(w=window), backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor(text.format(w=window), backend=backend)
         monitor.update({"a": a[:700], "b": b[:700]})
         later = zip(a[700:], b[700:], strict=True)
         return sum(count(monitor.update, {"a": [x], "b": [y]}) for x, y in later)
@@ -198,7 +198,7 @@ def test_an_event_costs_the_same_while_a_variable_runs_ahead(
     ahead, late = pairs(trace["a"]), pairs(trace["b"])[:100]
 
     def spent(lead: int) -> int:
-        monitor = rtamt.DenseMonitor("always[0:1](a + b > -2)", backend=backend)
+        monitor = rtamt.dense.Monitor("always[0:1](a + b > -2)", backend=backend)
         monitor.update({"a": ahead[:lead]})
         return sum(count(monitor.update, {"b": [row]}) for row in late)
 
@@ -210,15 +210,15 @@ def test_an_event_costs_the_same_while_a_variable_runs_ahead(
 def test_python_reads_whole_arrays_of_events(text: str, backend: Backend) -> None:
     lines, spec = StepCounter(), rtamt.parse(text)
 
-    def whole(n: int) -> dict[str, rtamt.Events]:
+    def whole(n: int) -> dict[str, rtamt.dense.Events]:
         """Events at whole milliseconds: exact arithmetic is for times between two ticks."""
-        return {v: rtamt.Events(np.round(e.times, 3), e.values) for v, e in events(n).items()}
+        return {v: rtamt.dense.Events(np.round(e.times, 3), e.values) for v, e in events(n).items()}
 
     def judged(n: int) -> int:
-        return lines(rtamt.judge_dense, spec, whole(n), "open", backend=backend)
+        return lines(rtamt.dense.judge, spec, whole(n), "open", backend=backend)
 
     def taken(n: int) -> int:
-        monitor = rtamt.DenseEpisodeMonitor("always(a + b > -99)", backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor("always(a + b > -99)", backend=backend)
         return lines(monitor.update, whole(n))
 
     for spent in (judged, taken):
@@ -233,7 +233,7 @@ def test_an_episode_of_events_costs_the_same_while_a_variable_runs_ahead(
     ahead, late = pairs(trace["a"]), pairs(trace["b"])[:100]
 
     def spent(lead: int) -> int:
-        monitor = rtamt.DenseEpisodeMonitor("always[0:1](a + b > -99)", backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor("always[0:1](a + b > -99)", backend=backend)
         monitor.update({"a": ahead[:lead]})
         return sum(count(monitor.update, {"b": [row]}) for row in late)
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rtamt import DenseMonitor, EpisodeMonitor, Monitor, VectorMonitor
+import rtamt
+from rtamt import EpisodeMonitor, Monitor, VectorMonitor
 from rtamt.machines.backend import Backend
 
 TEXT = "always[0:3]((x > 0) implies ((y > 1) until[0:5] once[0:2](x > 2)))"
@@ -15,7 +16,7 @@ Machine = Any
 MAKERS: dict[str, Callable[[], Any]] = {
     "discrete": lambda: Monitor(TEXT, backend="python"),
     "episode": lambda: EpisodeMonitor(f"always ({TEXT}) and eventually(y > 0)", backend="python"),
-    "dense": lambda: DenseMonitor(TEXT, backend="python"),
+    "dense": lambda: rtamt.dense.Monitor(TEXT, backend="python"),
     "bank": lambda: VectorMonitor(TEXT, 2, backend="python"),
 }
 

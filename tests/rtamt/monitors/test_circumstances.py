@@ -17,7 +17,7 @@ from region_oracle import STEP, Regions
 from strategies import FORMULAS, QUARTERS, Trace, formulas, length, rooted, traces
 
 import rtamt
-from rtamt import DenseExplanation, Explanation, Formula, explain, explain_dense, variable
+from rtamt import Explanation, Formula, explain, variable
 
 Backend = Literal["native", "python"]
 
@@ -50,7 +50,7 @@ def named(why: Explanation) -> list[tuple[Formula, range]]:
     """The formulas, and the samples, whose signs an explanation names."""
     found = [
         (each.formula, range(each.window[0], each.window[1] + 1))
-        for each in why.circumstances
+        for each in why.contributions
         if each.outside is None
     ]
     last = why.steps[-1]
@@ -85,7 +85,7 @@ def test_each_is_what_it_says(case: Case, backend: Backend) -> None:
     formula, trace, sample = case
     n = length(trace)
     why = explain(formula, trace, sample=sample, n=n, backend=backend)
-    for each in why.circumstances:
+    for each in why.contributions:
         first, last = each.window
         values = robustness(each.formula, trace, n)[first : last + 1]
         assert 0 <= first <= each.sample <= last < n
@@ -105,7 +105,7 @@ def test_each_is_what_it_says(case: Case, backend: Backend) -> None:
 def test_what_is_satisfied_has_none(case: Case) -> None:
     formula, trace, sample = case
     n = length(trace)
-    assert explain(~formula, trace, sample=sample, n=n).circumstances == ()
+    assert explain(~formula, trace, sample=sample, n=n).contributions == ()
 
 
 REQ, GNT = variable("req") >= 3, variable("gnt") >= 3
@@ -138,7 +138,7 @@ def test_of_a_violated_response_the_request_and_the_answer_are_named(
     why = explain(formula, trace, backend=backend)
     variables = {name for f, _ in named(why) for name in f.variables}
     assert variables == {"req", "gnt"}
-    roles = {each.role for each in why.circumstances}
+    roles = {each.role for each in why.contributions}
     assert roles
     assert "missing" in roles or why.causes[0].variable == "gnt"
 
@@ -146,7 +146,7 @@ def test_of_a_violated_response_the_request_and_the_answer_are_named(
 def test_a_window_is_cut_to_the_trace() -> None:
     trace = {"req": [0, 0, 0, 4, 0], "gnt": [5, 0, 0, 1, 2]}
     why = explain("always(req >= 3 implies eventually[0:4](gnt >= 3))", trace)
-    assert [(e.role, e.text, e.window, e.sample) for e in why.circumstances] == [
+    assert [(e.role, e.text, e.window, e.sample) for e in why.contributions] == [
         ("missing", "gnt >= 3", (3, 4), 4)
     ]
 
@@ -171,26 +171,26 @@ def test_the_text_names_both_sides() -> None:
 
 def test_a_broken_until_says_which_side_broke() -> None:
     why = explain("a > 0 until[0:4] b > 0", {"a": [1, 1, -1, 2, 3], "b": [-1, -4, -3, 5, 6]})
-    assert [(e.role, e.text, e.window, e.sample, e.value) for e in why.circumstances] == [
+    assert [(e.role, e.text, e.window, e.sample, e.value) for e in why.contributions] == [
         ("broken", "a > 0", (2, 2), 2, -1.0),
         ("missing", "b > 0", (0, 2), 0, -1.0),
     ]
     # Nothing broke: the right side was not reached in the window.
     why = explain("a > 0 until[0:3] b > 0", {"a": [1] * 5, "b": [-1, -4, -3, -5, 6]})
-    assert [(e.role, e.text, e.window) for e in why.circumstances] == [("missing", "b > 0", (0, 3))]
+    assert [(e.role, e.text, e.window) for e in why.contributions] == [("missing", "b > 0", (0, 3))]
     # It broke before the window began: the right side does not matter.
     why = explain("a > 0 until[2:3] b > 0", {"a": [1, -1, 1, 1, 1], "b": [1] * 5})
-    assert (str(why.predicate), why.circumstances) == ("a > 0", ())
+    assert (str(why.predicate), why.contributions) == ("a > 0", ())
 
 
 def test_past_and_weak_operators_say_it_too() -> None:
     why = explain("a > 0 since[0:3] b > 0", {"a": [1, 1, -6, 2], "b": [1, 1, -3, -5]}, sample=3)
-    assert [(e.role, e.text, e.window) for e in why.circumstances] == [
+    assert [(e.role, e.text, e.window) for e in why.contributions] == [
         ("broken", "a > 0", (2, 2)),
         ("missing", "b > 0", (2, 3)),
     ]
     why = explain("a > 0 unless[0:4] b > 0", {"a": [1, 1, -1, -2, 3], "b": [-1, -4, -3, 5, 6]})
-    assert [(e.role, e.text, e.window) for e in why.circumstances] == [
+    assert [(e.role, e.text, e.window) for e in why.contributions] == [
         ("broken", "a > 0", (2, 2)),
         ("missing", "b > 0", (0, 2)),
     ]
@@ -200,7 +200,7 @@ def test_a_nested_response_names_each_condition() -> None:
     trace = {"req": [4, 0, 0], "on": [2, 2, 2], "gnt": [0, 0, 1]}
     spec = "ready = on > 1; always(req > 3 implies (ready implies eventually[0:1](gnt > 3)))"
     why = explain(spec, trace)
-    assert [(e.role, e.name, e.text) for e in why.circumstances] == [
+    assert [(e.role, e.name, e.text) for e in why.contributions] == [
         ("held", "ready", "on > 1"),
         ("missing", None, "gnt > 3"),
     ]
@@ -220,11 +220,11 @@ def test_of_many_the_text_shows_some() -> None:
     names = [f"x{i}" for i in range(3000)]
     formula = rtamt.disjunction(variable(name) > 0 for name in names)
     why = explain(formula, {name: np.array([-1.0]) for name in names})
-    assert len(why.circumstances) == 2999
+    assert len(why.contributions) == 2999
     assert str(why).splitlines()[-1].endswith("and 2979 more")
 
 
-def named_in_dense_time(why: DenseExplanation, begin: float) -> list[tuple[Formula, range]]:
+def named_in_dense_time(why: rtamt.dense.Explanation, begin: float) -> list[tuple[Formula, range]]:
     """The formulas, and the regions, whose signs an explanation names."""
 
     def region(time: float) -> int:
@@ -233,7 +233,7 @@ def named_in_dense_time(why: DenseExplanation, begin: float) -> list[tuple[Formu
         return 2 * int(place) + (place != int(place))
 
     found = []
-    for each in why.circumstances:
+    for each in why.contributions:
         if each.outside is not None:
             continue
         first, last = map(region, each.window)
@@ -260,12 +260,14 @@ def check(formula: Formula, whole: Signals, instant: int, seed: int, backend: Ba
     place = 2 * min(instant, regions.steps)
     if holds(regions.at(formula, "complete")(place)[0]):
         formula = ~formula
-    why = explain_dense(formula, its, float(regions.begin) + place // 2 * STEP, backend=backend)
+    why = rtamt.dense.explain(
+        formula, its, float(regions.begin) + place // 2 * STEP, backend=backend
+    )
     signs = []
     for f, span in named_in_dense_time(why, float(regions.begin)):
         at = regions.at(f, "complete")
         signs += [(f, i, holds(at(i)[0])) for i in span]
-    for each in why.circumstances:
+    for each in why.contributions:
         own = {sign for f, _, sign in signs if f is each.formula}
         assert each.outside is not None or (each.role == "held") in own
     assert all(len(line) <= 80 for line in str(why).splitlines())
@@ -307,7 +309,7 @@ def test_of_a_violated_response_the_request_and_the_grant_are_named(backend: Bac
         "req": [(0.0, 0.0), (1.5, 9.0), (1.6, 0.0), (9.0, 0.0)],
         "gnt": [(0.0, 0.0), (4.0, 2.0), (9.0, 2.0)],
     }
-    why = explain_dense(
+    why = rtamt.dense.explain(
         "always(req >= 3 implies eventually[0:3](gnt >= 3))", trace, backend=backend
     )
     assert str(why).splitlines()[3:] == [
@@ -320,7 +322,7 @@ def test_of_a_violated_response_the_request_and_the_grant_are_named(backend: Bac
         "  4 s     -1  missing: gnt >= 3",
         "                nowhere from 1.5 s to 4.5 s; this is the nearest",
     ]
-    grant = why.circumstances[1]
+    grant = why.contributions[1]
     assert (grant.role, grant.window, grant.open_begin, grant.open_end) == (
         "missing",
         (1.5, 4.5),
@@ -332,12 +334,12 @@ def test_of_a_violated_response_the_request_and_the_grant_are_named(backend: Bac
 def test_a_broken_until_in_dense_time_says_which_side_broke(backend: Backend) -> None:
     a = [(0.0, 1.0), (2.0, -1.0), (9.0, 1.0)]
     trace: Signals = {"a": a, "b": [(0.0, -3.0), (3.0, 5.0), (9.0, 5.0)]}
-    why = explain_dense("a > 0 until[0:4] b > 0", trace, backend=backend)
-    assert [(e.role, e.text, e.window) for e in why.circumstances] == [("missing", "b > 0", (0, 2))]
+    why = rtamt.dense.explain("a > 0 until[0:4] b > 0", trace, backend=backend)
+    assert [(e.role, e.text, e.window) for e in why.contributions] == [("missing", "b > 0", (0, 2))]
     assert (str(why.predicate), why.steps[-1].time) == ("a > 0", 2)
     trace = {"a": a, "b": [(0.0, -0.5), (9.0, 5.0)]}
-    why = explain_dense("a > 0 until[0:4] b > 0", trace, backend=backend)
-    assert [(e.role, e.text, e.window) for e in why.circumstances] == [
+    why = rtamt.dense.explain("a > 0 until[0:4] b > 0", trace, backend=backend)
+    assert [(e.role, e.text, e.window) for e in why.contributions] == [
         ("broken", "a > 0", (2, 2)),
         ("missing", "b > 0", (0, 2)),
     ]
@@ -350,8 +352,8 @@ def test_a_window_from_right_after_a_time_does_not_have_its_begin(backend: Backe
         "r": [(0.0, -2.0), (9.0, -2.0)],
     }
     spec = "always[0:2](p > 0 until[1:2] q > 0 or eventually[3:4](r > 0))"
-    why = explain_dense(spec, trace, resolution="1s", backend=backend)
+    why = rtamt.dense.explain(spec, trace, resolution="1s", backend=backend)
     assert (why.steps[1].time, why.steps[1].after) == (0, True)
-    (missing,) = [each for each in why.circumstances if each.text == "r > 0"]
+    (missing,) = [each for each in why.contributions if each.text == "r > 0"]
     assert (missing.role, missing.window) == ("missing", (3, 5))
     assert (missing.open_begin, missing.open_end) == (True, True)

@@ -13,15 +13,8 @@ from hypothesis import strategies as st
 from profiles import examples
 from strategies import DENSE, INFINITIES, Trace, formulas, length, rooted, traces
 
-from rtamt import (
-    DenseMonitor,
-    Formula,
-    Interval,
-    SpecificationError,
-    evaluate,
-    evaluate_dense,
-    parse,
-)
+import rtamt
+from rtamt import Formula, Interval, SpecificationError, evaluate, parse
 from rtamt.language.formula import make
 from rtamt.language.node import Node
 
@@ -43,7 +36,7 @@ def expected(formula: Formula, whole: Signals) -> list[tuple[float, float]]:
 def test_evaluate_dense_gives_the_definition(
     formula: Formula, whole: Signals, backend: Backend
 ) -> None:
-    robustness = evaluate_dense(formula, whole, backend=backend)
+    robustness = rtamt.dense.evaluate(formula, whole, backend=backend)
     assert bitwise(robustness) == bitwise(expected(formula, whole))
 
 
@@ -55,7 +48,7 @@ def test_every_operator_means_what_its_definition_says(
 ) -> None:
     strategy = rooted(name, depth=1, endless=True, dense=True)
     formula = data.draw(strategy.filter(lambda f: f.variables))
-    robustness = evaluate_dense(formula, whole, backend=backend)
+    robustness = rtamt.dense.evaluate(formula, whole, backend=backend)
     assert bitwise(robustness) == bitwise(expected(formula, whole))
 
 
@@ -65,7 +58,7 @@ def test_every_operator_means_what_its_definition_says(
     whole=signals(st.sampled_from(INFINITIES)),
 )
 def test_infinite_values_are_legal(formula: Formula, whole: Signals, backend: Backend) -> None:
-    robustness = evaluate_dense(formula, whole, backend=backend)
+    robustness = rtamt.dense.evaluate(formula, whole, backend=backend)
     assert bitwise(robustness) == bitwise(expected(formula, whole))
 
 
@@ -87,7 +80,7 @@ def test_the_oracle_agrees_with_golden() -> None:
 def test_evaluate_dense_agrees_with_golden(backend: Backend) -> None:
     for case in GOLDEN:
         golden = [tuple(map(float, step)) for step in case["robustness"]]
-        robustness = evaluate_dense(case["formula"], case["signals"], backend=backend)
+        robustness = rtamt.dense.evaluate(case["formula"], case["signals"], backend=backend)
         assert by_value(robustness) == golden, case
 
 
@@ -98,7 +91,7 @@ def test_dense_monitor_agrees_with_golden_no_later_than_the_golden_horizon(
         golden = [tuple(map(float, step)) for step in case["robustness"]]
         if case["horizon"] is None:
             continue
-        monitor = DenseMonitor(case["formula"], backend=backend)
+        monitor = rtamt.dense.Monitor(case["formula"], backend=backend)
         assert monitor.horizon <= case["horizon"], case
         given = monitor.update({v: case["signals"][v] for v in monitor.variables})
         assert by_value(given) == [step for step in golden if step[0] < monitor.settled]
@@ -153,7 +146,7 @@ def test_dense_time_equals_discrete_time_on_samples_as_steps(
     formula: Formula, trace: Trace, backend: Backend
 ) -> None:
     n = length(trace)
-    robustness = evaluate_dense(formula, sampled(trace), backend=backend)
+    robustness = rtamt.dense.evaluate(formula, sampled(trace), backend=backend)
     places = np.searchsorted(robustness.times, np.arange(n), side="right") - 1
     assert robustness.values[places].tolist() == evaluate(formula, trace, backend=backend).tolist()
 
@@ -165,7 +158,7 @@ def test_a_later_window_equals_discrete_time_while_it_ends_before_the_last_sampl
     operator: str, trace: Trace, begin: int, width: int, backend: Backend
 ) -> None:
     formula = f"{operator}[{begin}:{begin + width}](a > b)"
-    robustness = evaluate_dense(formula, sampled(trace), backend=backend)
+    robustness = rtamt.dense.evaluate(formula, sampled(trace), backend=backend)
     inside = max(0, length(trace) - 1 - begin - width)
     places = np.searchsorted(robustness.times, np.arange(inside), side="right") - 1
     discrete = evaluate(formula, trace, backend=backend)[:inside]
@@ -177,7 +170,7 @@ def test_a_later_window_equals_discrete_time_while_it_ends_before_the_last_sampl
 
 def test_a_window_of_time_sees_a_value_that_no_sample_would(backend: Backend) -> None:
     blip = {"x": [(0, 0), (1.001, 5), (1.002, 0), (3, 0)]}
-    robustness = evaluate_dense("eventually[0:1](x > 1)", blip, backend=backend)
+    robustness = rtamt.dense.evaluate("eventually[0:1](x > 1)", blip, backend=backend)
     assert robustness.values.tolist() == [-1.0, 4.0, -1.0]
     assert robustness.times == pytest.approx([0, 0.001, 1.002])
 
@@ -185,27 +178,35 @@ def test_a_window_of_time_sees_a_value_that_no_sample_would(backend: Backend) ->
 def test_units_are_converted(backend: Backend) -> None:
     signal = {"x": [(0, 1), (250, 5), (1000, 5)]}
     in_ms = parse("once[0:0.5s](x > 1)", unit="ms")
-    assert evaluate_dense(in_ms, signal, backend=backend) == [(0, 0), (250, 4)]
+    assert rtamt.dense.evaluate(in_ms, signal, backend=backend) == [(0, 0), (250, 4)]
     late = parse("historically[0:0.5s](x > 1)", unit="ms")
-    assert evaluate_dense(late, signal, backend=backend) == [(0, 0), (750, 4)]
+    assert rtamt.dense.evaluate(late, signal, backend=backend) == [(0, 0), (750, 4)]
 
 
 def test_the_trace_is_where_all_variables_are_known(backend: Backend) -> None:
     whole = {"x": [(0, 9), (2, 8), (9, 7)], "y": [(1, 1), (4, 3), (6, 4)]}
-    assert evaluate_dense("x - y > 0", whole, backend=backend) == [(1, 8), (2, 7), (4, 5), (6, 4)]
+    assert rtamt.dense.evaluate("x - y > 0", whole, backend=backend) == [
+        (1, 8),
+        (2, 7),
+        (4, 5),
+        (6, 4),
+    ]
 
 
 def test_one_event_is_a_trace_of_one_instant(backend: Backend) -> None:
-    assert evaluate_dense("always[0:1](x > 1)", {"x": [(3, 5)]}, backend=backend) == [(3, 4)]
-    assert evaluate_dense("eventually[1:2](x > 1)", {"x": [(3, 5)]}, backend=backend) == [
+    assert rtamt.dense.evaluate("always[0:1](x > 1)", {"x": [(3, 5)]}, backend=backend) == [(3, 4)]
+    assert rtamt.dense.evaluate("eventually[1:2](x > 1)", {"x": [(3, 5)]}, backend=backend) == [
         (3, -math.inf)
     ]
 
 
 def test_the_end_is_an_instant_with_a_robustness_of_its_own(backend: Backend) -> None:
     signal = {"x": [(0, 5), (2, 1)]}
-    assert evaluate_dense("x > 0", signal, backend=backend) == [(0, 5), (2, 1)]
-    assert evaluate_dense("eventually[0:1](x < 2)", signal, backend=backend) == [(0, -3), (1, 1)]
+    assert rtamt.dense.evaluate("x > 0", signal, backend=backend) == [(0, 5), (2, 1)]
+    assert rtamt.dense.evaluate("eventually[0:1](x < 2)", signal, backend=backend) == [
+        (0, -3),
+        (1, 1),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -226,7 +227,10 @@ def test_operators_on_neighbouring_samples_are_refused(text: str, symbol: str, w
         "  ^\n"
         f"  hint: look a time d away with {way}, or use Monitor with a period"
     )
-    for call in (lambda: DenseMonitor(text), lambda: evaluate_dense(text, {"x": [(0, 1)]})):
+    for call in (
+        lambda: rtamt.dense.Monitor(text),
+        lambda: rtamt.dense.evaluate(text, {"x": [(0, 1)]}),
+    ):
         with pytest.raises(SpecificationError) as error:
             call()
         assert str(error.value) == expected
@@ -234,7 +238,7 @@ def test_operators_on_neighbouring_samples_are_refused(text: str, symbol: str, w
 
 def test_a_formula_without_variables_is_refused() -> None:
     with pytest.raises(SpecificationError) as error:
-        evaluate_dense("once[0:1] true", {})
+        rtamt.dense.evaluate("once[0:1] true", {})
     assert str(error.value) == (
         "STL:1:5: without variables there are no events, which give a trace its begin and end\n"
         "  once[0:1] true\n"
@@ -245,4 +249,7 @@ def test_a_formula_without_variables_is_refused() -> None:
 
 def test_other_named_formulas_do_not_matter(backend: Backend) -> None:
     text = "root = sqrt(x) > 1\nx > 1"
-    assert evaluate_dense(text, {"x": [(0, -4), (1, 3)]}, backend=backend) == [(0, -5), (1, 2)]
+    assert rtamt.dense.evaluate(text, {"x": [(0, -4), (1, 3)]}, backend=backend) == [
+        (0, -5),
+        (1, 2),
+    ]

@@ -1,4 +1,4 @@
-"""`DenseEpisodeMonitor`: the trace so far, its bounds and when they decide, in any chunks."""
+"""`rtamt.dense.EpisodeMonitor`: the trace so far, its bounds and when they decide."""
 
 import copy
 import math
@@ -20,23 +20,14 @@ from region_oracle import Regions, inside
 from strategies import formulas
 
 import rtamt
-from rtamt import (
-    DenseEpisodeMonitor,
-    End,
-    Events,
-    Formula,
-    InputError,
-    StateError,
-    Verdict,
-    judge_dense,
-    variable,
-)
+from rtamt import Formula, InputError, StateError, Verdict, variable
 from rtamt.inputs.event_reader import EventReader
 from rtamt.language.parser import as_specification
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.dense.rows import dense_of
 from rtamt.program.dense_lowering import NANOSECOND
 from rtamt.program.dense_regions import compile_regions
+from rtamt.typing import End
 
 Backend = Literal["native", "python"]
 ENDS: tuple[End, ...] = ("complete", "cut", "open")
@@ -47,7 +38,7 @@ def of(chunk: Signals, formula: Formula) -> Signals:
     return {name: events for name, events in chunk.items() if name in formula.variables}
 
 
-def seen(monitor: DenseEpisodeMonitor) -> tuple[float, float, float]:
+def seen(monitor: rtamt.dense.EpisodeMonitor) -> tuple[float, float, float]:
     return monitor.robustness, monitor.lower, monitor.upper
 
 
@@ -67,7 +58,7 @@ def agrees(formula: Formula, whole: Signals, shares: list[list[float]], backend:
     its = relevant(whole, formula.variables)
     definition = Regions(its, STEP)
     decided = definition.first_decided(formula)
-    monitor = DenseEpisodeMonitor(formula, backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor(formula, backend=backend)
     before = monitor.bounds()
     for chunk in chunked(whole, shares):
         monitor.update(of(chunk, formula))
@@ -136,7 +127,7 @@ def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
     its = relevant(whole, spec.variables)
     definition = Regions(its, STEP, read(case))
     for end in ENDS:
-        monitor = DenseEpisodeMonitor(spec, semantics=semantics, backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor(spec, semantics=semantics, backend=backend)
         monitor.update(its)
         monitor.finish(end)
         assert identical(seen(monitor), definition.ended(spec.formula, end))
@@ -153,7 +144,7 @@ def test_a_copy_taken_midway_goes_on_alike(
 ) -> None:
     assume(formula.variables)
     first, second = chunked(whole, [[cut]] * 3)
-    monitor = DenseEpisodeMonitor(formula, backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor(formula, backend=backend)
     monitor.update(of(first, formula))
     twin = pickle.loads(pickle.dumps(monitor))
     rest = of(second, formula)
@@ -163,7 +154,7 @@ def test_a_copy_taken_midway_goes_on_alike(
     twin.update(rest)
     assert identical(seen(twin), seen(monitor))
     assert twin.decided_at == monitor.decided_at
-    found = judge_dense(formula, relevant(whole, formula.variables), "open", backend=backend)
+    found = rtamt.dense.judge(formula, relevant(whole, formula.variables), "open", backend=backend)
     assert identical(seen(twin), (found.robustness, found.lower, found.upper))
 
 
@@ -175,13 +166,13 @@ def test_the_decision_has_its_time_inside_a_long_step(backend: Backend) -> None:
         ("eventually(once[0.75:2](x < -1 since[0.25:1] x < 0))", None),
         ("true or x > 5", 0.0),
     ):
-        monitor = DenseEpisodeMonitor(text, backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor(text, backend=backend)
         monitor.update(x=[(0, -1), (250, -1)])
         assert monitor.decided_at == decided
 
 
 def test_a_window_of_the_past_may_be_empty_at_the_first_instant(backend: Backend) -> None:
-    monitor = rtamt.DenseEpisodeMonitor("eventually(historically[1:1](x > 0))", backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor("eventually(historically[1:1](x > 0))", backend=backend)
     assert (monitor.lower, monitor.upper) == (math.inf, math.inf)
     monitor.update({"x": [(0.0, -1.0)]})
     assert (monitor.robustness, monitor.lower) == (math.inf, math.inf)
@@ -198,7 +189,7 @@ def test_a_window_of_the_past_may_be_empty_at_the_first_instant(backend: Backend
 def test_before_the_first_event_constants_bound_the_first_instant(
     text: str, lower: float, upper: float, backend: Backend
 ) -> None:
-    monitor = DenseEpisodeMonitor(text, backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor(text, backend=backend)
     assert (monitor.lower, monitor.upper) == (lower, upper)
 
 
@@ -213,7 +204,7 @@ def test_the_last_instant_of_which_a_cut_trace_shows_something_reads_that_alone(
     text: str, last: float, bounds: tuple[float, float], backend: Backend
 ) -> None:
     """At 4 s the inner operator begins at the end, where y is what it was nowhere before."""
-    monitor = DenseEpisodeMonitor(text, resolution="1s", backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor(text, resolution="1s", backend=backend)
     monitor.update(x=[(0, 2.0), (5, 2.0)], y=[(0, -last), (5, last)])
     monitor.finish("cut")
     assert (monitor.lower, monitor.upper) == bounds
@@ -221,13 +212,13 @@ def test_the_last_instant_of_which_a_cut_trace_shows_something_reads_that_alone(
 
 def test_until_over_a_late_operand_reads_its_left_side_at_every_step(backend: Backend) -> None:
     late = "(y == -1) until[0.25:1] (eventually[0.75:0.75] always[0.25:1.75] (x < -1))"
-    monitor = DenseEpisodeMonitor(late, backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor(late, backend=backend)
     monitor.update(x=[(0, -2), (1.75, 2)], y=[(0, -1), (0.5, 2), (1, -2), (1.75, -1)])
     assert (monitor.robustness, monitor.verdict) == (-3, Verdict.VIOLATED)
 
 
 def test_two_invariants_are_one_formula(backend: Backend) -> None:
-    monitor = DenseEpisodeMonitor("always(a > 0) and always(b > 0)", backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor("always(a > 0) and always(b > 0)", backend=backend)
     assert monitor.update(a=[(0, 2), (5, 2)], b=[(0, 1), (3, -1), (4, 1)]) == -1
     assert (monitor.verdict, monitor.decided_at, monitor.settled) == (Verdict.VIOLATED, 3, 4)
 
@@ -237,7 +228,7 @@ def test_memory_is_that_of_the_windows(backend: Backend) -> None:
     text = (
         "always(x > 0 implies eventually[0:2](y > 0)) and always(x > 0 implies eventually(y > 1))"
     )
-    monitor = DenseEpisodeMonitor(text, backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor(text, backend=backend)
     sizes = []
     for i in range(300):
         monitor.update(x=[(i, (-1) ** i)], y=[(i, 2 * (-1) ** (i // 2))])
@@ -246,7 +237,7 @@ def test_memory_is_that_of_the_windows(backend: Backend) -> None:
 
 
 def test_nothing_is_settled_before_all_variables_are_known(backend: Backend) -> None:
-    monitor = DenseEpisodeMonitor("always(x > y)", backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor("always(x > y)", backend=backend)
     assert monitor.settled == -math.inf
     monitor.update(x=[(0, 1), (1, 2)])
     assert monitor.settled == -math.inf
@@ -266,7 +257,7 @@ def test_a_whole_trace_is_refused_by_the_machine_where_nothing_overlaps(backend:
 
 
 def test_errors(backend: Backend) -> None:
-    monitor = DenseEpisodeMonitor("always(sqrt(x) > y)", backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor("always(sqrt(x) > y)", backend=backend)
     assert math.isnan(monitor.robustness)
     with pytest.raises(StateError, match="needs an event of every variable, got none of 'x'"):
         monitor.finish()
@@ -293,22 +284,22 @@ def test_errors(backend: Backend) -> None:
 
 
 def test_a_refused_chunk_leaves_what_waits(backend: Backend) -> None:
-    monitor = DenseEpisodeMonitor("always(sqrt(x) + y > 1)", backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor("always(sqrt(x) + y > 1)", backend=backend)
     monitor.update(x=[(0, 4), (2, 9)], y=[(0, 1), (1, 3)])
     before = seen(monitor), monitor.settled
     roots = np.arange(1.0, 1_001.0)
     roots[700] = -1.0
     with pytest.raises(InputError, match=r"at time 703\.0, where x = -1\.0"):
-        monitor.update(x=Events(np.arange(3.0, 1_003.0), roots), y=[(4, 5), (2_000, 5)])
+        monitor.update(x=rtamt.dense.Events(np.arange(3.0, 1_003.0), roots), y=[(4, 5), (2_000, 5)])
     assert (seen(monitor), monitor.settled) == before
     monitor.update(x=[(3, 0), (5, 16)], y=[(2.5, 0.5), (6, 7)])
     assert (monitor.robustness, monitor.settled, monitor.decided_at) == (-0.5, 5, 3)
 
 
 def test_events_that_wait_are_copies(backend: Backend) -> None:
-    monitor = DenseEpisodeMonitor("always(x + y > 0)", backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor("always(x + y > 0)", backend=backend)
     times, values = np.arange(4, dtype=np.int64) * 10**9, np.array([3.0, 2.0, 5.0, 4.0])
-    monitor.update(x=Events(times, values))
+    monitor.update(x=rtamt.dense.Events(times, values))
     values[:] = times[:] = -9
     monitor.update(y=[(0, 1), (2, 0)])
     assert monitor.robustness == 3
@@ -327,14 +318,14 @@ def test_a_declared_value_lasts_until_the_first_event(backend: Backend) -> None:
     x = [(0.0, 1.0), (1.0, -1.0), (4.0, 1.0), (9.0, 1.0)]
     for y in ([], [(5.0, 0.0), (8.0, 3.0), (9.5, 3.0)]):
         events = sorted([(t, "x", v) for t, v in x] + [(t, "y", v) for t, v in y])
-        monitor = DenseEpisodeMonitor(DECLARED, backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor(DECLARED, backend=backend)
         for time, name, value in events:
             monitor.update({name: [(time, value)]})
             assert monitor.settled <= time
         whole = {"x": x, "y": y} if y else {"x": x}
-        at_once = DenseEpisodeMonitor(DECLARED, backend=backend)
+        at_once = rtamt.dense.EpisodeMonitor(DECLARED, backend=backend)
         at_once.update(whole)
-        found = judge_dense(DECLARED, whole, "open", backend=backend)
+        found = rtamt.dense.judge(DECLARED, whole, "open", backend=backend)
         expected = found.robustness, found.lower, found.upper
         assert identical(seen(monitor), expected)
         assert identical(seen(at_once), expected)
@@ -345,7 +336,7 @@ def test_a_declared_value_lasts_until_the_first_event(backend: Backend) -> None:
 def test_the_first_event_after_a_declared_value_is_later_than_what_is_settled(
     backend: Backend,
 ) -> None:
-    monitor = DenseEpisodeMonitor(DECLARED, backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor(DECLARED, backend=backend)
     monitor.update(x=[(0, 1), (6, 1)])
     assert (monitor.settled, monitor.robustness) == (6, 1)
     with pytest.raises(InputError, match=r"expected a time after 6\.0 at event 0 of 'y', got 3\.0"):
@@ -355,7 +346,7 @@ def test_the_first_event_after_a_declared_value_is_later_than_what_is_settled(
 
 
 def test_it_shows_its_formula_and_its_verdict(backend: Backend) -> None:
-    monitor = DenseEpisodeMonitor("always(x > 0)", backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor("always(x > 0)", backend=backend)
     assert repr(monitor) == "<DenseEpisodeMonitor of always(x > 0), UNDECIDED>"
     monitor.update({"x": [(0.0, -1.0), (1.0, -1.0)]})
     assert repr(monitor) == "<DenseEpisodeMonitor of always(x > 0), VIOLATED>"

@@ -16,10 +16,8 @@ from hypothesis import strategies as st
 from profiles import examples
 from strategies import formulas
 
+import rtamt
 from rtamt import (
-    DenseEpisodeMonitor,
-    DenseMonitor,
-    Events,
     Formula,
     InputError,
     InputTypeError,
@@ -27,9 +25,6 @@ from rtamt import (
     SpecificationError,
     StateError,
     StlDenseTimeSpecification,
-    evaluate_dense,
-    explain_dense,
-    judge_dense,
 )
 from rtamt.inputs.events import EventsLike
 
@@ -47,9 +42,9 @@ def refused(error: Error, text: str, call: Callable[[], object]) -> None:
 
 
 @pytest.fixture
-def monitor(backend: Backend) -> DenseMonitor:
+def monitor(backend: Backend) -> rtamt.dense.Monitor:
     """A monitor of two variables that have an event each."""
-    made = DenseMonitor("once[0:2](req - gnt > 1)", backend=backend)
+    made = rtamt.dense.Monitor("once[0:2](req - gnt > 1)", backend=backend)
     made.update({"req": [(1, 4)], "gnt": [(2, 1)]})
     return made
 
@@ -173,7 +168,7 @@ WRONG: list[tuple[Any, Error, str]] = [
 
 @pytest.mark.parametrize(("events", "error", "text"), WRONG)
 def test_what_an_update_refuses(
-    events: Signals, error: Error, text: str, monitor: DenseMonitor
+    events: Signals, error: Error, text: str, monitor: rtamt.dense.Monitor
 ) -> None:
     refused(error, text, lambda: monitor.update(events))
     assert monitor.settled == 1
@@ -209,19 +204,19 @@ NOT_NUMBERS = [
 def test_a_term_that_is_no_number_is_told_with_its_time(
     text: str, wrong: Signals, message: str, backend: Backend
 ) -> None:
-    refused(InputError, message, lambda: evaluate_dense(text, wrong, backend=backend))
-    monitor = DenseMonitor(text, backend=backend)
+    refused(InputError, message, lambda: rtamt.dense.evaluate(text, wrong, backend=backend))
+    monitor = rtamt.dense.Monitor(text, backend=backend)
     refused(InputError, message, lambda: monitor.update(wrong))
     right = {name: [(0, 4), (9, 4)] for name in wrong}
-    expected = list(evaluate_dense(text, right, backend=backend))
+    expected = list(rtamt.dense.evaluate(text, right, backend=backend))
     assert monitor.update(right) + monitor.finish() == expected
 
 
 def test_a_term_is_no_number_only_within_the_trace(backend: Backend) -> None:
     text = "sqrt(x) > y"
     whole = {"x": [(0, -4), (1, 9), (5, -4)], "y": [(2, 1), (4, 2)]}
-    assert evaluate_dense(text, whole, backend=backend) == [(2, 2), (4, 1)]
-    monitor = DenseMonitor(text, backend=backend)
+    assert rtamt.dense.evaluate(text, whole, backend=backend) == [(2, 2), (4, 1)]
+    monitor = rtamt.dense.Monitor(text, backend=backend)
     assert monitor.update({"x": whole["x"]}) == []
     assert monitor.update({"y": whole["y"]}) == [(2, 2)]
     later = "'sqrt(x)' is not a number at time 5.0, where x = -4.0"
@@ -243,8 +238,8 @@ def test_a_refused_update_leaves_no_trace(
     data: st.DataObject,
     backend: Backend,
 ) -> None:
-    monitor = DenseMonitor(formula, backend=backend)
-    untouched = DenseMonitor(formula, backend=backend)
+    monitor = rtamt.dense.Monitor(formula, backend=backend)
+    untouched = rtamt.dense.Monitor(formula, backend=backend)
     name = data.draw(st.sampled_from(formula.variables))
     for chunk in chunked(whole, shares):
         wrong = {v: [(90.0, 1.0), (91.0, 1.0)] for v in formula.variables}
@@ -257,7 +252,7 @@ def test_a_refused_update_leaves_no_trace(
 
 # The end. ----------------------------------------------------------------------------------------
 def test_finish_needs_events_of_every_variable(backend: Backend) -> None:
-    monitor = DenseMonitor("a > b", backend=backend)
+    monitor = rtamt.dense.Monitor("a > b", backend=backend)
     nothing = "finish() needs an event of every variable, got none of '{}' since reset"
     refused(StateError, nothing.format("a"), monitor.finish)
     monitor.update({"a": [(0, 1)]})
@@ -273,8 +268,8 @@ def test_signals_must_overlap(backend: Backend) -> None:
         "expected signals that overlap in time, got 'a', which ends at 2.0, "
         "and 'b', which begins at 2.5"
     )
-    refused(InputError, text, lambda: evaluate_dense("a > b", apart, backend=backend))
-    monitor = DenseMonitor("a > b", backend=backend)
+    refused(InputError, text, lambda: rtamt.dense.evaluate("a > b", apart, backend=backend))
+    monitor = rtamt.dense.Monitor("a > b", backend=backend)
     assert monitor.update(apart) == []
     refused(InputError, text, monitor.finish)
     assert monitor.update({"a": [(3, 1)]}) == [(2.5, 1)]
@@ -282,7 +277,7 @@ def test_signals_must_overlap(backend: Backend) -> None:
 
 
 def test_events_are_given_as_one_mapping_or_by_name(backend: Backend) -> None:
-    monitor = DenseMonitor("a > b", backend=backend)
+    monitor = rtamt.dense.Monitor("a > b", backend=backend)
     assert monitor.update(a=[(0, 3)], b=[(0, 1), (1, 2)]) == []
     assert monitor.update() == []
     one = {"a": [(1, 4)]}
@@ -297,7 +292,7 @@ def test_events_are_given_as_one_mapping_or_by_name(backend: Backend) -> None:
 
 
 def test_nothing_comes_after_the_end(backend: Backend) -> None:
-    monitor = DenseMonitor("a > 0", backend=backend)
+    monitor = rtamt.dense.Monitor("a > 0", backend=backend)
     monitor.update({"a": [(0, 1)]})
     monitor.finish()
     text = "the trace is finished; call reset() before the next update"
@@ -311,17 +306,19 @@ def test_nothing_comes_after_the_end(backend: Backend) -> None:
 def test_evaluate_dense_needs_events_of_every_variable(backend: Backend) -> None:
     text = "expected events of every variable, got none of 'b'; the variables are a, b"
     missing = "No signal 'b'. The signals are 'a'."
-    refused(InputError, missing, lambda: evaluate_dense("a > b", {"a": [(0, 1)]}, backend=backend))
-    nothings: list[EventsLike] = [[], (), np.empty(0), np.empty((0, 2)), Events([], [])]
+    refused(
+        InputError, missing, lambda: rtamt.dense.evaluate("a > b", {"a": [(0, 1)]}, backend=backend)
+    )
+    nothings: list[EventsLike] = [[], (), np.empty(0), np.empty((0, 2)), rtamt.dense.Events([], [])]
     for nothing in nothings:
         whole = {"a": [(0, 1)], "b": nothing}
-        call = functools.partial(evaluate_dense, "a > b", whole, backend=backend)
+        call = functools.partial(rtamt.dense.evaluate, "a > b", whole, backend=backend)
         refused(InputError, text, call)
 
 
 def test_evaluate_dense_ignores_other_variables(backend: Backend) -> None:
     whole: dict[str, Any] = {"a": [(0, 1)], "z": "no events"}
-    assert evaluate_dense("a > 0", whole, backend=backend) == [(0, 1)]
+    assert rtamt.dense.evaluate("a > 0", whole, backend=backend) == [(0, 1)]
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "next", None])
@@ -330,13 +327,15 @@ def test_values_last_until_the_next_event(interpolation: Literal["previous"]) ->
         "expected interpolation='previous' (a value lasts until the next event), "
         f"got {interpolation!r}"
     )
-    refused(InputError, text, lambda: DenseMonitor("a > 0", interpolation=interpolation))
-    refused(InputError, text, lambda: evaluate_dense("a > 0", {}, interpolation=interpolation))
+    refused(InputError, text, lambda: rtamt.dense.Monitor("a > 0", interpolation=interpolation))
+    refused(
+        InputError, text, lambda: rtamt.dense.evaluate("a > 0", {}, interpolation=interpolation)
+    )
 
 
 def test_a_future_without_an_end_is_refused_online(backend: Backend) -> None:
     with pytest.raises(RtamtError) as error:
-        DenseMonitor("once[0:1] always (x > 1)", backend=backend)
+        rtamt.dense.Monitor("once[0:1] always (x > 1)", backend=backend)
     assert str(error.value) == (
         "STL:1:11: 'always' without an end needs the whole future, "
         "for which DenseMonitor cannot wait\n"
@@ -349,7 +348,7 @@ def test_a_future_without_an_end_is_refused_online(backend: Backend) -> None:
 def test_an_error_points_into_the_text_that_was_given(backend: Backend) -> None:
     for blanks in range(3):
         with pytest.raises(RtamtError, match=rf"^STL:1:{11 + blanks}: 'always'"):
-            DenseMonitor(" " * blanks + "once[0:1] always (x > 1)", backend=backend)
+            rtamt.dense.Monitor(" " * blanks + "once[0:1] always (x > 1)", backend=backend)
 
 
 @pytest.mark.parametrize(
@@ -380,10 +379,10 @@ def test_an_error_points_into_the_text_that_was_given(backend: Backend) -> None:
 def test_bounds_are_counted(text: str, reason: str, hint: str) -> None:
     words = re.escape(f"STL:1:5: {reason}\n  {text}\n      ^\n  hint: {hint}")
     for call in (
-        DenseMonitor,
-        DenseEpisodeMonitor,
-        lambda spec: evaluate_dense(spec, {"x": [(0, 1)]}),
-        lambda spec: judge_dense(spec, {"x": [(0, 1)]}),
+        rtamt.dense.Monitor,
+        rtamt.dense.EpisodeMonitor,
+        lambda spec: rtamt.dense.evaluate(spec, {"x": [(0, 1)]}),
+        lambda spec: rtamt.dense.judge(spec, {"x": [(0, 1)]}),
     ):
         with pytest.raises(SpecificationError, match=f"^{words}$"):
             call(text)
@@ -428,7 +427,7 @@ APART = "subtract the time of the first event from all, or leave one out"
     ],
 )
 def test_times_are_counted(before: Any, event: Any, words: str, backend: Backend) -> None:  # noqa: ANN401
-    monitor = DenseMonitor("x > 0", backend=backend)
+    monitor = rtamt.dense.Monitor("x > 0", backend=backend)
     monitor.update({"x": [(before, 1.0)]})
     with pytest.raises(InputError, match=f"^{re.escape(words)}$"):
         monitor.update({"x": [(event, 2.0)]})
@@ -448,7 +447,7 @@ def test_times_are_counted(before: Any, event: Any, words: str, backend: Backend
 )
 def test_dates_and_numbers_are_not_mixed(events: Any, words: str, backend: Backend) -> None:  # noqa: ANN401
     with pytest.raises(InputError, match=f"^expected {re.escape(words)}$"):
-        evaluate_dense("x > 0", {"x": events}, backend=backend)
+        rtamt.dense.evaluate("x > 0", {"x": events}, backend=backend)
 
 
 @pytest.mark.parametrize(
@@ -471,17 +470,17 @@ def test_dates_and_numbers_are_not_mixed(events: Any, words: str, backend: Backe
 def test_a_resolution_that_no_date_has_is_refused_and_the_named_one_would_do(
     dates: list[str], resolution: str | Fraction, words: str, would_do: str, backend: Backend
 ) -> None:
-    signals = {"x": Events(np.array(dates, "datetime64[h]"), [1, -1])}
+    signals = {"x": rtamt.dense.Events(np.array(dates, "datetime64[h]"), [1, -1])}
     said = f"expected {words}; resolution={would_do!r} would do"
     with pytest.raises(InputError, match=f"^{re.escape(said)}$"):
-        evaluate_dense("x > 0", signals, resolution=resolution, backend=backend)
-    found = evaluate_dense("x > 0", signals, resolution=would_do, backend=backend)
+        rtamt.dense.evaluate("x > 0", signals, resolution=resolution, backend=backend)
+    found = rtamt.dense.evaluate("x > 0", signals, resolution=would_do, backend=backend)
     np.testing.assert_array_equal(found.times, signals["x"].times)
 
 
 @pytest.mark.parametrize("unit", ["Y", "M"])
 def test_years_and_months_are_dates(unit: Literal["Y", "M"], backend: Backend) -> None:
-    monitor = DenseMonitor("x > 0", backend=backend)
+    monitor = rtamt.dense.Monitor("x > 0", backend=backend)
     first = np.datetime64("2026", unit)
     monitor.update({"x": [(first, 1.0)]})
     with pytest.raises(InputError, match="expected a time after 2026"):
@@ -490,7 +489,7 @@ def test_years_and_months_are_dates(unit: Literal["Y", "M"], backend: Backend) -
     assert [value for _, value in monitor.finish()] == [-1.0]
 
 
-@pytest.mark.parametrize("judge_it", [explain_dense, judge_dense])
+@pytest.mark.parametrize("judge_it", [rtamt.dense.explain, rtamt.dense.judge])
 def test_a_trace_that_is_too_long_with_its_bounds_is_refused(
     judge_it: Callable[..., object], backend: Backend
 ) -> None:
@@ -512,8 +511,8 @@ def test_a_trace_that_is_too_long_with_its_bounds_is_refused(
 )
 def test_a_resolution_is_a_duration(resolution: Any, error: type[Exception], words: str) -> None:  # noqa: ANN401
     for call in (
-        lambda: DenseMonitor("x > 0", resolution=resolution),
-        lambda: evaluate_dense("x > 0", {"x": [(0, 1)]}, resolution=resolution),
+        lambda: rtamt.dense.Monitor("x > 0", resolution=resolution),
+        lambda: rtamt.dense.evaluate("x > 0", {"x": [(0, 1)]}, resolution=resolution),
     ):
         with pytest.raises(error, match=f"^expected a resolution {re.escape(words)}"):
             call()
@@ -525,9 +524,9 @@ def test_a_date_that_is_too_far_is_shown_as_a_date(backend: Backend) -> None:
         "expected a time of less than 2**62 ticks of 1ns at event 0 of 'x', got 1600-01-01; "
         "resolution='10ns' would do"
     )
-    for events in (Events(dates, [1, 2]), [(dates[0], 1), (dates[1], 2)]):
+    for events in (rtamt.dense.Events(dates, [1, 2]), [(dates[0], 1), (dates[1], 2)]):
         with pytest.raises(InputError, match=f"^{re.escape(words)}$"):
-            evaluate_dense("x > 0", {"x": events}, backend=backend)
+            rtamt.dense.evaluate("x > 0", {"x": events}, backend=backend)
 
 
 def test_in_the_released_classes_the_last_event_of_a_tick_counts() -> None:

@@ -1,4 +1,4 @@
-"""`judge_dense`: the verdict on a trace in dense time, against its definition."""
+"""`rtamt.dense.judge`: the verdict on a trace in dense time, against its definition."""
 
 import inspect
 import itertools
@@ -22,19 +22,8 @@ from region_oracle import Regions, inside
 from strategies import VARIABLES, formulas
 
 import rtamt
-from rtamt import (
-    End,
-    Events,
-    Formula,
-    InputError,
-    Judgement,
-    RtamtError,
-    Verdict,
-    evaluate_dense,
-    holds,
-    judge,
-    judge_dense,
-)
+from rtamt import Formula, InputError, Judgement, RtamtError, Verdict, holds, judge
+from rtamt.typing import End
 
 Backend = Literal["native", "python"]
 Shape = Callable[[Formula], Formula]
@@ -61,9 +50,9 @@ def agrees(formula: Formula, whole: Signals, backend: Backend) -> None:
     definition = Regions(its, STEP)
     when = definition.first_decided(formula)
     for end in ENDS:
-        found = judge_dense(formula, its, end=end, backend=backend)
+        found = rtamt.dense.judge(formula, its, end=end, backend=backend)
         assert identical(values(found), definition.ended(formula, end)), end
-        assert bool(found.untested) == (found.verdict is U)
+        assert bool(found.unrecorded) == (found.verdict is U)
         assert found.decided_at == when
 
 
@@ -94,7 +83,7 @@ def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
     its = relevant(whole, spec.variables)
     definition = Regions(its, STEP, read(case))
     for end in ENDS:
-        found = judge_dense(spec, its, end=end, semantics=semantics, backend=backend)
+        found = rtamt.dense.judge(spec, its, end=end, semantics=semantics, backend=backend)
         assert identical(values(found), definition.ended(spec.formula, end)), end
 
 
@@ -112,9 +101,9 @@ def test_no_continuation_contradicts_what_was_decided(
         known = [event for event in events if event[0] <= end]
         new = [(end + STEP + time, value) for time, value in after[name]]
         longer[name] = [*known, *new, (end + 1000, new[-1][1])]
-    later = judge_dense(formula, longer, "complete", backend=backend).robustness
+    later = rtamt.dense.judge(formula, longer, "complete", backend=backend).robustness
     for reading in ENDS[1:]:
-        found = judge_dense(formula, its, end=reading, backend=backend)
+        found = rtamt.dense.judge(formula, its, end=reading, backend=backend)
         assert found.lower <= later <= found.upper
         assert found.verdict is U or (found.verdict is S) == rtamt.holds(later)
 
@@ -127,14 +116,16 @@ def test_resolution_unit_and_backend_do_not_matter(formula: Formula, whole: Sign
     its = relevant(whole, formula.variables)
     scaled = {name: [(time * 1000, x) for time, x in events] for name, events in its.items()}
     for end in ENDS:
-        found = judge_dense(formula, its, end=end)
+        found = rtamt.dense.judge(formula, its, end=end)
         for resolution in (STEP, "1ms", "1ps"):
-            other = judge_dense(formula, its, end=end, resolution=resolution, backend="python")
+            other = rtamt.dense.judge(
+                formula, its, end=end, resolution=resolution, backend="python"
+            )
             assert identical(values(other), values(found))
             assert other.decided_at == found.decided_at
         if "inf" in str(formula):
             continue
-        milli = judge_dense(rtamt.parse(_in_seconds(formula), unit="ms"), scaled, end=end)
+        milli = rtamt.dense.judge(rtamt.parse(_in_seconds(formula), unit="ms"), scaled, end=end)
         assert identical(values(milli), values(found))
         if found.decided_at is not None:
             assert milli.decided_at == found.decided_at * 1000
@@ -148,7 +139,7 @@ def _in_seconds(formula: Formula) -> str:
 @pytest.mark.parametrize("period", [1, 0.5])
 def test_on_uniform_samples_it_is_judge(period: float, backend: Backend) -> None:
     x = [1.0, 2.0, -1.0, 0.0, 3.0, 1.0]
-    steps = {"x": Events(np.arange(6) * period, x)}
+    steps = {"x": rtamt.dense.Events(np.arange(6) * period, x)}
     for text in (
         "always(x >= -1)",
         "always[0:1](x > 0)",
@@ -159,7 +150,7 @@ def test_on_uniform_samples_it_is_judge(period: float, backend: Backend) -> None
     ):
         for end in ENDS:
             discrete = judge(text, {"x": x}, period, end, backend=backend)
-            dense = judge_dense(text, steps, end, backend=backend)
+            dense = rtamt.dense.judge(text, steps, end, backend=backend)
             assert dense.verdict is discrete.verdict
             assert identical(values(dense), values(discrete))
             place = discrete.decided_at
@@ -203,7 +194,7 @@ def test_on_uniform_samples_robustness_is_that_of_samples(seed: int, backend: Ba
     formula, n = of_steps(rng, 3), rng.randint(1, 6)
     trace = {name: [float(rng.randint(-2, 2)) for _ in range(n)] for name in "xy"}
     steps = {name: list(enumerate(column)) for name, column in trace.items()}
-    found = judge_dense(formula, steps, "complete", backend=backend)
+    found = rtamt.dense.judge(formula, steps, "complete", backend=backend)
     expected = judge(formula, trace, 1, "complete", backend=backend)
     assert identical(values(found), values(expected))
     assert found.verdict is expected.verdict
@@ -243,12 +234,12 @@ def test_it_names_what_was_not_recorded(
     text: str, end: End, lines: list[str], backend: Backend
 ) -> None:
     whole: Signals = {"x": [(0, 9), (10, 9)], "y": [(0, -1), (7.25, 1), (8, -1), (12, 1)]}
-    found = judge_dense(text, whole, end, backend=backend)
-    assert [str(part) for part in found.untested] == lines
+    found = rtamt.dense.judge(text, whole, end, backend=backend)
+    assert [str(part) for part in found.unrecorded] == lines
 
 
 def test_it_prints_as_that_of_samples(backend: Backend) -> None:
-    found = judge_dense("always[0:8](x >= 0)", {"x": [(0, 5), (6, 5)]}, backend=backend)
+    found = rtamt.dense.judge("always[0:8](x >= 0)", {"x": [(0, 5), (6, 5)]}, backend=backend)
     assert str(found) == inspect.cleandoc("""
         UNDECIDED: always[0:8](x >= 0)
         robustness 5, bounds -inf to 5 under end="cut"
@@ -260,9 +251,9 @@ def test_it_prints_as_that_of_samples(backend: Backend) -> None:
 
 def test_the_end_is_an_instant_that_is_known(backend: Backend) -> None:
     whole = {"x": [(0, 1), (2, -1)]}
-    assert judge_dense("always[0:2](x > 0)", whole, backend=backend).verdict is V
-    assert judge_dense("eventually[2:2](x > 0)", whole, backend=backend).verdict is V
-    longer = judge_dense("eventually[0:2.000000001](x > 1)", whole, backend=backend)
+    assert rtamt.dense.judge("always[0:2](x > 0)", whole, backend=backend).verdict is V
+    assert rtamt.dense.judge("eventually[2:2](x > 0)", whole, backend=backend).verdict is V
+    longer = rtamt.dense.judge("eventually[0:2.000000001](x > 1)", whole, backend=backend)
     assert (longer.verdict, longer.upper) == (U, np.inf)
 
 
@@ -282,7 +273,7 @@ INSTANTS = [
 def test_a_single_instant_counts(
     text: str, whole: Signals, robustness: float, backend: Backend
 ) -> None:
-    found = judge_dense(text, whole, "complete", backend=backend)
+    found = rtamt.dense.judge(text, whole, "complete", backend=backend)
     assert identical(values(found), (robustness,) * 3)
     assert (found.verdict is S) == (robustness > 0)
 
@@ -290,7 +281,7 @@ def test_a_single_instant_counts(
 @pytest.mark.slow(backend="python")
 def test_golden_instants(backend: Backend) -> None:
     for case in golden_cases.cases("dense_instant.json"):
-        found = judge_dense(case["formula"], case["signals"], "complete", backend=backend)
+        found = rtamt.dense.judge(case["formula"], case["signals"], "complete", backend=backend)
         assert found.robustness == float(case["robustness"])
         assert found.lower == found.upper == found.robustness
         assert holds(found.robustness) == (found.verdict is S)
@@ -305,13 +296,13 @@ def test_what_is_open_holds_at_every_later_end(
     its = relevant(whole, formula.variables)
     definition = Regions(its, STEP)
     ends = [definition.begin + k * STEP for k in range(definition.steps + 1)]
-    ended = [judge_dense(formula, until(its, end), "open", backend=backend) for end in ends]
+    ended = [rtamt.dense.judge(formula, until(its, end), "open", backend=backend) for end in ends]
     for before, after in itertools.pairwise(ended):
         assert inside(before.lower, after.lower, before.upper)
         assert inside(before.lower, after.upper, before.upper)
     for k, found in enumerate(ended):
         assert inside(found.lower, found.robustness, found.upper)
-        cut = judge_dense(formula, until(its, ends[k]), "cut", backend=backend)
+        cut = rtamt.dense.judge(formula, until(its, ends[k]), "cut", backend=backend)
         assert inside(found.lower, cut.lower, found.upper)
         assert inside(found.lower, cut.upper, found.upper)
         assert cut.verdict is U or (cut.verdict is S) == holds(cut.robustness)
@@ -334,14 +325,18 @@ def _at(events: list[tuple[float, float]], time: float) -> float:
 
 
 def test_the_deciding_time_is_one_of_the_callers(backend: Backend) -> None:
-    found = judge_dense("always(x > 0)", {"x": [(3, 1), (4.7, -1), (9, 1)]}, backend=backend)
+    found = rtamt.dense.judge("always(x > 0)", {"x": [(3, 1), (4.7, -1), (9, 1)]}, backend=backend)
     assert (found.verdict, found.decided_at) == (V, 4.7)
     times = np.array(["2026-01-01T00:00:00", "2026-01-01T00:00:04"], "datetime64[s]")
-    dated = judge_dense("always(x > 0)", {"x": Events(times, [1, -1])}, backend=backend)
+    dated = rtamt.dense.judge(
+        "always(x > 0)", {"x": rtamt.dense.Events(times, [1, -1])}, backend=backend
+    )
     assert dated.decided_at == times[1]
-    after = judge_dense("always[0:2](x > 0)", {"x": Events([0, 5], [1, 1])}, backend=backend)
+    after = rtamt.dense.judge(
+        "always[0:2](x > 0)", {"x": rtamt.dense.Events([0, 5], [1, 1])}, backend=backend
+    )
     assert (after.verdict, after.decided_at) == (S, 2.0)
-    assert judge_dense("always(x > 0)", {"x": [(0, 1)]}, backend=backend).decided_at is None
+    assert rtamt.dense.judge("always(x > 0)", {"x": [(0, 1)]}, backend=backend).decided_at is None
 
 
 @settings(max_examples=examples(20))
@@ -353,7 +348,7 @@ def test_times_far_from_0_lose_nothing(whole: Signals, shift: int, backend: Back
     near = [(int(time / STEP), value) for time, value in events]
     for end in ENDS:
         found, expected = (
-            judge_dense(text, {VARIABLES[0]: its}, end, resolution=1, backend=backend)
+            rtamt.dense.judge(text, {VARIABLES[0]: its}, end, resolution=1, backend=backend)
             for its in (far, near)
         )
         assert identical(values(found), values(expected))
@@ -373,25 +368,25 @@ def test_it_refuses_what_evaluate_dense_refuses(
     text: str, given: Signals, message: str, backend: Backend
 ) -> None:
     with pytest.raises(RtamtError) as expected:
-        evaluate_dense(text, given, backend=backend)
+        rtamt.dense.evaluate(text, given, backend=backend)
     assert message in str(expected.value)
     with pytest.raises(type(expected.value)) as refused:
-        judge_dense(text, given, backend=backend)
+        rtamt.dense.judge(text, given, backend=backend)
     assert str(refused.value) == str(expected.value)
 
 
 def test_other_errors() -> None:
     with pytest.raises(InputError) as wrong:
-        judge_dense("x > 0", {"x": [(0, 1)]}, "over")  # type: ignore[arg-type] # refused
+        rtamt.dense.judge("x > 0", {"x": [(0, 1)]}, "over")  # type: ignore[arg-type] # refused
     assert str(wrong.value) == "expected end='complete', 'cut' or 'open', got 'over'"
     with pytest.raises(InputError) as long:
-        judge_dense("always once[0:2e9](x > 0)", {"x": [(0, 1), (3e9, 1)]})
+        rtamt.dense.judge("always once[0:2e9](x > 0)", {"x": [(0, 1), (3e9, 1)]})
     assert str(long.value) == (
         "expected a trace that lasts less than 2**62 ticks of 1ns with the bounds of the formula, "
         "got 5000000000000000000; resolution='10ns' would do"
     )
     with pytest.raises(TypeError) as unknown:
-        judge_dense("x > 0", {"x": [(0, 1)]}, period=1)  # type: ignore[call-arg] # refused
+        rtamt.dense.judge("x > 0", {"x": [(0, 1)]}, period=1)  # type: ignore[call-arg] # refused
     assert str(unknown.value) == (
         "judge_dense() got an unexpected keyword argument 'period'; its arguments are spec, "
         "signals, end, until, resolution, semantics, inputs, outputs, backend, nan, max_gap"
@@ -402,7 +397,7 @@ def test_a_tick_is_told_from_its_neighbours_after_years(backend: Backend) -> Non
     for last in (3.1e7, 9e7 + 0.3, 1e9, 31536001.123456789, 31536001.123456785):
         whole = {"x": [(0, 1), (last, 1)]}
         for text in ("always(always[0:2](x > 0))", "always(x < 2) and always(once[0:1e-9](x > 0))"):
-            found = judge_dense(text, whole, backend=backend)
-            assert bool(found.untested) == (found.verdict is U)
-        later = judge_dense("eventually[0:2e9](x < 0 and always[0:2](x < 0))", whole, "open")
-        assert [part.end for part in later.untested] == [2_000_000_000]
+            found = rtamt.dense.judge(text, whole, backend=backend)
+            assert bool(found.unrecorded) == (found.verdict is U)
+        later = rtamt.dense.judge("eventually[0:2e9](x < 0 and always[0:2](x < 0))", whole, "open")
+        assert [part.end for part in later.unrecorded] == [2_000_000_000]

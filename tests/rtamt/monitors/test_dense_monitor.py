@@ -29,7 +29,8 @@ from hypothesis import strategies as st
 from profiles import examples
 from strategies import formulas
 
-from rtamt import DenseMonitor, Events, Formula, Specification, evaluate_dense, parse
+import rtamt
+from rtamt import Formula, Specification, parse
 from rtamt.language.interval import UNITS
 
 Backend = Literal["native", "python"]
@@ -41,7 +42,7 @@ Steps = list[tuple[float, float]]
 bounded = formulas(dense=True).filter(lambda f: f.variables)
 
 
-def least_last(monitor: DenseMonitor, calls: Chunks) -> float:
+def least_last(monitor: rtamt.dense.Monitor, calls: Chunks) -> float:
     """The time up to which all variables are known after some calls."""
     last = dict.fromkeys(monitor.variables, -math.inf)
     for chunk in calls:
@@ -54,8 +55,8 @@ def least_last(monitor: DenseMonitor, calls: Chunks) -> float:
 def test_update_gives_all_that_is_settled_and_each_breakpoint_once(
     formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
-    expected = list(evaluate_dense(formula, whole, backend=backend))
-    monitor = DenseMonitor(formula, backend=backend)
+    expected = list(rtamt.dense.evaluate(formula, whole, backend=backend))
+    monitor = rtamt.dense.Monitor(formula, backend=backend)
     assert monitor.settled == -math.inf
     given_so_far: Steps = []
     calls = chunked(whole, shares)
@@ -72,7 +73,7 @@ def test_update_gives_all_that_is_settled_and_each_breakpoint_once(
 
 @given(formula=bounded)
 def test_horizon_is_that_of_the_specification(formula: Formula, backend: Backend) -> None:
-    assert DenseMonitor(formula, backend=backend).horizon == parse(str(formula)).horizon
+    assert rtamt.dense.Monitor(formula, backend=backend).horizon == parse(str(formula)).horizon
 
 
 @given(data=st.data(), formula=bounded, shares=chunks())
@@ -81,8 +82,8 @@ def test_chunks_do_not_matter_at_times_that_no_double_adds_exactly(
 ) -> None:
     tenths = data.draw(signals())
     whole = {n: [(t / 3 + 0.1, v) for t, v in events] for n, events in tenths.items()}
-    expected = evaluate_dense(formula, whole, backend=backend)
-    assert play(DenseMonitor(formula, backend=backend), chunked(whole, shares)) == expected
+    expected = rtamt.dense.evaluate(formula, whole, backend=backend)
+    assert play(rtamt.dense.Monitor(formula, backend=backend), chunked(whole, shares)) == expected
 
 
 @given(formula=bounded, whole=signals(), shares=chunks())
@@ -90,8 +91,8 @@ def test_back_ends_agree_to_the_bit(
     formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
     moved = {n: [(t / 7, v / 3) for t, v in events] for n, events in whole.items()}
-    monitor = DenseMonitor(formula, backend=backend)
-    reference = DenseMonitor(formula, backend="python")
+    monitor = rtamt.dense.Monitor(formula, backend=backend)
+    reference = rtamt.dense.Monitor(formula, backend="python")
     for chunk in chunked(moved, shares):
         given_now = monitor.update(of(monitor, chunk))
         assert bitwise(given_now) == bitwise(reference.update(of(reference, chunk)))
@@ -106,14 +107,14 @@ def test_a_whole_formula_without_an_end_gives_the_extreme_so_far(
     operator: str, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
     past = {"always": "historically", "eventually": "once"}[operator]
-    running = evaluate_dense(f"{past} once[0:1](a > b)", whole, backend=backend)
-    monitor = DenseMonitor(f"{operator} once[0:1](a > b)", backend=backend)
+    running = rtamt.dense.evaluate(f"{past} once[0:1](a > b)", whole, backend=backend)
+    monitor = rtamt.dense.Monitor(f"{operator} once[0:1](a > b)", backend=backend)
     assert monitor.horizon == 0
     assert play(monitor, chunked(whole, shares)) == running
 
 
 def test_a_variable_may_run_ahead_of_another(backend: Backend) -> None:
-    monitor = DenseMonitor("once[0:2](x > y)", backend=backend)
+    monitor = rtamt.dense.Monitor("once[0:2](x > y)", backend=backend)
     assert monitor.update({"x": [(0, 1), (1, 5), (4, 2), (10, 0)]}) == []
     assert monitor.settled == -math.inf
     assert monitor.update({"y": [(0.5, 0)]}) == []
@@ -127,7 +128,7 @@ def test_a_variable_may_run_ahead_of_another(backend: Backend) -> None:
 # Values of named formulas. -----------------------------------------------------------------------
 def test_named_formulas_have_values_late_by_their_own_latency(backend: Backend) -> None:
     text = "near = x < 3\nsoon = eventually[0:2] near\nonce[0:1] soon"
-    monitor = DenseMonitor(text, backend=backend)
+    monitor = rtamt.dense.Monitor(text, backend=backend)
     assert monitor.latencies == {"near": 0.0, "soon": 2.0}
     assert monitor.horizon == 2.0
     assert str(monitor.values) == "{'near': nan, 'soon': nan}"
@@ -144,12 +145,12 @@ def test_named_formulas_have_values_late_by_their_own_latency(backend: Backend) 
 def test_values_are_the_robustness_just_before_it_is_unknown(
     formula: Formula, other: Formula, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
-    monitor = DenseMonitor(f"first = ({formula})\nsecond = ({other})", backend=backend)
+    monitor = rtamt.dense.Monitor(f"first = ({formula})\nsecond = ({other})", backend=backend)
     calls = chunked(whole, shares)
     names = monitor.variables
     robustness = {
-        "first": evaluate_dense(f"second = ({other})\n({formula})", whole, backend=backend),
-        "second": evaluate_dense(f"first = ({formula})\n({other})", whole, backend=backend),
+        "first": rtamt.dense.evaluate(f"second = ({other})\n({formula})", whole, backend=backend),
+        "second": rtamt.dense.evaluate(f"first = ({formula})\n({other})", whole, backend=backend),
     }
     for i, chunk in enumerate(calls):
         monitor.update(of(monitor, chunk))
@@ -164,9 +165,9 @@ def test_values_are_the_robustness_just_before_it_is_unknown(
 
 
 # Stopped and continued. --------------------------------------------------------------------------
-def again(monitor: DenseMonitor) -> DenseMonitor:
+def again(monitor: rtamt.dense.Monitor) -> rtamt.dense.Monitor:
     """Out of a pickle."""
-    loaded: DenseMonitor = pickle.loads(pickle.dumps(monitor))
+    loaded: rtamt.dense.Monitor = pickle.loads(pickle.dumps(monitor))
     return loaded
 
 
@@ -174,7 +175,7 @@ def again(monitor: DenseMonitor) -> DenseMonitor:
 @given(formula=bounded, whole=signals(), shares=chunks(4), after=st.integers(0, 5))
 @settings(max_examples=examples(20))
 def test_a_twin_continues_and_leaves_the_original_alone(
-    twin: Callable[[DenseMonitor], DenseMonitor],
+    twin: Callable[[rtamt.dense.Monitor], rtamt.dense.Monitor],
     formula: Formula,
     whole: Signals,
     shares: list[list[float]],
@@ -182,7 +183,7 @@ def test_a_twin_continues_and_leaves_the_original_alone(
     backend: Backend,
 ) -> None:
     calls = chunked(whole, shares)
-    monitor = DenseMonitor(formula, backend=backend)
+    monitor = rtamt.dense.Monitor(formula, backend=backend)
     begun = [step for chunk in calls[:after] for step in monitor.update(of(monitor, chunk))]
     other = twin(monitor)
     assert (other.settled, other.finished, other.horizon) == (
@@ -190,7 +191,7 @@ def test_a_twin_continues_and_leaves_the_original_alone(
         monitor.finished,
         monitor.horizon,
     )
-    expected = list(evaluate_dense(formula, whole, backend=backend))
+    expected = list(rtamt.dense.evaluate(formula, whole, backend=backend))
     assert begun + play(other, calls[after:]) == expected
     assert begun + play(monitor, calls[after:]) == expected
     assert twin(monitor).finished
@@ -199,10 +200,10 @@ def test_a_twin_continues_and_leaves_the_original_alone(
 
 @pytest.mark.parametrize("twin", [copy.copy, copy.deepcopy, again])
 def test_a_twin_has_the_unit_and_the_interface_of_the_original(
-    twin: Callable[[DenseMonitor], DenseMonitor], backend: Backend
+    twin: Callable[[rtamt.dense.Monitor], rtamt.dense.Monitor], backend: Backend
 ) -> None:
     spec = parse("x >= y implies eventually[0:0.5s](y > x)", unit="ms")
-    monitor = DenseMonitor(
+    monitor = rtamt.dense.Monitor(
         spec, backend=backend, semantics="output-robustness", inputs=["x"], outputs=["y"]
     )
     other = twin(monitor)
@@ -218,10 +219,10 @@ def test_a_state_stays_as_it_was_taken_whatever_goes_on_from_it(
     formula: Formula, whole: Signals, shares: list[list[float]], after: int, backend: Backend
 ) -> None:
     calls = chunked(whole, shares)
-    monitor = DenseMonitor(formula, backend=backend)
+    monitor = rtamt.dense.Monitor(formula, backend=backend)
     begun = [step for chunk in calls[:after] for step in monitor.update(of(monitor, chunk))]
     make, arguments, state = monitor.__reduce__()
-    expected = list(evaluate_dense(formula, whole, backend=backend))
+    expected = list(rtamt.dense.evaluate(formula, whole, backend=backend))
     assert begun + play(monitor, calls[after:]) == expected
     for _ in range(2):
         other = make(*arguments)
@@ -235,14 +236,14 @@ def test_reset_forgets_everything(
     formula: Formula, whole: Signals, shares: list[list[float]], after: int, backend: Backend
 ) -> None:
     calls = chunked(whole, shares)
-    monitor = DenseMonitor(formula, backend=backend)
+    monitor = rtamt.dense.Monitor(formula, backend=backend)
     for chunk in calls[:after]:
         monitor.update(of(monitor, chunk))
     if after > 5:
         monitor.finish()
     monitor.reset()
     assert (monitor.settled, monitor.finished) == (-math.inf, False)
-    assert play(monitor, calls) == list(evaluate_dense(formula, whole, backend=backend))
+    assert play(monitor, calls) == list(rtamt.dense.evaluate(formula, whole, backend=backend))
 
 
 # Memory. -----------------------------------------------------------------------------------------
@@ -262,28 +263,31 @@ def test_reset_forgets_everything(
     ],
 )
 def test_memory_is_that_of_the_events_inside_the_windows(text: str, backend: Backend) -> None:
-    monitor = DenseMonitor(text, backend=backend)
+    monitor = rtamt.dense.Monitor(text, backend=backend)
     noise = np.random.default_rng(3).standard_normal((2, 4000))
     times = np.arange(4000) / 10
     sizes = []
     for i in range(0, 4000, 5):
         part = slice(i, i + 5)
         monitor.update(
-            {name: Events(times[part], v[part]) for name, v in zip("xy", noise, strict=True)}
+            {
+                name: rtamt.dense.Events(times[part], v[part])
+                for name, v in zip("xy", noise, strict=True)
+            }
         )
         sizes.append(len(pickle.dumps(monitor)))
     assert max(sizes[400:]) <= 1.3 * max(sizes[100:400])
 
 
 def test_representation(backend: Backend) -> None:
-    monitor = DenseMonitor("always[0:0.5](x > 1)", backend=backend)
+    monitor = rtamt.dense.Monitor("always[0:0.5](x > 1)", backend=backend)
     assert repr(monitor) == "<DenseMonitor of always[0:0.5](x > 1), horizon 0.5>"
     assert monitor.interpolation == "previous"
 
 
 def test_a_subclass_with_another_update_is_refused() -> None:
     with pytest.raises(TypeError, match=r"^Doubled\.update would never be called"):
-        type("Doubled", (DenseMonitor,), {"update": lambda _, events: events})
+        type("Doubled", (rtamt.dense.Monitor,), {"update": lambda _, events: events})
 
 
 any_formula = formulas(endless=True, dense=True).filter(lambda f: f.variables)
@@ -332,7 +336,7 @@ def test_times_in_tenths_give_what_rational_arithmetic_gives(
         for name, events in rational.items()
     }
     expected = [(float(time), value) for time, value in steps]
-    assert bitwise(evaluate_dense(spec, times, backend=backend)) == bitwise(expected)
+    assert bitwise(rtamt.dense.evaluate(spec, times, backend=backend)) == bitwise(expected)
 
 
 @settings(max_examples=examples(40))
@@ -342,8 +346,8 @@ def test_chunks_do_not_matter_at_decimal_times(
 ) -> None:
     spec = tenths(formula)
     times = {n: [(float(t), v) for t, v in e] for n, e in exact(whole, start).items()}
-    steps = play(DenseMonitor(spec, backend=backend), chunked(times, shares))
-    assert bitwise(steps) == bitwise(evaluate_dense(spec, times, backend=backend))
+    steps = play(rtamt.dense.Monitor(spec, backend=backend), chunked(times, shares))
+    assert bitwise(steps) == bitwise(rtamt.dense.evaluate(spec, times, backend=backend))
 
 
 @settings(max_examples=examples(40))
@@ -355,7 +359,7 @@ def test_the_unit_in_which_times_are_written_does_not_matter(
     for unit in ("s", "ms", "us", "ns", "ps"):
         scale = 1 / UNITS[unit]
         times = {n: [(float(t * scale), v) for t, v in e] for n, e in exact(whole).items()}
-        steps = evaluate_dense(tenths(formula, unit), times, backend=backend)
+        steps = rtamt.dense.evaluate(tenths(formula, unit), times, backend=backend)
         found.append([(round(Fraction(t) / scale * 10), v, s) for t, v, s in bitwise(steps)])
     assert found[1:] == found[:-1]
 
@@ -363,9 +367,9 @@ def test_the_unit_in_which_times_are_written_does_not_matter(
 def test_seven_tenths_and_a_tenth_are_eight_tenths(backend: Backend) -> None:
     gap = {"x": [(0, 1), (0.7, -1), (0.7 + 0.1, 1), (2, 1)]}
     text = "historically once[0:0.1](x > 0)"
-    assert evaluate_dense(text, gap, backend=backend) == [(0, 1)]
+    assert rtamt.dense.evaluate(text, gap, backend=backend) == [(0, 1)]
     late = {"x": [(1.7e9 + 0.1 * k, v) for k, v in ((0, 1.0), (7, -1.0), (8, 1.0), (20, 1.0))]}
-    assert evaluate_dense(text, late, backend=backend) == [(1.7e9, 1)]
+    assert rtamt.dense.evaluate(text, late, backend=backend) == [(1.7e9, 1)]
 
 
 # Readings of times. ------------------------------------------------------------------------------
@@ -386,15 +390,15 @@ ticks = st.sampled_from(("1ns", "100ns", "1us", "7us", "30ms", Fraction(1, 3), 1
 def test_a_time_is_the_tick_nearest_to_its_shortest_decimal_text(
     times: list[float], resolution: str | int | Fraction, data: st.DataObject, backend: Backend
 ) -> None:
-    tick = DenseMonitor("x > 0", resolution=resolution).resolution
+    tick = rtamt.dense.Monitor("x > 0", resolution=resolution).resolution
     nearest = {round(Fraction(repr(time)) / tick): time for time in times}
     events = [(nearest[k], float(i % 2)) for i, k in enumerate(sorted(nearest))]
     expected = [float(k * tick) for k in sorted(nearest)]
-    forms: list[Any] = [events, np.array(events), Events(*zip(*events, strict=True))]
+    forms: list[Any] = [events, np.array(events), rtamt.dense.Events(*zip(*events, strict=True))]
     given_now = {"x": data.draw(st.sampled_from(forms))}
-    whole = evaluate_dense("x > 0", given_now, resolution=resolution, backend=backend)
+    whole = rtamt.dense.evaluate("x > 0", given_now, resolution=resolution, backend=backend)
     assert whole.times.tolist() == expected
-    monitor = DenseMonitor("x > 0", resolution=resolution, backend=backend)
+    monitor = rtamt.dense.Monitor("x > 0", resolution=resolution, backend=backend)
     assert [t for t, _ in monitor.update(given_now) + monitor.finish()] == expected
     assert monitor.settled == expected[-1]
 
@@ -404,15 +408,15 @@ def test_integers_are_exact_whatever_their_size(backend: Backend) -> None:
     start = 2**60 + 1
     for form in (
         [(start, 1.0), (start + 1, -0.5), (start + 5, 2)],
-        Events(np.array([start, start + 1, start + 5]), [1, -0.5, 2]),
-        Events([start, start + 1, start + 5], [1, -0.5, 2]),
+        rtamt.dense.Events(np.array([start, start + 1, start + 5]), [1, -0.5, 2]),
+        rtamt.dense.Events([start, start + 1, start + 5], [1, -0.5, 2]),
         np.array([[start, 2], [start + 1, -1], [start + 5, 4]]),
     ):
-        steps = evaluate_dense(spec, {"x": form}, backend=backend)
+        steps = rtamt.dense.evaluate(spec, {"x": form}, backend=backend)
         assert len(steps) == 3  # 2 ns after the first event it is forgotten
-        monitor = DenseMonitor(spec, backend=backend)
+        monitor = rtamt.dense.Monitor(spec, backend=backend)
         assert [v for _, v in monitor.update({"x": form})] == steps.values.tolist()[:2]
-    assert Events([start, start + 1], [0, 1])[1:].given[0].tolist() == [start + 1]
+    assert rtamt.dense.Events([start, start + 1], [0, 1])[1:].given[0].tolist() == [start + 1]
 
 
 def test_dates_come_back_as_dates(backend: Backend) -> None:
@@ -420,13 +424,17 @@ def test_dates_come_back_as_dates(backend: Backend) -> None:
     times = first + np.array([0, 700, 800, 2000], "m8[ms]")
     values = [1.0, -1.0, 1.0, 1.0]
     pairs = list(zip(times, values, strict=True))
-    for form in (Events(times, values), pairs, Events(pairs[0][0] + (times - first), values)):
-        steps = evaluate_dense("once[0.05:0.15](x > 0)", {"x": form}, backend=backend)
+    for form in (
+        rtamt.dense.Events(times, values),
+        pairs,
+        rtamt.dense.Events(pairs[0][0] + (times - first), values),
+    ):
+        steps = rtamt.dense.evaluate("once[0.05:0.15](x > 0)", {"x": form}, backend=backend)
         assert steps.times.dtype == "M8[ns]"
         dates: Any = steps.times
         assert (dates[:2] == [first, first + np.timedelta64(50, "ms")]).all()
         assert steps.values.tolist()[:2] == [-math.inf, 1]
-        monitor = DenseMonitor("once[0.05:0.15](x > 0)", backend=backend)
+        monitor = rtamt.dense.Monitor("once[0.05:0.15](x > 0)", backend=backend)
         again = monitor.update({"x": form}) + monitor.finish()
         assert again == list(steps)
         assert isinstance(again[0][0], np.datetime64)
@@ -434,7 +442,7 @@ def test_dates_come_back_as_dates(backend: Backend) -> None:
     twin = pickle.loads(pickle.dumps(monitor))
     assert twin.settled == times[-1]
     by_number = {"x": [(t, v) for t, v in zip((0, 0.7, 0.8, 2), values, strict=True)]}
-    numbers = evaluate_dense("once[0.05:0.15](x > 0)", by_number, backend=backend)
+    numbers = rtamt.dense.evaluate("once[0.05:0.15](x > 0)", by_number, backend=backend)
     elapsed = (dates - first) / np.timedelta64(1, "s")
     assert elapsed.tolist() == numbers.times.tolist()
     assert steps.values.tolist() == numbers.values.tolist()
@@ -442,7 +450,7 @@ def test_dates_come_back_as_dates(backend: Backend) -> None:
 
 @pytest.mark.parametrize("twin", [copy.copy, lambda m: pickle.loads(pickle.dumps(m))])
 def test_a_twin_counts_the_same_ticks(twin: Any, backend: Backend) -> None:  # noqa: ANN401
-    monitor = DenseMonitor("once[0:0.5](x > 0)", resolution="100ms", backend=backend)
+    monitor = rtamt.dense.Monitor("once[0:0.5](x > 0)", resolution="100ms", backend=backend)
     monitor.update({"x": [(0.04, 1)]})
     other = twin(monitor)
     assert other.resolution == TENTH

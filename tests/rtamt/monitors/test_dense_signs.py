@@ -16,7 +16,8 @@ from profiles import examples
 from region_oracle import Regions
 from strategies import DENSE, formulas, rooted
 
-from rtamt import DenseMonitor, End, Events, Formula, SemanticsName, evaluate_dense
+import rtamt
+from rtamt import Formula
 from rtamt.inputs.event_reader import EventReader
 from rtamt.language.parser import as_specification
 from rtamt.machines.backend import BACKENDS
@@ -24,6 +25,7 @@ from rtamt.machines.dense.rows import dense_of
 from rtamt.program.dense_regions import compile_regions
 from rtamt.program.implications import InstantRuns
 from rtamt.program.interface import STANDARD
+from rtamt.typing import End, SemanticsName
 
 Backend = Literal["native", "python"]
 any_formula = formulas(endless=True, dense=True).filter(lambda f: f.variables)
@@ -31,7 +33,7 @@ bounded = formulas(dense=True).filter(lambda f: f.variables)
 zeros = signals(INTEGERS)
 
 
-def holding(robustness: Events) -> list[tuple[float, bool]]:
+def holding(robustness: rtamt.dense.Events) -> list[tuple[float, bool]]:
     """Where the formula begins to hold or to fail, read off the sign bits."""
     steps = [(time, sign > 0) for time, _, sign in bitwise(robustness)]
     return steps[:1] + [y for x, y in itertools.pairwise(steps) if x[1] != y[1]]
@@ -48,7 +50,7 @@ def truth(formula: Formula, whole: Signals) -> list[tuple[float, bool]]:
 def test_the_sign_bit_is_clear_where_the_formula_holds(
     formula: Formula, whole: Signals, backend: Backend
 ) -> None:
-    assert holding(evaluate_dense(formula, whole, backend=backend)) == truth(formula, whole)
+    assert holding(rtamt.dense.evaluate(formula, whole, backend=backend)) == truth(formula, whole)
 
 
 @settings(max_examples=examples(6))
@@ -59,7 +61,7 @@ def test_so_it_is_under_every_operator(
 ) -> None:
     strategy = rooted(name, depth=1, endless=True, dense=True)
     formula = data.draw(strategy.filter(lambda f: f.variables))
-    assert holding(evaluate_dense(formula, whole, backend=backend)) == truth(formula, whole)
+    assert holding(rtamt.dense.evaluate(formula, whole, backend=backend)) == truth(formula, whole)
 
 
 @settings(max_examples=examples(40))
@@ -67,7 +69,7 @@ def test_so_it_is_under_every_operator(
 def test_boolean_semantics_has_infinities_of_the_same_signs(
     formula: Formula, whole: Signals, backend: Backend
 ) -> None:
-    robustness = evaluate_dense(formula, whole, semantics="boolean", backend=backend)
+    robustness = rtamt.dense.evaluate(formula, whole, semantics="boolean", backend=backend)
     assert all(math.isinf(value) for value in robustness.values.tolist())
     assert holding(robustness) == truth(formula, whole)
 
@@ -77,8 +79,8 @@ def test_boolean_semantics_has_infinities_of_the_same_signs(
 def test_chunks_do_not_change_a_sign(
     formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
-    steps = play(DenseMonitor(formula, backend=backend), chunked(whole, shares))
-    assert bitwise(steps) == bitwise(evaluate_dense(formula, whole, backend=backend))
+    steps = play(rtamt.dense.Monitor(formula, backend=backend), chunked(whole, shares))
+    assert bitwise(steps) == bitwise(rtamt.dense.evaluate(formula, whole, backend=backend))
 
 
 @pytest.mark.parametrize("semantics", [*SEMANTICS, "boolean"])
@@ -92,7 +94,9 @@ def test_back_ends_give_the_same_bits_under_every_semantics(
     inputs, outputs = (None, None) if plain else ([first], [last])
     native, python = (
         play(
-            DenseMonitor(formula, semantics=semantics, inputs=inputs, outputs=outputs, backend=b),
+            rtamt.dense.Monitor(
+                formula, semantics=semantics, inputs=inputs, outputs=outputs, backend=b
+            ),
             chunked(whole, shares),
         )
         for b in ("native", "python")
@@ -110,7 +114,7 @@ def test_steps_that_differ_in_the_sign_of_zero_are_not_one(backend: Backend) -> 
         "not (x >= 2 or x < 1)": [(0, 0, 1), (1, 0, -1), (2, 0, 1)],
         "once[0:1](x >= 2 or x < 1)": [(0, 0, -1), (1, 0, 1), (3, 0, -1)],
     }.items():
-        assert bitwise(evaluate_dense(text, gears, backend=backend)) == steps, text
+        assert bitwise(rtamt.dense.evaluate(text, gears, backend=backend)) == steps, text
 
 
 def drawn_runs(rng: random.Random, last: int) -> InstantRuns:

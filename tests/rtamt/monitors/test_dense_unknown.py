@@ -22,26 +22,14 @@ from region_oracle import Regions
 from strategies import QUARTERS, formulas
 from uncertain_traces import UNKNOWN, some_value
 
-from rtamt import (
-    Between,
-    DenseEpisodeMonitor,
-    DenseMonitor,
-    End,
-    Events,
-    Formula,
-    InputError,
-    Judgement,
-    SpecificationError,
-    Verdict,
-    evaluate_dense,
-    explain_dense,
-    judge_dense,
-)
+import rtamt
+from rtamt import Formula, InputError, Judgement, SpecificationError, UncertainValue, Verdict
 from rtamt.language.node import Node
 from rtamt.machines.backend import BACKENDS
+from rtamt.typing import End
 
 Backend = Literal["native", "python"]
-Uncertain = dict[str, list[tuple[float, float | Between]]]
+Uncertain = dict[str, list[tuple[float, float | UncertainValue]]]
 ENDS: tuple[End, ...] = ("complete", "cut", "open")
 INF, NAN = math.inf, math.nan
 V, U, S = Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED
@@ -67,11 +55,11 @@ def one_of(whole: Uncertain, rng: random.Random) -> Signals:
     return found
 
 
-def _at(events: list[tuple[float, float | Between]], time: float) -> float | Between:
+def _at(events: list[tuple[float, float | UncertainValue]], time: float) -> float | UncertainValue:
     return [value for t, value in events if t <= time][-1]
 
 
-def _number(value: float | Between, rng: random.Random) -> float:
+def _number(value: float | UncertainValue, rng: random.Random) -> float:
     return max(-1e3, min(1e3, inside(value, rng))) if value is UNKNOWN else inside(value, rng)
 
 
@@ -79,7 +67,7 @@ def of(whole: Any, formula: Formula) -> Any:  # noqa: ANN401 - signals of either
     return relevant(whole, formula.variables)
 
 
-def values(found: Judgement | DenseEpisodeMonitor) -> tuple[float, float, float]:
+def values(found: Judgement | rtamt.dense.EpisodeMonitor) -> tuple[float, float, float]:
     return found.robustness, found.lower, found.upper
 
 
@@ -101,10 +89,10 @@ def test_every_trace_inside_has_its_value_inside_the_bounds(
     for _ in range(3):
         known = one_of(its, rng)
         later = {name: [*events, (99.0, rng.choice(QUARTERS))] for name, events in known.items()}
-        after = judge_dense(formula, later, "complete", backend=backend).robustness
+        after = rtamt.dense.judge(formula, later, "complete", backend=backend).robustness
         for end in ENDS:
-            found = judge_dense(formula, its, end, backend=backend)
-            exact = judge_dense(formula, known, end, backend=backend)
+            found = rtamt.dense.judge(formula, its, end, backend=backend)
+            exact = rtamt.dense.judge(formula, known, end, backend=backend)
             assert order(found.lower) <= order(exact.lower)
             assert order(exact.upper) <= order(found.upper)
             if found.verdict is not U:
@@ -128,10 +116,10 @@ def test_the_bounds_are_those_of_intervals_at_every_instant(
     its: Any = of(whole, formula)
     definition = Regions(its, STEP, between)
     worst, best = definition.complete(formula)
-    found = judge_dense(formula, its, "complete", backend=backend)
+    found = rtamt.dense.judge(formula, its, "complete", backend=backend)
     assert identical(values(found), (worst, worst, best))
     for end in ENDS[1:]:
-        found = judge_dense(formula, its, end, backend=backend)
+        found = rtamt.dense.judge(formula, its, end, backend=backend)
         _, lower, upper = definition.ended(formula, end)
         moved = max(lower, min(worst, upper, key=order), key=order)
         assert identical(values(found), (moved, lower, upper))
@@ -143,7 +131,7 @@ def between(f: Node, trace: Trace, i: int | None) -> Value:
     if i is None or not f.variables:
         return predicate(f, trace, i)
     (name,) = f.variables
-    value: float | Between = trace[name][i]
+    value: float | UncertainValue = trace[name][i]
     ends: Ends = (value, value) if isinstance(value, float) else (value.lower, value.upper)  # type: ignore[assignment] # floats
     inner = [x for x in (*QUARTERS, 0.0) if contains(ends, x)]
     return hull(predicate(f, {name: [x]}, 0)[0] for x in (*ends, *inner))
@@ -160,10 +148,10 @@ def test_chunks_copies_and_back_ends_do_not_matter(
     formula: Formula, whole: Uncertain, shares: list[list[float]], end: End
 ) -> None:
     assume(formula.variables)
-    found = judge_dense(formula, of(whole, formula), end)
+    found = rtamt.dense.judge(formula, of(whole, formula), end)
     assert set(found.unknown) <= set(formula.variables)
     for backend in BACKENDS:
-        monitor = DenseEpisodeMonitor(formula, nan="unknown", backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor(formula, nan="unknown", backend=backend)
         before = monitor.bounds()
         for chunk in chunked(whole, shares):  # type: ignore[arg-type] # intervals for numbers
             monitor.update({n: events for n, events in chunk.items() if n in formula.variables})
@@ -187,17 +175,17 @@ def test_without_unknown_values_nothing_changes(
 ) -> None:
     assume(formula.variables)
     its = of(whole, formula)
-    found = judge_dense(formula, its, end, backend=backend)
+    found = rtamt.dense.judge(formula, its, end, backend=backend)
     assert found.unknown == ()
     columns = {n: np.array(events).T for n, events in its.items()}
-    same = {n: Events(times, Between(x, x)) for n, (times, x) in columns.items()}
+    same = {n: rtamt.dense.Events(times, UncertainValue(x, x)) for n, (times, x) in columns.items()}
     for other in (
-        judge_dense(formula, same, end, backend=backend),
-        judge_dense(formula, its, end, nan="unknown", max_gap=1000, backend=backend),
+        rtamt.dense.judge(formula, same, end, backend=backend),
+        rtamt.dense.judge(formula, its, end, nan="unknown", max_gap=1000, backend=backend),
     ):
         assert identical(values(other), values(found))
         assert (other.verdict, other.decided_at) == (found.verdict, found.decided_at)
-    monitor = DenseEpisodeMonitor(formula, nan="unknown", backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor(formula, nan="unknown", backend=backend)
     monitor.update({name: [(0, NAN), (5, NAN)] for name in its})
     monitor.reset()
     monitor.update(its)
@@ -218,7 +206,7 @@ def test_every_semantics(case: Case, whole: Uncertain, seed: int, backend: Backe
     known = one_of(its, random.Random(seed))
     for end in ENDS:
         found, exact = (
-            judge_dense(spec, each, end, semantics=semantics, backend=backend)
+            rtamt.dense.judge(spec, each, end, semantics=semantics, backend=backend)
             for each in (its, known)
         )
         assert order(found.lower) <= order(exact.lower)
@@ -255,12 +243,12 @@ def test_a_hole_is_unknown_from_a_tick_after_the_event_before_it(
     options: Any = {"resolution": TICK, "backend": backend}
     written = {name: with_holes(events, most) for name, events in its.items()}
     for end in ENDS:
-        found = judge_dense(formula, its, end, max_gap=most, **options)
-        expected = judge_dense(formula, written, end, nan="unknown", **options)
+        found = rtamt.dense.judge(formula, its, end, max_gap=most, **options)
+        expected = rtamt.dense.judge(formula, written, end, nan="unknown", **options)
         assert identical(values(found), values(expected))
         assert found.decided_at == expected.decided_at
         assert found.unknown == expected.unknown
-    monitor = DenseEpisodeMonitor(formula, max_gap=f"{most}s", **options)
+    monitor = rtamt.dense.EpisodeMonitor(formula, max_gap=f"{most}s", **options)
     for chunk in chunked(whole, shares):
         monitor.update({n: events for n, events in chunk.items() if n in formula.variables})
     assert identical(values(monitor), values(found))
@@ -277,10 +265,10 @@ def test_both_instants_of_a_hole_are_known_and_the_end_is_none(backend: Backend)
         ("always[0:9](x < 2)", U),
         ("always[9:9.5](x < 2)", S),
     ):
-        assert judge_dense(text, x, "complete", max_gap=1, backend=backend).verdict is verdict
-        assert judge_dense(text, x, "complete", max_gap=8, backend=backend).unknown == ()
+        assert rtamt.dense.judge(text, x, "complete", max_gap=1, backend=backend).verdict is verdict
+        assert rtamt.dense.judge(text, x, "complete", max_gap=8, backend=backend).unknown == ()
     late: Signals = {"x": [(0, 1), (1, 1), (50, 1)], "y": [(0, 1), (0.5, 1), (1, 1)]}
-    found = judge_dense("always(x > 0 and y > 0)", late, max_gap=2, backend=backend)
+    found = rtamt.dense.judge("always(x > 0 and y > 0)", late, max_gap=2, backend=backend)
     assert (found.verdict, found.unknown) == (S, ())  # the trace ends where the hole begins
 
 
@@ -295,10 +283,10 @@ def test_a_declared_value_leaves_no_hole(backend: Backend) -> None:
         ({**a, "b": [(1.5, 9), (2.75, 9)]}, ("b",)),
     ]
     for whole, unknown in told:
-        found = judge_dense(DECLARED, whole, "open", max_gap=1, backend=backend)
+        found = rtamt.dense.judge(DECLARED, whole, "open", max_gap=1, backend=backend)
         assert found.unknown == unknown
         events = sorted((t, name, x) for name, its in whole.items() for t, x in its)
-        monitor = DenseEpisodeMonitor(DECLARED, max_gap=1, backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor(DECLARED, max_gap=1, backend=backend)
         for time, name, value in events:
             monitor.update({name: [(time, value)]})
         assert identical(values(monitor), values(found))
@@ -308,8 +296,8 @@ def test_a_declared_value_leaves_no_hole(backend: Backend) -> None:
 
 
 def test_an_unknown_value_lasts_until_the_next_event(backend: Backend) -> None:
-    x: Any = [(0, 3), (1, Between(1, 5)), (2, NAN), (3, 4), (9, 4)]
-    monitor = DenseEpisodeMonitor("always(x > 0)", nan="unknown", backend=backend)
+    x: Any = [(0, 3), (1, UncertainValue(1, 5)), (2, NAN), (3, 4), (9, 4)]
+    monitor = rtamt.dense.EpisodeMonitor("always(x > 0)", nan="unknown", backend=backend)
     seen = []
     for event in x:
         monitor.update(x=[event])
@@ -324,17 +312,21 @@ def test_an_unknown_value_lasts_until_the_next_event(backend: Backend) -> None:
 
 
 def test_the_first_event_may_be_unknown_and_the_only_one(backend: Backend) -> None:
-    whole: Any = {"x": [(0, UNKNOWN), (2, 1)], "y": [(1, Between(-1, 1)), (2, 5)]}
-    found = judge_dense("always(y > -2) and (x > 0 or y <= 1)", whole, "complete", backend=backend)
+    whole: Any = {"x": [(0, UNKNOWN), (2, 1)], "y": [(1, UncertainValue(-1, 1)), (2, 5)]}
+    found = rtamt.dense.judge(
+        "always(y > -2) and (x > 0 or y <= 1)", whole, "complete", backend=backend
+    )
     assert (found.verdict, found.robustness, found.unknown) == (S, 0.0, ("y", "x"))
-    alone = judge_dense("x > 0", {"x": [(0, Between(1, 2))]}, "complete", backend=backend)
+    alone = rtamt.dense.judge(
+        "x > 0", {"x": [(0, UncertainValue(1, 2))]}, "complete", backend=backend
+    )
     assert (values(alone), alone.verdict) == ((1, 1, 2), S)
 
 
 def test_it_prints_what_is_not_known(backend: Backend) -> None:
     whole: Signals = {"req": [(0, -1), (1, 1), (2, -1), (50, -1)], "gnt": [(0, -1), (50, -1)]}
     spec = "always(req > 0 implies eventually[0:2](gnt > 0))"
-    found = judge_dense(spec, whole, "complete", max_gap=10, backend=backend)
+    found = rtamt.dense.judge(spec, whole, "complete", max_gap=10, backend=backend)
     assert str(found) == (
         "UNDECIDED: always(req > 0 implies eventually[0:2](gnt > 0))\n"
         'robustness -inf, bounds -inf to 1 under end="complete"\n'
@@ -343,42 +335,44 @@ def test_it_prints_what_is_not_known(backend: Backend) -> None:
         "    known"
     )
     assert pickle.loads(pickle.dumps(found)) == found
-    known = judge_dense(spec, whole, "complete", backend=backend)
+    known = rtamt.dense.judge(spec, whole, "complete", backend=backend)
     assert (known.verdict, known.unknown) == (V, ())
 
 
 def test_a_term_without_a_value_is_refused_and_changes_nothing(backend: Backend) -> None:
-    monitor = DenseEpisodeMonitor("always(sqrt(x) > -1)", nan="unknown", backend=backend)
+    monitor = rtamt.dense.EpisodeMonitor("always(sqrt(x) > -1)", nan="unknown", backend=backend)
     monitor.update(x=[(0, 4)])
     before = values(monitor)
     with pytest.raises(InputError, match=r"'sqrt\(x\)' is not a number at time 1\.0, where x = B"):
-        monitor.update(x=[(0.5, NAN), (1, Between(-3, -1)), (2, 1)])
+        monitor.update(x=[(0.5, NAN), (1, UncertainValue(-3, -1)), (2, 1)])
     assert (values(monitor), monitor.settled) == (before, 0)
-    monitor.update(x=[(0.5, Between(-3, 9)), (2, 1)])
+    monitor.update(x=[(0.5, UncertainValue(-3, 9)), (2, 1)])
     assert values(monitor) == (1, -INF, 2)
 
 
 SIGNALS: Any = {"x": [(0, 1), (2, 3)]}
 
 
-@pytest.mark.parametrize("evaluate", [evaluate_dense, explain_dense, DenseMonitor])
+@pytest.mark.parametrize(
+    "evaluate", [rtamt.dense.evaluate, rtamt.dense.explain, rtamt.dense.Monitor]
+)
 def test_what_gives_one_number_refuses_what_is_not_known(
     evaluate: Any,  # noqa: ANN401 - each has its own arguments
     backend: Backend,
 ) -> None:
     def of_signals(x: Any, **options: Any) -> None:  # noqa: ANN401
-        if evaluate is DenseMonitor:
-            DenseMonitor("x > 0", backend=backend, **options).update(x=x)
+        if evaluate is rtamt.dense.Monitor:
+            rtamt.dense.Monitor("x > 0", backend=backend, **options).update(x=x)
         else:
             evaluate("x > 0", {"x": x}, backend=backend, **options)
 
     reason = "DenseEpisodeMonitor and judge_dense give bounds"
     with pytest.raises(InputError, match=f"known at event 1 of 'x', got Between.*{reason}"):
-        of_signals([(0, 1), (1, Between(-0.0, 0.0))])
+        of_signals([(0, 1), (1, UncertainValue(-0.0, 0.0))])
     with pytest.raises(InputError, match=f"known at event 1 of 'x', got Between.*{reason}"):
-        of_signals(Events([0, 1], Between([0, 1], [0, 2])))
+        of_signals(rtamt.dense.Events([0, 1], UncertainValue([0, 1], [0, 2])))
     with pytest.raises(InputError, match=r"event 1 of 'x', at time 1\.0, is nan; leave it"):
-        of_signals(Events([0, 1], [0, NAN]))
+        of_signals(rtamt.dense.Events([0, 1], [0, NAN]))
     for option in ({"nan": "unknown"}, {"max_gap": 1}):
         with pytest.raises(InputError, match=f"= speaks of values that are not known; {reason}"):
             of_signals([(0, 1)], **option)
@@ -386,42 +380,46 @@ def test_what_gives_one_number_refuses_what_is_not_known(
 
 def test_errors(backend: Backend) -> None:
     with pytest.raises(InputError) as missing:
-        judge_dense("x > 0", {"x": [(0, 1), (1, NAN)]}, backend=backend)
+        rtamt.dense.judge("x > 0", {"x": [(0, 1), (1, NAN)]}, backend=backend)
     assert str(missing.value) == (
         "event 1 of 'x', at time 1.0, is nan; leave it out: a value lasts until the next event, "
         "or pass nan='unknown'"
     )
     with pytest.raises(InputError) as hold:
-        judge_dense("x > 0", SIGNALS, nan="hold")
+        rtamt.dense.judge("x > 0", SIGNALS, nan="hold")
     assert str(hold.value) == (
         "expected nan='raise' or nan='unknown', got 'hold'; leave events without a value out: a "
         "value lasts until the next event"
     )
     for gap in (0, -1, INF, "soon"):
         with pytest.raises(SpecificationError, match="expected a max_gap from 1e-300 to 1e300 s"):
-            DenseEpisodeMonitor("x > 0", max_gap=gap)
-    monitor = DenseEpisodeMonitor("x > 0", backend=backend)
+            rtamt.dense.EpisodeMonitor("x > 0", max_gap=gap)
+    monitor = rtamt.dense.EpisodeMonitor("x > 0", backend=backend)
     with pytest.raises(InputError) as between:
-        monitor.update(x=[(0, 1), (1, Between(1, 2))])
+        monitor.update(x=[(0, 1), (1, UncertainValue(1, 2))])
     assert str(between.value) == (
-        "expected a value that is known at event 1 of 'x', got Between(1.0, 2.0); "
+        "expected a value that is known at event 1 of 'x', got UncertainValue(1.0, 2.0); "
         "pass nan='unknown' to take it"
     )
     assert math.isnan(monitor.robustness)
-    monitor = DenseEpisodeMonitor("x > 0", nan="unknown", max_gap="500ms")
+    monitor = rtamt.dense.EpisodeMonitor("x > 0", nan="unknown", max_gap="500ms")
     assert monitor.nan == "unknown"
     assert monitor.max_gap == 0.5
 
 
 def test_events_hold_what_is_not_known() -> None:
-    events = Events([0, 1, 2], Between([0, 1, INF], [2, 1, INF]))
-    assert list(events) == [(0.0, Between(0, 2)), (1.0, 1.0), (2.0, INF)] == events[:]
+    events = rtamt.dense.Events([0, 1, 2], UncertainValue([0, 1, INF], [2, 1, INF]))
+    assert list(events) == [(0.0, UncertainValue(0, 2)), (1.0, 1.0), (2.0, INF)] == events[:]
     assert (events.values.tolist(), events.upper.tolist()) == ([0, 1, INF], [2, 1, INF])
-    assert repr(events) == "Events([0.0, 1.0, 2.0], Between([0.0, 1.0, inf], [2.0, 1.0, inf]))"
-    assert events[0] == (0.0, Between(0, 2))
-    assert pickle.loads(pickle.dumps(events)) == events != Events([0, 1, 2], [0, 1, INF])
-    known = Events([0, 1], Between([0, 4], [0, 4]))
+    assert (
+        repr(events) == "Events([0.0, 1.0, 2.0], UncertainValue([0.0, 1.0, inf], [2.0, 1.0, inf]))"
+    )
+    assert events[0] == (0.0, UncertainValue(0, 2))
+    assert (
+        pickle.loads(pickle.dumps(events)) == events != rtamt.dense.Events([0, 1, 2], [0, 1, INF])
+    )
+    known = rtamt.dense.Events([0, 1], UncertainValue([0, 4], [0, 4]))
     assert known.upper is known.values
-    assert Events([0, 1], [0, NAN]) == Events([0, 1], [0, NAN])
+    assert rtamt.dense.Events([0, 1], [0, NAN]) == rtamt.dense.Events([0, 1], [0, NAN])
     with pytest.raises(InputError, match=r"expected a 1-D array for the values of events"):
-        Events([0, 1], Between(0, 1))
+        rtamt.dense.Events([0, 1], UncertainValue(0, 1))

@@ -26,7 +26,7 @@ from region_oracle import Regions
 from strategies import DENSE, INFINITIES, formulas, rooted
 
 import rtamt
-from rtamt import DenseExplanation, Formula, explain_dense, holds, judge_dense, variable
+from rtamt import Formula, holds, variable
 from rtamt.language.formula import make
 from rtamt.language.interval import Interval
 from rtamt.language.node import Node
@@ -42,7 +42,7 @@ INF = math.inf
 class Checked:
     """An explanation beside the definition, which knows nothing of explanations."""
 
-    def __init__(self, definition: Regions, explanation: DenseExplanation) -> None:
+    def __init__(self, definition: Regions, explanation: rtamt.dense.Explanation) -> None:
         self.definition = definition
         self.last = 2 * definition.steps
         self.steps = explanation.steps
@@ -139,14 +139,14 @@ def cases(
     return formula, whole, draw(st.sampled_from(np.arange(begin, end + 0.1, STEP / 2).tolist()))
 
 
-def checked(case: Case, backend: Backend) -> DenseExplanation:
+def checked(case: Case, backend: Backend) -> rtamt.dense.Explanation:
     """The explanation of a case, with all its steps checked."""
     formula, whole, time = case
-    explanation = explain_dense(formula, whole, time, backend=backend)
+    explanation = rtamt.dense.explain(formula, whole, time, backend=backend)
     assert (explanation.steps[0].formula, explanation.time) == (formula, time)
     steps = Checked(Regions(whole, STEP / 2), explanation).steps
     if time == max(events[0][0] for events in whole.values()):
-        found = judge_dense(formula, whole, "complete", backend=backend)
+        found = rtamt.dense.judge(formula, whole, "complete", backend=backend)
         assert order(explanation.robustness) == order(found.robustness)
     last = steps[-1]
     known = {name: [v for t, v in events if t <= last.time][-1] for name, events in whole.items()}
@@ -209,7 +209,7 @@ def test_infinite_values_are_explained(case: Case, backend: Backend) -> None:
 def test_back_ends_explain_alike_and_fit_80_columns(case: Case) -> None:
     formula, whole, time = case
     one, other = (
-        explain_dense(formula, whole, time, backend=backend)
+        rtamt.dense.explain(formula, whole, time, backend=backend)
         for backend in ("python", rtamt.BACKEND)
     )
     assert one == other
@@ -238,10 +238,10 @@ def test_the_robustness_follows_the_value_that_decided_wherever_the_others_move_
     case: Case, move: float
 ) -> None:
     formula, whole, time = case
-    explanation = explain_dense(formula, whole, time)
+    explanation = rtamt.dense.explain(formula, whole, time)
     if not explanation.causes:
         other = {name: [(t, -v / 2) for t, v in events] for name, events in whole.items()}
-        assert explain_dense(formula, other, time).robustness == explanation.robustness
+        assert rtamt.dense.explain(formula, other, time).robustness == explanation.robustness
         return
     (cause,) = explanation.causes
     sign = cause.value / explanation.robustness
@@ -256,15 +256,15 @@ def test_the_robustness_follows_the_value_that_decided_wherever_the_others_move_
     for others in (whole, apart):
         moved = {name: list(its) for name, its in others.items()}
         moved[cause.variable][at] = events[at][0], cause.value + move
-        after = explain_dense(formula, moved, time).robustness
+        after = rtamt.dense.explain(formula, moved, time).robustness
         assert after == explanation.robustness + sign * move
         if time == 0:
-            assert judge_dense(formula, moved, "complete").robustness == after
+            assert rtamt.dense.judge(formula, moved, "complete").robustness == after
 
 
 def test_golden_instants_are_explained(backend: Backend) -> None:
     for case in golden_cases.cases("dense_instant.json"):
-        explanation = explain_dense(case["formula"], case["signals"], backend=backend)
+        explanation = rtamt.dense.explain(case["formula"], case["signals"], backend=backend)
         assert explanation.robustness == float(case["robustness"])
         last = explanation.steps[-1]
         assert abs(last.value) == abs(explanation.robustness)
@@ -275,7 +275,7 @@ def test_golden_instants_are_explained(backend: Backend) -> None:
 @given(case=cases())
 def test_times_may_be_late_or_dates(case: Case) -> None:
     formula, whole, time = case
-    explanation = explain_dense(formula, whole, time)
+    explanation = rtamt.dense.explain(formula, whole, time)
     late = 1_700_000_000
     shifted = {name: [(t + late, v) for t, v in events] for name, events in whole.items()}
     begin = np.datetime64("2026-01-01T00:00:00", "ns")
@@ -286,7 +286,7 @@ def test_times_may_be_late_or_dates(case: Case) -> None:
     dated = {name: [(date(t), v) for t, v in events] for name, events in whole.items()}
     ways: list[tuple[Any, Callable[[float], Any]]] = [(shifted, lambda t: t + late), (dated, date)]
     for whole_there, there in ways:
-        other = explain_dense(formula, whole_there, there(time))
+        other = rtamt.dense.explain(formula, whole_there, there(time))
         assert [(s.formula, s.time, s.value, s.witness) for s in other.steps] == [
             (s.formula, there(s.time), s.value, None if s.witness is None else there(s.witness))
             for s in explanation.steps
@@ -304,13 +304,13 @@ def test_ticks_that_doubles_do_not_tell_apart_are_told_apart(backend: Backend) -
         "y": [(0, -3), (90, 9), (98, -3), (99, -2), (101, -7), (last, 1)],
     }
     whole = {name: [(begin + t, v) for t, v in events] for name, events in after.items()}
-    explanation = explain_dense(spec, whole, backend=backend)
+    explanation = rtamt.dense.explain(spec, whole, backend=backend)
     assert (explanation.robustness, explanation.causes[0].value) == (-2.0, -2.0)
     dates = {
         name: [(np.datetime64(t, "ns"), value) for t, value in events]
         for name, events in whole.items()
     }
-    explanation = explain_dense(spec, dates, backend=backend)
+    explanation = rtamt.dense.explain(spec, dates, backend=backend)
     (cause,) = explanation.causes
     assert (cause.variable, cause.value) == ("y", -2.0)
     assert cause.time == np.datetime64(begin + 99, "ns")
@@ -321,15 +321,15 @@ def test_a_time_goes_to_the_nearest_tick_and_may_be_exact() -> None:
     whole: dict[str, Any] = {"x": [(0, 1), (0.3, 2), (1, 2)]}
     times: list[Any] = [0.3, 0.1 + 0.2, Fraction(3, 10), np.float64(0.3), 0.3 - 1e-10]
     for time in times:
-        assert explain_dense("x > 0", whole, time).robustness == 2.0
-    assert explain_dense("x > 0", whole, 0.2).robustness == 1.0
-    assert explain_dense("x > 0", whole, 1).time == 1.0
-    assert explain_dense("x > 0", whole, 0.26, resolution="100ms").time == 0.3
+        assert rtamt.dense.explain("x > 0", whole, time).robustness == 2.0
+    assert rtamt.dense.explain("x > 0", whole, 0.2).robustness == 1.0
+    assert rtamt.dense.explain("x > 0", whole, 1).time == 1.0
+    assert rtamt.dense.explain("x > 0", whole, 0.26, resolution="100ms").time == 0.3
 
 
 def test_without_a_time_the_begin_of_the_trace_is_explained() -> None:
     whole: dict[str, Any] = {"x": [(0, 1), (3, 1)], "y": [(1.5, 5), (2.5, 4)]}
-    explanation = explain_dense("x + y > 0", whole)
+    explanation = rtamt.dense.explain("x + y > 0", whole)
     assert (explanation.time, explanation.end, explanation.robustness) == (1.5, 2.5, 6.0)
     assert explanation.causes == (("x", 1.5, 1.0), ("y", 1.5, 5.0))
 
@@ -383,7 +383,7 @@ def drawn(name: str, seed: int) -> ReasonCase:
 class Said:
     """What an explanation says of the operator, in positions from the begin of the trace."""
 
-    def __init__(self, inner: Formula, why: DenseExplanation, begin: float) -> None:
+    def __init__(self, inner: Formula, why: rtamt.dense.Explanation, begin: float) -> None:
         self._begin = begin
         known = inner, *inner.args
         step, *below = (each for each in why.steps if each.formula in known)
@@ -398,7 +398,7 @@ class Said:
             self.decided = inner.args.index(below[0].formula), place
         self.parts: list[Part] = [
             (inner.args.index(each.formula), *self.span(each), each.role)
-            for each in why.circumstances
+            for each in why.contributions
             if each.formula in inner.args
         ]
 
@@ -422,7 +422,7 @@ def test_an_explanation_names_what_the_definition_chooses(
     its = {each: whole[each] for each in outer.variables}
     regions = Regions(its, 1)
     time = float(regions.begin) + min(instant, regions.steps)
-    why = explain_dense(outer, its, time, resolution="1s", backend=backend)
+    why = rtamt.dense.explain(outer, its, time, resolution="1s", backend=backend)
     robustness = regions.at(outer, "complete")(2 * min(instant, regions.steps))[1]
     assert same(why.robustness, robustness)
     said = Said(inner, why, float(regions.begin))
@@ -441,7 +441,7 @@ def test_an_explanation_names_what_the_definition_chooses(
         outside = tuple(None if math.isinf(at) else float(regions.begin) + at // 2 for at in places)
     assert said.outside == outside
     if reason_holds(why.robustness):
-        assert why.circumstances == ()
+        assert why.contributions == ()
         return
     # What decided is a step. A formula at one place is said by its own operands there.
     named = set() if reasons.decided is None else {reasons.decided + reasons.decided[1:]}

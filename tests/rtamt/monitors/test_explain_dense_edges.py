@@ -8,15 +8,7 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt import (
-    DenseMonitor,
-    InputError,
-    InputTypeError,
-    evaluate_dense,
-    explain,
-    explain_dense,
-    variable,
-)
+from rtamt import InputError, InputTypeError, explain, variable
 
 SPEC = """
 granted = eventually[0:1s](gnt >= 3)
@@ -30,7 +22,7 @@ TRACE: dict[str, Any] = {
 
 
 def test_an_explanation_is_a_table_with_names_times_and_the_values_that_decided() -> None:
-    explanation = explain_dense(SPEC, TRACE)
+    explanation = rtamt.dense.explain(SPEC, TRACE)
     assert str(explanation) == (
         "robustness -0.5 at 100 s, decided by gnt >= 3 at 101.5 s\n"
         "\n"
@@ -55,14 +47,14 @@ def test_an_explanation_is_a_table_with_names_times_and_the_values_that_decided(
 
 def test_times_are_shown_in_the_unit_of_the_specification_and_dates_as_dates() -> None:
     spec = rtamt.parse("always[0:2](x < 5)", unit="ms")
-    assert str(explain_dense(spec, {"x": [(0, 1), (0.3, 6), (4, 6)]})).splitlines()[2:] == [
+    assert str(rtamt.dense.explain(spec, {"x": [(0, 1), (0.3, 6), (4, 6)]})).splitlines()[2:] == [
         "    at  value  formula",
         "  0 ms     -1  always[0:2](x < 5)",
         "0.3 ms     -1  x < 5",
         "0.3 ms      6  x",
     ]
     times = np.array(["2026-01-01T00:00:00", "2026-01-01T00:00:03.5"], "datetime64[ms]")
-    explanation = explain_dense("eventually(x > 3)", {"x": rtamt.Events(times, [1, 2])})
+    explanation = rtamt.dense.explain("eventually(x > 3)", {"x": rtamt.dense.Events(times, [1, 2])})
     assert str(explanation).splitlines()[2:6] == [
         "                   at  value  formula",
         "  2026-01-01T00:00:00     -1  eventually(x > 3)",
@@ -97,7 +89,7 @@ def test_of_equal_values_the_first_operand_and_the_first_time_decide(
         "b": [(0, 1), (3, 1)],
         "c": [(0, 0), (2, 1), (3, 1)],
     }
-    explanation = explain_dense(formula, trace, time)
+    explanation = rtamt.dense.explain(formula, trace, time)
     assert abs(explanation.robustness) == 1
     assert [(c.variable, c.time) for c in explanation.causes] == [decided]
 
@@ -115,7 +107,7 @@ def test_of_equal_values_the_first_operand_and_the_first_time_decide(
 )
 def test_of_zeros_that_are_equal_the_first_operand_decides(formula: str, decided: str) -> None:
     events: dict[str, Any] = {"x": [(0, 0), (1, 0)], "y": [(0, 0), (1, 0)]}
-    explanation = explain_dense(formula, events, 1)
+    explanation = rtamt.dense.explain(formula, events, 1)
     assert [(c.variable, c.time) for c in explanation.causes] == [(decided, 1)]
     sampled = explain(formula, {"x": [0, 0], "y": [0, 0]}, sample=1)
     assert [(c.variable, c.sample) for c in sampled.causes] == [(decided, 1)]
@@ -125,16 +117,16 @@ def test_only_what_holds_has_a_witness() -> None:
     trace = {"a": [(0, 3), (2, 1), (4, 1)], "b": [(0, -3), (2, -1), (4, -1)]}
     said = "      nearest: the right side at 2 s\n"
     for formula in ("a > 0 since b > 0", "not (a > 0 since b > 0)"):
-        text = str(explain_dense(formula, trace, 3))
+        text = str(rtamt.dense.explain(formula, trace, 3))
         assert (said in text, "witness" in text) == (True, False)
-    text = str(explain_dense("a > 0 since b >= -1", trace, 3))
+    text = str(rtamt.dense.explain("a > 0 since b >= -1", trace, 3))
     assert (said.replace("nearest", "witness") in text, "nearest: " in text) == (True, False)
 
 
 def test_a_witness_and_a_stretch_without_a_first_instant_are_named() -> None:
     trace = {"a": [(0, 1), (2, 4), (6, 4)], "b": [(0, 0), (1, 5), (2, 0), (6, 0)]}
     # The right side holds from 1 s to 2 s, and right after every moment of it a is 1.
-    explanation = explain_dense("a since b", trace, 5)
+    explanation = rtamt.dense.explain("a since b", trace, 5)
     assert str(explanation) == (
         "robustness 1 at 5 s, decided by a after 1 s\n"
         "\n"
@@ -147,11 +139,11 @@ def test_a_witness_and_a_stretch_without_a_first_instant_are_named() -> None:
     assert [(step.time, step.after) for step in explanation.steps] == [(5, False), (1, True)]
     # At 1 s, b is reached at 2 s, and a is 1 up to there. Right after, a is asked for at 2 s too.
     trace = {"a": [(0, 1), (2, -4), (6, 4)], "b": [(0, 0), (2, 5), (6, 0)]}
-    explanation = explain_dense("a until[1:2] b", trace, 1)
+    explanation = rtamt.dense.explain("a until[1:2] b", trace, 1)
     assert (explanation.robustness, explanation.causes) == (1, (("a", 1.0, 1.0),))
     assert (explanation.steps[0].witness, explanation.steps[0].witness_after) == (2.0, False)
-    explanation = explain_dense("once[1:1](always[0:1](a until[1:2] b))", trace, 2)
-    assert explanation.robustness == -4 == evaluate_dense("a until[1:2] b", trace)[1][1]
+    explanation = rtamt.dense.explain("once[1:1](always[0:1](a until[1:2] b))", trace, 2)
+    assert explanation.robustness == -4 == rtamt.dense.evaluate("a until[1:2] b", trace)[1][1]
     assert [(step.time, step.after) for step in explanation.steps[1:]] == [
         (1, False),
         (1, True),
@@ -162,7 +154,7 @@ def test_a_witness_and_a_stretch_without_a_first_instant_are_named() -> None:
 
 def test_single_instants_are_explained() -> None:
     landed: dict[str, Any] = {"x": [(0, -1), (2, 5)]}
-    assert str(explain_dense("eventually[2:2](x > 0)", landed)) == (
+    assert str(rtamt.dense.explain("eventually[2:2](x > 0)", landed)) == (
         "robustness 5 at 0 s, decided by x > 0 at 2 s\n"
         "\n"
         " at  value  formula\n"
@@ -174,10 +166,12 @@ def test_single_instants_are_explained() -> None:
         "idle": [(0, 2), (1, -1), (3, -1)],
         "active": [(0, -1), (1, 1), (3, 1)],
     }
-    explanation = explain_dense("idle > 0 until[1:2] active > 0", handed)
+    explanation = rtamt.dense.explain("idle > 0 until[1:2] active > 0", handed)
     assert (explanation.robustness, explanation.steps[0].witness) == (1, 1)
     assert explanation.causes == (("active", 1.0, 1.0),)
-    both = explain_dense("eventually(x > 4 and once[1:1](x < 0))", {"x": [(0, -1), (1, 5), (2, 5)]})
+    both = rtamt.dense.explain(
+        "eventually(x > 4 and once[1:1](x < 0))", {"x": [(0, -1), (1, 5), (2, 5)]}
+    )
     assert [step.time for step in both.steps] == [0, 1, 1]
     assert both.robustness == 1
 
@@ -193,13 +187,13 @@ def test_a_window_outside_the_trace_is_named() -> None:
         "a until[2:3] b": "2 s to 3 s",
     }
     for formula, window in shown.items():
-        explanation = explain_dense(formula, trace)
+        explanation = rtamt.dense.explain(formula, trace)
         assert (explanation.causes, explanation.predicate) == ((), None)
         assert abs(explanation.robustness) == math.inf
         note = str(explanation).splitlines()[-1].strip()
         assert note == f"its window lies outside the trace: {window}"
-    assert explain_dense("always[1:2](a)", trace, 0.5).robustness == 3
-    lines = str(explain_dense("not always(eventually[1:2](a))", trace)).splitlines()
+    assert rtamt.dense.explain("always[1:2](a)", trace, 0.5).robustness == 3
+    lines = str(rtamt.dense.explain("not always(eventually[1:2](a))", trace)).splitlines()
     assert lines[0] == "robustness inf at 0 s, decided by a window outside the trace after 0.5 s"
     assert " ".join(" ".join(lines[6:]).split()) == (
         "right after that time, its window lies outside the trace: 1.5 s to 2.5 s"
@@ -208,7 +202,9 @@ def test_a_window_outside_the_trace_is_named() -> None:
 
 def test_what_a_predicate_counts_under_interface_semantics_is_said() -> None:
     spec = "input float req; output float gnt; always(req >= 3 implies {})"
-    given = explain_dense(spec.format("false and gnt > 1"), TRACE, semantics="output-robustness")
+    given = rtamt.dense.explain(
+        spec.format("false and gnt > 1"), TRACE, semantics="output-robustness"
+    )
     assert str(given) == (
         "robustness -inf at 100 s, decided by req >= 3 at 101 s\n"
         "\n"
@@ -219,26 +215,26 @@ def test_what_a_predicate_counts_under_interface_semantics_is_said() -> None:
         "                counts only whether it holds\n"
         "101 s      5  req"
     )
-    mixed = explain_dense(spec.format("req > gnt"), TRACE, semantics="output-vacuity")
+    mixed = rtamt.dense.explain(spec.format("req > gnt"), TRACE, semantics="output-vacuity")
     assert str(mixed).splitlines()[5:7] == [
         "100 s      0  req > gnt",
         "                of no concern: counts 0",
     ]
     assert (
         mixed.robustness
-        == evaluate_dense(spec.format("req > gnt"), TRACE, semantics="output-vacuity")[0][1]
+        == rtamt.dense.evaluate(spec.format("req > gnt"), TRACE, semantics="output-vacuity")[0][1]
     )
 
 
 def test_of_a_zero_it_is_said_whether_the_formula_holds() -> None:
     trace = {"gear": [(0, 1), (2, 2), (3, 2)]}
-    assert "robustness 0, holds, at 0 s" in str(explain_dense("gear == 1", trace))
-    assert "0, violated" in str(explain_dense("eventually[2:3] gear > 2", trace))
+    assert "robustness 0, holds, at 0 s" in str(rtamt.dense.explain("gear == 1", trace))
+    assert "0, violated" in str(rtamt.dense.explain("eventually[2:3] gear > 2", trace))
 
 
 def test_what_decides_nothing_may_have_no_value() -> None:
     text, trace = "(sqrt(x) > 0 until[0:0] y > 0) and x < 0", {"x": [(0, -1)], "y": [(0, 1)]}
-    explanation = explain_dense(text, trace)
+    explanation = rtamt.dense.explain(text, trace)
     assert explanation.robustness == 1.0
     assert explanation.causes == (("y", 0.0, 1.0),)
 
@@ -249,7 +245,7 @@ def test_a_message_is_explained_by_its_field() -> None:
             self.speed = speed
 
     trace = {"cmd": [(0, Command(1)), (2, Command(7)), (3, Command(0))]}
-    explanation = explain_dense("always(cmd.speed < 5)", trace)
+    explanation = rtamt.dense.explain("always(cmd.speed < 5)", trace)
     assert explanation.causes == (("cmd.speed", 2.0, 7.0),)
 
 
@@ -305,7 +301,7 @@ def test_a_time_that_the_trace_has_not_is_refused(
     message: str,
 ) -> None:
     with pytest.raises(error) as caught:
-        explain_dense("always(a)", {"a": events}, time)
+        rtamt.dense.explain("always(a)", {"a": events}, time)
     assert str(caught.value) == message
 
 
@@ -327,7 +323,7 @@ def test_what_evaluate_dense_refuses_is_refused_alike() -> None:
     ]
     for formula, signals, options in cases:
         messages = []
-        for function in (evaluate_dense, explain_dense):
+        for function in (rtamt.dense.evaluate, rtamt.dense.explain):
             with pytest.raises(rtamt.RtamtError) as caught:
                 function(formula, signals, **options)
             messages.append(str(caught.value))
@@ -335,8 +331,8 @@ def test_what_evaluate_dense_refuses_is_refused_alike() -> None:
 
 
 def test_a_monitor_of_the_same_events_gives_the_robustness_that_is_explained() -> None:
-    monitor = DenseMonitor(SPEC.replace("always", "always[0:1]"))
+    monitor = rtamt.dense.Monitor(SPEC.replace("always", "always[0:1]"))
     given = {name: TRACE[name] for name in monitor.variables}
     for time, robustness in monitor.update(given) + monitor.finish():
-        explained = explain_dense(monitor.specification, TRACE, time)
+        explained = rtamt.dense.explain(monitor.specification, TRACE, time)
         assert explained.robustness == robustness

@@ -56,7 +56,7 @@ def agrees(formula: Formula, trace: Trace, backend: Backend) -> None:
         assert identical(values, ended(formula, trace, n, end)), end
         assert (found.verdict, found.decided_at) == (monitor.verdict, decided)
         assert end != "complete" or identical([found.robustness], [now])
-        assert bool(found.untested) == (found.verdict is U)
+        assert bool(found.unrecorded) == (found.verdict is U)
         assert found != str(found)
 
 
@@ -113,7 +113,7 @@ def test_what_was_not_recorded_is_reached_through_what_is_undecided(
     trace = {name: [float(rng.randint(-2, 3)) for _ in range(n)] for name in "ab"}
     found = judge(formula, trace, n=n, backend=backend)
     open_ones = undecided(formula, trace, n)
-    assert {(part.formula, part.at) for part in found.untested} <= open_ones
+    assert {(part.formula, part.at) for part in found.unrecorded} <= open_ones
 
 
 @settings(max_examples=examples(80))
@@ -258,10 +258,10 @@ def test_what_was_not_recorded_is_said_in_words_and_numbers(
     backend: Backend,
 ) -> None:
     found = judge(text, trace, period, end, backend=backend)
-    assert [str(part) for part in found.untested] == untested
-    for part in found.untested:
+    assert [str(part) for part in found.unrecorded] == untested
+    for part in found.unrecorded:
         assert (part.unit == "samples") == (period is None)
-        assert part.end is None or part.begin <= part.end
+        assert part.end is None or part.start <= part.end
 
 
 @pytest.mark.parametrize(
@@ -339,7 +339,7 @@ def test_a_judgement_is_a_value() -> None:
     assert found == judge("always[0:5](x > 0)", trace) != judge("always[0:6](x > 0)", trace)
     for twin in (copy.copy(found), copy.deepcopy(found), pickle.loads(pickle.dumps(found))):
         assert twin == found
-        assert (twin.untested, twin.decided_at) == (found.untested, found.decided_at)
+        assert (twin.unrecorded, twin.decided_at) == (found.unrecorded, found.decided_at)
         assert hash(twin) == hash(found)
     assert repr(found) == (
         "<Judgement UNDECIDED, robustness=0.5, lower=-inf, upper=0.5, end='cut'>"
@@ -354,7 +354,7 @@ def test_what_is_found_late_does_not_read_the_callers_arrays(backend: Backend) -
     short = judge("always[1:5](x > -3)", {"x": x}, backend=backend)
     x[:] = np.nan
     assert violated.decided_at == 1
-    assert [str(part) for part in short.untested] == [
+    assert [str(part) for part in short.unrecorded] == [
         "always[1:5](x > -3): not recorded: samples 3 to 5"
     ]
 
@@ -389,7 +389,7 @@ def test_options_are_those_of_evaluate(backend: Backend) -> None:
     found = judge(spec, trace, semantics="output-robustness", backend=backend)
     assert (found.verdict, found.robustness) == (V, -2.0)
     rounded = judge("always[0:0.25](x > 0)", {"x": [1.0]}, 0.1, align="outward", backend=backend)
-    assert [str(part) for part in rounded.untested] == [
+    assert [str(part) for part in rounded.unrecorded] == [
         "always[0:0.25](x > 0): not recorded: 0.1 s to 0.3 s"
     ]
     assert judge("true", {}, n=3, backend=backend).verdict is S
@@ -426,7 +426,7 @@ def test_no_way_out_is_promised_for_a_predicate_that_counts_0(backend: Backend) 
         semantics="output-vacuity",
         backend=backend,
     )
-    assert (found.verdict, found.untested, found.decided_at) == (U, (), None)
+    assert (found.verdict, found.unrecorded, found.decided_at) == (U, (), None)
     assert str(found) == inspect.cleandoc("""
         UNDECIDED: always(req > 3)
         robustness 0, bounds 0 to 0 under end="cut"

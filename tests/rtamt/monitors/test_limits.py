@@ -92,7 +92,7 @@ def test_the_first_sample_that_is_not_known_is_refused_if_two_machines_are_too_m
     backend: Any,  # noqa: ANN401 - a name
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    text, between = "always(once[0:9](x > 0))", rtamt.Between(-1.0, 1.0)
+    text, between = "always(once[0:9](x > 0))", rtamt.UncertainValue(-1.0, 1.0)
     one = 8 * (9 + 3 * 9)
     roomy = rtamt.EpisodeMonitor(text, backend=backend)
     monkeypatch.setattr(limits, "window_bytes", 2 * one)
@@ -110,7 +110,7 @@ def test_the_first_sample_that_is_not_known_is_refused_if_two_machines_are_too_m
     with pytest.raises(SpecificationError, match=words):
         monitor.update(between)
     assert (monitor.samples, monitor.robustness) == (1, 2.0)
-    assert monitor.update(rtamt.Between(3.0, 3.0)) == 2.0  # it is known
+    assert monitor.update(rtamt.UncertainValue(3.0, 3.0)) == 2.0  # it is known
     with pytest.raises(SpecificationError, match="bytes with samples that are not known"):
         rtamt.EpisodeMonitor(text, backend=backend, nan="unknown")
     monkeypatch.setattr(limits, "window_bytes", 4 * one - 1)
@@ -240,7 +240,7 @@ def test_a_whole_trace_cuts_the_windows_and_is_not_limited() -> None:
     trace = {"x": [3.0, 2.0], "y": [1.0, 1.0]}
     limited(0, lambda: rtamt.evaluate(text, trace))
     assert rtamt.evaluate(text, trace).tolist() == [-math.inf, -math.inf]
-    assert rtamt.evaluate_many(text, {"x": [[3.0]], "y": [[1.0]]}).tolist() == [[-math.inf]]
+    assert rtamt.evaluate(text, {"x": [[3.0]], "y": [[1.0]]}).tolist() == [[-math.inf]]
     assert rtamt.explain(text, trace).robustness == -math.inf
 
 

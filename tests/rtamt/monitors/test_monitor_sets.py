@@ -22,17 +22,15 @@ from strategies import VARIABLES, Trace, formulas, length, sample, traces
 
 import rtamt
 from rtamt import (
-    Between,
     EpisodeMonitor,
     Formula,
     InputError,
     InputTypeError,
-    JointFeed,
     StateError,
+    UncertainValue,
     VectorEpisodeMonitor,
-    VerdictBook,
-    joint_feed,
 )
+from rtamt.internal import JointFeed, VerdictBook, joint_feed
 from rtamt.program.interface import SemanticsName
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
@@ -239,7 +237,7 @@ def test_a_monitor_that_has_ended_or_that_is_fed_already_refuses() -> None:
 
 def test_a_value_between_two_numbers_is_for_update_alone() -> None:
     with pytest.raises(TypeError):
-        joint_of([EpisodeMonitor("always(x > 0)")], ["x"]).feed([Between(0.0, 1.0)])
+        joint_of([EpisodeMonitor("always(x > 0)")], ["x"]).feed([UncertainValue(0.0, 1.0)])
 
 
 class Cell:
@@ -285,7 +283,7 @@ def test_one_that_was_not_made_is_refused() -> None:
             method()
     del unmade
     gc.collect()
-    native: Any = rtamt.joint_feed
+    native: Any = rtamt.internal.joint_feed
     monitor = EpisodeMonitor("always(x > y)")
     for names, reads in ((["x", "y"], [0]), (["x", "y"], [0, (np.zeros(1), 1)])):
         with pytest.raises(ValueError, match="expected"):

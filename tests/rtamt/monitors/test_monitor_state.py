@@ -15,16 +15,15 @@ from oracle import episode
 from profiles import examples
 from strategies import Trace, formulas, length, sample, traces
 
+import rtamt
 from rtamt import (
-    Between,
-    DenseEpisodeMonitor,
-    DenseMonitor,
     EpisodeMonitor,
     Formula,
     InputError,
     Monitor,
     SpecificationError,
     StateError,
+    UncertainValue,
     Verdict,
     parse,
 )
@@ -278,7 +277,7 @@ def test_an_update_whose_value_ends_the_episode_is_refused(
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("kind", [DenseMonitor, DenseEpisodeMonitor])
+@pytest.mark.parametrize("kind", [rtamt.dense.Monitor, rtamt.dense.EpisodeMonitor])
 def test_an_update_whose_event_ends_the_trace_is_refused(backend: BackendName, kind: Kind) -> None:
     monitor = kind("always(x > 0)", backend=backend)
     monitor.update({"x": [(0.0, 1.0)]})
@@ -325,14 +324,14 @@ def test_an_update_of_before_an_init_is_stale(backend: BackendName, options: Opt
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_updates_of_the_other_monitors_are_stale_too(backend: BackendName) -> None:
     one = Monitor("always[0:1](x > 0)", backend=backend)
-    dense = DenseMonitor("always(x > 0)", backend=backend)
-    whole = DenseEpisodeMonitor("always(x > 0)", backend=backend)
-    unknown = DenseEpisodeMonitor("always(x > 0)", backend=backend, nan="unknown")
+    dense = rtamt.dense.Monitor("always(x > 0)", backend=backend)
+    whole = rtamt.dense.EpisodeMonitor("always(x > 0)", backend=backend)
+    unknown = rtamt.dense.EpisodeMonitor("always(x > 0)", backend=backend, nan="unknown")
     for monitor, value in (
         (one, 1.0),
         (dense, {"x": [(0.0, 1.0)]}),
         (whole, {"x": [(0.0, 1.0)]}),
-        (unknown, {"x": [(0.0, Between(0.0, 1.0))]}),
+        (unknown, {"x": [(0.0, UncertainValue(0.0, 1.0))]}),
     ):
         made: Any = monitor
         update = made.update

@@ -11,11 +11,11 @@ import pytest
 from bits import bits, identical
 
 from rtamt import (
-    Between,
     EpisodeMonitor,
     InputError,
     Monitor,
     StateError,
+    UncertainValue,
     VectorEpisodeMonitor,
     VectorMonitor,
     Verdict,
@@ -232,7 +232,7 @@ def test_a_nan_of_a_variable_that_no_term_reads_is_refused_or_held(
 
 def test_a_nan_after_what_was_not_known_is_refused(backend: Backend) -> None:
     monitor = EpisodeMonitor(SPEC, semantics="input-vacuity", backend=backend)
-    monitor.update(Between(0.0, 5.0), 1.0)
+    monitor.update(UncertainValue(0.0, 5.0), 1.0)
     with pytest.raises(InputError, match=r"^variable 'gnt' is nan at sample 1; "):
         monitor.update(1.0, np.nan)
     assert monitor.samples == 1

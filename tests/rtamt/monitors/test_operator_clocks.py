@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
-from rtamt import OperatorClock, OperatorClocks
+from rtamt.internal import OperatorClock, OperatorClocks
 from rtamt.machines.backend import BACKENDS
 
 NUM, PARTS = 3, 3

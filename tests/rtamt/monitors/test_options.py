@@ -24,11 +24,11 @@ CALLS: dict[Callable[..., object], tuple[object, ...]] = {
     rtamt.EpisodeMonitor: ("x > 0",),
     rtamt.VectorMonitor: ("x > 0", 2),
     rtamt.VectorEpisodeMonitor: ("x > 0", 2),
-    rtamt.DenseMonitor: ("x > 0",),
+    rtamt.dense.Monitor: ("x > 0",),
     rtamt.evaluate: ("x > 0", {"x": [1, 2]}),
-    rtamt.evaluate_dense: ("x > 0", EVENTS),
+    rtamt.dense.evaluate: ("x > 0", EVENTS),
     rtamt.explain: ("x > 0", {"x": [1, 2]}),
-    rtamt.explain_dense: ("x > 0", EVENTS),
+    rtamt.dense.explain: ("x > 0", EVENTS),
 }
 
 
@@ -42,7 +42,7 @@ DEFAULTS = {
 }
 
 
-DENSE = (rtamt.DenseMonitor, rtamt.evaluate_dense, rtamt.explain_dense)
+DENSE = (rtamt.dense.Monitor, rtamt.dense.evaluate, rtamt.dense.explain)
 
 
 calls = pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
@@ -77,7 +77,7 @@ def test_an_unknown_option_is_refused_with_the_nearest(call: Callable[..., objec
 
 
 def test_docstrings_describe_every_option() -> None:
-    documented = " ".join(f"{rtamt.Monitor.__doc__} {rtamt.DenseEpisodeMonitor.__doc__}".split())
+    documented = " ".join(f"{rtamt.Monitor.__doc__} {rtamt.dense.EpisodeMonitor.__doc__}".split())
     for name, option in OPTIONS.items():
         assert f"{name}: {option.about}" in documented
     assert "OPTIONS" not in documented
@@ -87,7 +87,7 @@ def test_the_nearest_may_be_any_argument_of_the_call() -> None:
     with pytest.raises(TypeError, match=r"^EpisodeMonitor\(\) got .* did you mean 'history'\?$"):
         rtamt.EpisodeMonitor("x > 0", histroy=True)  # type: ignore[call-arg]
     with pytest.raises(TypeError) as caught:
-        rtamt.DenseMonitor("x > 0", qux=1)  # type: ignore[call-arg]
+        rtamt.dense.Monitor("x > 0", qux=1)  # type: ignore[call-arg]
     assert str(caught.value) == (
         "DenseMonitor() got an unexpected keyword argument 'qux'; "
         "its arguments are spec, resolution, interpolation, semantics, inputs, outputs, backend"
@@ -179,16 +179,16 @@ ODD_CALLS: dict[str, Callable[[Any], object]] = {
     "evaluate of a cell": lambda odd: rtamt.evaluate(S, {"x": [1, odd]}),
     "evaluate of messages": lambda odd: rtamt.evaluate("m.a > 0", {"m": odd}),
     "evaluate n": lambda odd: rtamt.evaluate(S, D, n=odd),
-    "evaluate_many": lambda odd: rtamt.evaluate_many(S, odd),
-    "evaluate_many of a column": lambda odd: rtamt.evaluate_many(S, {"x": odd}),
-    "evaluate_many of a cell": lambda odd: rtamt.evaluate_many(S, {"x": [[1, odd]]}),
-    "lengths": lambda odd: rtamt.evaluate_many(S, LANES, lengths=odd),
-    "a length": lambda odd: rtamt.evaluate_many(S, LANES, lengths=[odd, 1]),
+    "evaluate_many": lambda odd: rtamt.evaluate(S, odd),
+    "evaluate_many of a column": lambda odd: rtamt.evaluate(S, {"x": odd}),
+    "evaluate_many of a cell": lambda odd: rtamt.evaluate(S, {"x": [[1, odd]]}),
+    "lengths": lambda odd: rtamt.evaluate(S, LANES, lengths=odd),
+    "a length": lambda odd: rtamt.evaluate(S, LANES, lengths=[odd, 1]),
     "explain": lambda odd: rtamt.explain(S, odd),
     "explain sample": lambda odd: rtamt.explain(S, D, sample=odd),
     "explain start": lambda odd: str(rtamt.explain(S, D, 1, start=odd)),
-    "explain_dense": lambda odd: rtamt.explain_dense(S, odd),
-    "explain_dense time": lambda odd: str(rtamt.explain_dense(S, E, odd)),
+    "explain_dense": lambda odd: rtamt.dense.explain(S, odd),
+    "explain_dense time": lambda odd: str(rtamt.dense.explain(S, E, odd)),
     "parse": rtamt.parse,
     "parse unit": lambda odd: rtamt.parse(S, unit=odd),
     "parse constants": lambda odd: rtamt.parse("x > c", constants=odd),

@@ -346,7 +346,7 @@ HIDDEN = [
 MAKERS: dict[str, Callable[[str], object]] = {
     "Monitor": rtamt.Monitor,
     "VectorMonitor": lambda text: rtamt.VectorMonitor(text, 2),
-    "DenseMonitor": rtamt.DenseMonitor,
+    "DenseMonitor": rtamt.dense.Monitor,
 }
 
 

@@ -13,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rtamt
+import rtamt.export.fmu
 from rtamt import (
-    Between,
-    DenseMonitor,
     EpisodeMonitor,
     InputError,
     Monitor,
     SpecificationError,
+    UncertainValue,
     VectorEpisodeMonitor,
     VectorMonitor,
 )
@@ -61,7 +61,7 @@ def test_rates_are_differences(
     for backend in BACKENDS:
         found = rtamt.evaluate(spec, data, period, backend=backend)
         assert found.tobytes() == expected.tobytes()
-        many = rtamt.evaluate_many(spec, {"x": [x], "y": [y]}, period, backend=backend)
+        many = rtamt.evaluate(spec, {"x": [x], "y": [y]}, period, backend=backend)
         assert many[0].tobytes() == expected.tobytes()
         ours = rtamt.judge(spec, data, period, backend=backend)
         assert (ours.robustness, ours.lower, ours.upper, ours.verdict) == (
@@ -152,7 +152,7 @@ def test_rates_of_unknown_values_are_unknown() -> None:
             lanes.update([[x]])
         assert episode.bounds() == (lanes.lower[0], lanes.upper[0]) == expected
     first = EpisodeMonitor(spec)
-    first.update(Between(0, 9))
+    first.update(UncertainValue(0, 9))
     assert first.bounds() == (3, 3)  # there is no sample before it
 
 
@@ -168,13 +168,13 @@ def test_rates_of_bounded_values_have_bounds(
         for each in zip(low, high, part, strict=True)
     ]
     spec = "next(rate(x) >= 0 and rate(x) <= 2)"
-    data = {"x": Between([each[0] for each in ends], [each[-1] for each in ends])}
+    data = {"x": UncertainValue([each[0] for each in ends], [each[-1] for each in ends])}
     judged = rtamt.judge(spec, data, 0.5, end="complete")
     inside = rtamt.evaluate(spec, {"x": [each[1] for each in ends]}, 0.5)[0]
     assert judged.lower <= inside <= judged.upper
     episode = EpisodeMonitor(spec, 0.5)
     for least, _, most in ends:
-        episode.update(Between(least, most))
+        episode.update(UncertainValue(least, most))
     episode.finish()
     assert episode.bounds() == (judged.lower, judged.upper)
 
@@ -210,11 +210,11 @@ def test_reset_reads_the_value_of_a_rate_late() -> None:
         (lambda: rtamt.parse("rate(rate(x)) > 0"), "got 'rate(x)'"),
         (lambda: rtamt.parse("const float c = 2\nrate(c) > 0"), "got '2'"),
         (lambda: rtamt.parse("rate(x > 1) > 0"), "expected a term as operand of 'rate'"),
-        (lambda: DenseMonitor("rate(x) > 0"), "does not support 'rate(x)'"),
-        (lambda: rtamt.judge_dense("rate(x) > 0", {"x": [(0, 1)]}), "dense time"),
+        (lambda: rtamt.dense.Monitor("rate(x) > 0"), "does not support 'rate(x)'"),
+        (lambda: rtamt.dense.judge("rate(x) > 0", {"x": [(0, 1)]}), "dense time"),
         (lambda: rtamt.check("rate(x) > 0"), "symbolic checking does not support 'rate(x)'"),
         (
-            lambda: rtamt.export_fmu("rate(x) > 0", "m.fmu", period=1),
+            lambda: rtamt.export.fmu.export_fmu("rate(x) > 0", "m.fmu", period=1),
             "an exported monitor does not",
         ),
         (lambda: program_of("rate(x) > 0", None, None, online=False), "rtamt_arrays does not"),

@@ -22,23 +22,18 @@ from uncertain_traces import Uncertain, uncertain_traces
 
 import rtamt
 from rtamt import (
-    Asked,
-    Between,
-    DenseEpisodeMonitor,
-    DenseImplications,
     EpisodeMonitor,
-    Evidence,
     Formula,
-    Implications,
     InputError,
     InputTypeError,
     Judgement,
+    UncertainValue,
     VectorEpisodeMonitor,
     Verdict,
     judge,
-    judge_dense,
     parse,
 )
+from rtamt.monitors import Evidence, Implications, TriggerCount
 
 Backend = Literal["native", "python"]
 
@@ -53,14 +48,14 @@ Rows = tuple[tuple[object, ...], ...]
 
 
 def rows_of(found: Judgement) -> Rows:
-    return tuple(astuple(each) for each in found.asked)
+    return tuple(astuple(each) for each in found.triggers)
 
 
 def agrees(formula: Formula, trace: Trace, backend: Backend) -> None:
     n = length(trace)
     for end in ENDS:
         found = judge(formula, trace, end=end, n=n, backend=backend)
-        assert (rows_of(found), found.never_asked, found.vacuous) == evidence(
+        assert (rows_of(found), found.never_triggered, found.vacuous) == evidence(
             formula, trace, n, end
         ), end
 
@@ -87,7 +82,7 @@ def test_left_sides_are_judged_by_standard_semantics(
     for end in ENDS:
         found = judge(spec, trace, end=end, n=n, semantics=semantics, backend=backend)
         expected = evidence(spec.formula, trace, n, end, read(case))
-        assert (rows_of(found), found.never_asked, found.vacuous) == expected, end
+        assert (rows_of(found), found.never_triggered, found.vacuous) == expected, end
 
 
 # Dense time. -------------------------------------------------------------------------------------
@@ -98,9 +93,9 @@ def test_dense_time_is_as_defined(formula: Formula, whole: Signals, backend: Bac
     assume(formula.variables)
     its = relevant(whole, formula.variables)
     for end in ENDS:
-        found = judge_dense(formula, its, end=end, backend=backend)
+        found = rtamt.dense.judge(formula, its, end=end, backend=backend)
         expected = dense_evidence(formula, its, end)
-        assert (rows_of(found), found.never_asked, found.vacuous) == expected, end
+        assert (rows_of(found), found.never_triggered, found.vacuous) == expected, end
 
 
 @pytest.mark.slow(backend="python")
@@ -113,9 +108,9 @@ def test_dense_left_sides_are_judged_by_standard_semantics(
     assume(spec.variables)
     its = relevant(whole, spec.variables)
     for end in ENDS:
-        found = judge_dense(spec, its, end=end, semantics=semantics, backend=backend)
+        found = rtamt.dense.judge(spec, its, end=end, semantics=semantics, backend=backend)
         expected = dense_evidence(formula, its, end, read((spec, semantics)))
-        assert (rows_of(found), found.never_asked, found.vacuous) == expected, end
+        assert (rows_of(found), found.never_triggered, found.vacuous) == expected, end
 
 
 # What it is for. ---------------------------------------------------------------------------------
@@ -131,7 +126,7 @@ def test_golden(backend: Backend) -> None:
             )
             assert rows_of(found) == rows
             assert found.verdict.name == expected["verdict"]
-            assert (found.never_asked, found.vacuous) == (
+            assert (found.never_triggered, found.vacuous) == (
                 expected["never_asked"],
                 expected["vacuous"],
             )
@@ -145,14 +140,14 @@ RESPONSE = "always(req >= 3 implies eventually[0:2](gnt >= 3))"
 
 def test_a_satisfied_response_without_a_request_says_so(backend: Backend) -> None:
     idle = judge(RESPONSE, {"req": [0] * 5, "gnt": [0] * 5}, backend=backend)
-    assert (idle.verdict, idle.never_asked, idle.vacuous) == (Verdict.SATISFIED, True, True)
-    assert idle.asked == (
-        Asked("req >= 3 implies eventually[0:2](gnt >= 3)", 0, 0, None, vacuous=True),
+    assert (idle.verdict, idle.never_triggered, idle.vacuous) == (Verdict.SATISFIED, True, True)
+    assert idle.triggers == (
+        TriggerCount("req >= 3 implies eventually[0:2](gnt >= 3)", 0, 0, None, vacuous=True),
     )
     assert str(idle).splitlines()[-1] == "never asked"
     trace = {"req": [3, 3, 0, 0, 0, 4, 0, 0], "gnt": [3, 3, 3, 0, 0, 5, 0, 0]}
     busy = judge(RESPONSE, trace, backend=backend)
-    assert (busy.never_asked, busy.vacuous) == (False, False)
+    assert (busy.never_triggered, busy.vacuous) == (False, False)
     assert str(busy).splitlines()[-1] == "asked 2x, first at sample 0"
     late = judge("eventually(a > 0) or (b > 0 implies c > 0)", {"a": [1], "b": [1], "c": [1]})
     assert str(late).splitlines()[-1] == (
@@ -171,21 +166,23 @@ def test_a_request_holds_if_all_that_its_value_may_be_does(
 ) -> None:
     spec = "input float gap; output float brake; always({} implies brake > 0)"
     low, high = np.array([1.0, 1.0, 4.0, 1.0]), np.array([2.0, 5.0, 6.0, 1.0])
-    trace: dict[str, object] = {"gap": Between(low, high), "brake": [1, 1, 1, 1]}
+    trace: dict[str, object] = {"gap": UncertainValue(low, high), "brake": [1, 1, 1, 1]}
     for left, first, samples in (("gap <= 2", 0, 2), ("gap >= 4", 2, 1), ("gap < 6", 0, 3)):
         found = judge(spec.format(left), trace, semantics=semantics, backend=backend)
-        assert (found.asked[0].first, found.asked[0].samples) == (first, samples)
+        assert (found.triggers[0].first, found.triggers[0].samples) == (first, samples)
 
 
 def test_a_request_that_may_have_been_is_not_said_to_be_missing(backend: Backend) -> None:
     nan = math.nan
     for req, gnt, verdict in (([0, nan, 0], [0] * 3, "UNDECIDED"), ([nan], [5], "SATISFIED")):
         found = judge(RESPONSE, {"req": req, "gnt": gnt}, nan="unknown", backend=backend)
-        assert (found.verdict.name, found.asked[0].occasions) == (verdict, 0)
+        assert (found.verdict.name, found.triggers[0].count) == (verdict, 0)
         assert "not asked for certain" in str(found).splitlines()
         assert "never asked" not in str(found)
     events = {"req": [(0, 0.0), (1, nan), (2, 0.0)], "gnt": [(0, 0.0), (2, 0.0)]}
-    dense = judge_dense("always(req >= 3 implies gnt >= 3)", events, nan="unknown", backend=backend)
+    dense = rtamt.dense.judge(
+        "always(req >= 3 implies gnt >= 3)", events, nan="unknown", backend=backend
+    )
     assert "not asked for certain" in str(dense).splitlines()
     several = "always(a > 0 implies b > 0) and always(b > 0 implies c > 0)"
     two = judge(several, {"a": [1], "b": [nan], "c": [1]}, nan="unknown", backend=backend)
@@ -196,46 +193,46 @@ def test_a_request_that_may_have_been_is_not_said_to_be_missing(backend: Backend
 def test_bounds_are_in_the_unit_of_the_text_and_whole_samples(backend: Backend) -> None:
     spec = parse("always[200:400](a > 0 implies b > 0)", unit="ms")
     found = judge(spec, {"a": [1] * 9, "b": [1] * 9}, "100ms", backend=backend)
-    assert (found.asked[0].samples, found.asked[0].first) == (3, 2)
+    assert (found.triggers[0].samples, found.triggers[0].first) == (3, 2)
     found = judge(spec, {"a": [1] * 9, "b": [1] * 9}, 0.15, align="outward", backend=backend)
-    assert (found.asked[0].samples, found.asked[0].first) == (3, 1)
+    assert (found.triggers[0].samples, found.triggers[0].first) == (3, 1)
     whole = {"a": [(0, 1), (1000, 1)], "b": [(0, 1), (1000, 1)]}
-    dense = judge_dense(spec, whole, backend=backend)
-    assert dense.asked[0].duration == 0.2
-    assert (dense.asked[0].first, dense.asked[0].occasions) == (200, 1)
+    dense = rtamt.dense.judge(spec, whole, backend=backend)
+    assert dense.triggers[0].duration == 0.2
+    assert (dense.triggers[0].first, dense.triggers[0].count) == (200, 1)
 
 
 def test_a_single_instant_of_dense_time_counts(backend: Backend) -> None:
     whole = {"a": [(0, 0), (2, 1)], "b": [(0, 1), (2, 1)]}
-    found = judge_dense("always(a > 0 implies b > 0)", whole, backend=backend)
-    assert astuple(found.asked[0])[1:] == (0.0, 1, 2.0, False)
+    found = rtamt.dense.judge("always(a > 0 implies b > 0)", whole, backend=backend)
+    assert astuple(found.triggers[0])[1:] == (0.0, 1, 2.0, False)
     dates = np.array(["2024-01-01T00:00:00", "2024-01-01T00:00:02"], "datetime64[s]")
-    dated = {name: rtamt.Events(dates, [0.0, 1.0]) for name in "ab"}
-    found = judge_dense("always(a > 0 implies b > 0)", dated, backend=backend)
-    assert found.asked[0].first == dates[1]
-    assert str(found.asked[0]).startswith("asked 1x, first at time 2024-01-01T00:00:02")
+    dated = {name: rtamt.dense.Events(dates, [0.0, 1.0]) for name in "ab"}
+    found = rtamt.dense.judge("always(a > 0 implies b > 0)", dated, backend=backend)
+    assert found.triggers[0].first == dates[1]
+    assert str(found.triggers[0]).startswith("asked 1x, first at time 2024-01-01T00:00:02")
 
 
 def test_between_two_instants_that_are_read_nothing_is(backend: Backend) -> None:
     spec = "(a > 0 implies b > 0) and next(next(a > 0 implies b > 0))"
     found = judge(spec, {"a": [-1, 1, -1], "b": [1, 1, 1]}, backend=backend)
-    assert (found.never_asked, found.asked[0].samples) == (True, 0)
+    assert (found.never_triggered, found.triggers[0].samples) == (True, 0)
 
 
 def test_what_until_holds_is_not_asked_at_the_last_instant_of_its_window(backend: Backend) -> None:
     spec = "(a > 0 implies b > 0) until[0:2] c > 0"
     trace = {"a": [-1, -1, -1, 1], "b": [1] * 4, "c": [1] * 4}
     late = judge(f"next({spec})", trace, end="complete", backend=backend)
-    assert (late.never_asked, late.asked[0].samples) == (True, 0)
+    assert (late.never_triggered, late.triggers[0].samples) == (True, 0)
     events = {"a": [(0, -1), (2, 1), (5, 1)], "b": [(0, 1), (5, 1)], "c": [(0, 1), (5, 1)]}
-    dense = judge_dense(spec, events, backend=backend)
-    assert (dense.never_asked, dense.asked[0].occasions) == (True, 0)
+    dense = rtamt.dense.judge(spec, events, backend=backend)
+    assert (dense.never_triggered, dense.triggers[0].count) == (True, 0)
 
 
 def test_named_formulas_count_where_they_are_used(backend: Backend) -> None:
     spec = "granted = req >= 3 implies gnt >= 3; always granted and always[2:3] granted"
     found = judge(spec, {"req": [0, 3, 3, 3], "gnt": [3] * 4}, backend=backend)
-    assert [astuple(each) for each in found.asked] == [
+    assert [astuple(each) for each in found.triggers] == [
         ("req >= 3 implies gnt >= 3", 3, 1, 1, False)
     ]
 
@@ -243,11 +240,11 @@ def test_named_formulas_count_where_they_are_used(backend: Backend) -> None:
 def test_held_values_count(backend: Backend) -> None:
     trace = {"a": [1, np.nan, -1], "b": [1, 1, 1]}
     found = judge("always(a > 0 implies b > 0)", trace, nan="hold", backend=backend)
-    assert found.asked[0].samples == 2
+    assert found.triggers[0].samples == 2
     spec = parse("input float a; output float b; always(a > 0 implies b > 0)")
     for semantics in SEMANTICS:
         found = judge(spec, trace, semantics=semantics, nan="hold", backend=backend)
-        assert found.asked[0].samples == 2
+        assert found.triggers[0].samples == 2
 
 
 def test_it_is_found_when_it_is_asked_for_and_reads_no_array_of_the_caller(
@@ -261,8 +258,8 @@ def test_it_is_found_when_it_is_asked_for_and_reads_no_array_of_the_caller(
             a, b = np.ones(4), np.ones(4)
             found.append(judge(spec, {"a": a, "b": b}, semantics=semantics, backend=backend))
             a[:] = b[:] = -1.0
-        judge_dense(spec, {name: [(0, 1), (1, 1)] for name in "ab"}, backend=backend)
-    assert [each.asked[0].samples for each in found] == [4] * len(SEMANTICS)
+        rtamt.dense.judge(spec, {name: [(0, 1), (1, 1)] for name in "ab"}, backend=backend)
+    assert [each.triggers[0].samples for each in found] == [4] * len(SEMANTICS)
 
 
 def test_it_belongs_to_the_value_of_a_judgement() -> None:
@@ -273,7 +270,7 @@ def test_it_belongs_to_the_value_of_a_judgement() -> None:
     assert found != other
     for twin in (copy.deepcopy(found), pickle.loads(pickle.dumps(found))):
         assert twin == found
-        assert (twin.asked, twin.vacuous) == (found.asked, found.vacuous)
+        assert (twin.triggers, twin.vacuous) == (found.triggers, found.vacuous)
 
 
 def test_formulas_that_share_their_parts_are_walked_once() -> None:
@@ -281,18 +278,18 @@ def test_formulas_that_share_their_parts_are_walked_once() -> None:
     for _ in range(15):
         formula = formula.always(0, 1) & formula.always(1, 2)
     found = judge(formula, {"a": [1.0] * 40, "b": [1.0] * 40}, end="complete")
-    assert astuple(found.asked[0])[1:] == (31, 1, 0, False)
+    assert astuple(found.triggers[0])[1:] == (31, 1, 0, False)
 
 
 @pytest.mark.parametrize("options", [{}, {"nan": "unknown"}, {"max_gap": 9}], ids=str)
 def test_a_request_in_dense_time_may_be_between_two_values(
     options: dict[str, Any], backend: Backend
 ) -> None:
-    a = [(0, Between(1.0, 2.0)), (2, Between(-1.0, 1.0)), (4, 1.0), (5, 1.0)]
+    a = [(0, UncertainValue(1.0, 2.0)), (2, UncertainValue(-1.0, 1.0)), (4, 1.0), (5, 1.0)]
     whole: dict[str, Any] = {"a": a, "b": [(0, 1.0), (5, 1.0)]}
     spec = "always(a > 0 implies b > 0)"
-    found = judge_dense(spec, whole, backend=backend, **options)
-    assert [astuple(each)[1:] for each in found.asked] == [(3.0, 2, 0.0, False)]
+    found = rtamt.dense.judge(spec, whole, backend=backend, **options)
+    assert [astuple(each)[1:] for each in found.triggers] == [(3.0, 2, 0.0, False)]
     assert str(found).splitlines()[-1] == "asked 2x, first at time 0"
 
 
@@ -300,7 +297,7 @@ ENDS_OF_VALUES = "lower", "upper"
 
 
 def of(found: Judgement) -> Evidence[object]:
-    return Evidence(found.asked, found.vacuous, found.never_asked)
+    return Evidence(found.triggers, found.vacuous, found.never_triggered)
 
 
 @settings(max_examples=examples(100))
@@ -317,7 +314,7 @@ def test_a_run_has_the_rows_of_its_judgement(case: Case, trace: Trace, backend: 
         monitor.finish(end)
         assert its.evidence(trace, end, monitor.verdict, n=n) == of(found)
         assert its.evidence(trace, end, n=n) == of(found)
-        assert its.texts == tuple(each.text for each in found.asked)
+        assert its.texts == tuple(each.text for each in found.triggers)
         table = np.array([trace[name] for name in its.variables]).reshape(len(its.variables), n)
         assert its.evidence(table.T, end, monitor.verdict) == of(found)
 
@@ -328,7 +325,9 @@ def test_samples_that_are_not_known(case: Case, trace: Uncertain, backend: Backe
     spec, semantics = case
     n = len(next(iter(trace.values())))
     columns = {
-        name: Between(*(np.array([getattr(x, end, x) for x in column]) for end in ENDS_OF_VALUES))
+        name: UncertainValue(
+            *(np.array([getattr(x, end, x) for x in column]) for end in ENDS_OF_VALUES)
+        )
         for name, column in trace.items()
     }
     its = Implications(spec, semantics=semantics, backend=backend)
@@ -354,7 +353,9 @@ def test_left_sides_that_are_not_known_hold_by_standard_semantics(
     spec, semantics = case
     n = len(next(iter(trace.values())))
     columns = {
-        name: Between(*(np.array([getattr(x, end, x) for x in column]) for end in ENDS_OF_VALUES))
+        name: UncertainValue(
+            *(np.array([getattr(x, end, x) for x in column]) for end in ENDS_OF_VALUES)
+        )
         for name, column in trace.items()
     }
     counted = []
@@ -363,7 +364,7 @@ def test_left_sides_that_are_not_known_hold_by_standard_semantics(
             found = judge(spec, columns, end="cut", n=n, semantics=its, backend=backend)
         except InputError:  # a term has no value
             return
-        counted.append([(each.samples, each.occasions, each.first) for each in found.asked])
+        counted.append([(each.samples, each.count, each.first) for each in found.triggers])
     assert counted[0] == counted[1]
 
 
@@ -391,22 +392,22 @@ def test_a_run_in_dense_time_has_the_rows_of_its_judgement(
     spec, semantics = data.draw(aware(st.just(formula)))
     assume(spec.variables)
     its = relevant(whole, spec.variables)
-    counted = DenseImplications(spec, semantics=semantics, backend=backend)
+    counted = rtamt.dense.Implications(spec, semantics=semantics, backend=backend)
     for end in ENDS:
-        found = judge_dense(spec, its, end=end, semantics=semantics, backend=backend)
-        monitor = DenseEpisodeMonitor(spec, semantics=semantics, backend=backend)
+        found = rtamt.dense.judge(spec, its, end=end, semantics=semantics, backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor(spec, semantics=semantics, backend=backend)
         monitor.update(its)
         monitor.finish(end)
         assert counted.evidence(its, end, monitor.verdict) == of(found)
         assert counted.evidence(its, end) == of(found)
-        assert counted.texts == tuple(each.text for each in found.asked)
+        assert counted.texts == tuple(each.text for each in found.triggers)
 
 
 def test_without_an_implication_nothing_is_read(backend: Backend) -> None:
-    none: Evidence[object] = Evidence((), vacuous=False, never_asked=False)
+    none: Evidence[object] = Evidence((), vacuous=False, never_triggered=False)
     sampled = Implications("always(a > 0)", backend=backend)
     assert (bool(sampled), sampled.texts, sampled.evidence({}, "cut")) == (False, (), none)
-    dense = DenseImplications("always(a > 0)", backend=backend)
+    dense = rtamt.dense.Implications("always(a > 0)", backend=backend)
     assert (bool(dense), dense.texts, dense.evidence({})) == (False, (), none)
 
 
@@ -414,8 +415,8 @@ def test_a_verdict_that_was_given_is_believed(backend: Backend) -> None:
     """An episode that failed by how it ended is not satisfied, whatever its samples are."""
     its = Implications(RESPONSE, backend=backend)
     idle = {"req": [0.0] * 4, "gnt": [0.0] * 4}
-    assert its.evidence(idle).never_asked
-    assert not its.evidence(idle, verdict=Verdict.VIOLATED).never_asked
+    assert its.evidence(idle).never_triggered
+    assert not its.evidence(idle, verdict=Verdict.VIOLATED).never_triggered
     assert not its.evidence(idle, verdict=Verdict.UNDECIDED).vacuous
 
 
@@ -428,7 +429,7 @@ def test_a_copy_counts_as_the_original(backend: Backend) -> None:
     assert its.evidence(trace, "cut") == of(
         judge(RESPONSE, trace, "100ms", nan="unknown", align="outward", backend=backend)
     )
-    dense = DenseImplications(RESPONSE, resolution="1ms", backend=backend)
+    dense = rtamt.dense.Implications(RESPONSE, resolution="1ms", backend=backend)
     whole = {"req": [(0, 0), (1, 4), (6, 0)], "gnt": [(0, 5), (6, 5)]}
     assert pickle.loads(pickle.dumps(dense)).evidence(whole) == dense.evidence(whole)
 
@@ -444,7 +445,7 @@ def test_errors(backend: Backend) -> None:
     with pytest.raises(InputTypeError, match=r"expected an rtamt\.Verdict, got 1"):
         its.evidence({"req": [1.0], "gnt": [1.0]}, "cut", 1)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="No signal 'gnt'"):
-        DenseImplications(RESPONSE, backend=backend).evidence({"req": [(0, 1), (1, 1)]})
+        rtamt.dense.Implications(RESPONSE, backend=backend).evidence({"req": [(0, 1), (1, 1)]})
     with pytest.raises(TypeError, match="unexpected keyword argument 'ends'"):
         Implications(RESPONSE, ends="cut")  # type: ignore[call-arg]
 
@@ -453,4 +454,6 @@ def test_implications_show_their_formula_and_their_number() -> None:
     assert repr(Implications("always(x > 0 implies y > 0)")) == (
         "<Implications of always(x > 0 implies y > 0): 1>"
     )
-    assert repr(DenseImplications("always(x > 0)")) == "<DenseImplications of always(x > 0): 0>"
+    assert (
+        repr(rtamt.dense.Implications("always(x > 0)")) == "<DenseImplications of always(x > 0): 0>"
+    )

@@ -20,15 +20,14 @@ from strategies import VARIABLES, formulas, traces
 from uncertain_traces import UNKNOWN, Uncertain, one_of, uncertain_traces
 
 from rtamt import (
-    Between,
     EpisodeMonitor,
     Formula,
     InputError,
     Monitor,
+    UncertainValue,
     VectorMonitor,
     Verdict,
     evaluate,
-    evaluate_many,
     explain,
     judge,
     number,
@@ -43,7 +42,7 @@ INF, NAN = math.inf, math.nan
 SPEC = "always(a > 1 implies eventually[0:2](b >= 0))"
 
 
-def sample(trace: Uncertain, i: int, names: tuple[str, ...]) -> list[float | Between]:
+def sample(trace: Uncertain, i: int, names: tuple[str, ...]) -> list[float | UncertainValue]:
     return [trace[name][i] for name in names]
 
 
@@ -115,7 +114,7 @@ def test_a_cut_moves_the_robustness_no_further_than_the_greatest_upper_bound(
 ) -> None:
     # Of an ended trace the window is empty, which is inf; of a cut one it is at most 1.
     monitor = EpisodeMonitor("(b > 0) or always[5:8](a > 0 and 1 > 0)", backend=backend)
-    monitor.update(a=1.0, b=Between(0.0, 3.0))
+    monitor.update(a=1.0, b=UncertainValue(0.0, 3.0))
     assert monitor.robustness == INF
     assert monitor.finish("cut") == 3.0
     assert monitor.bounds() == (0.0, 3.0)
@@ -134,7 +133,9 @@ def test_without_an_unknown_sample_nothing_changes(
         ready.reset()
         for i in range(len(trace["a"])):
             row = [trace[name][i] for name in plain.variables]
-            assert identical([plain.update(row)], [ready.update([Between(x, x) for x in row])])
+            assert identical(
+                [plain.update(row)], [ready.update([UncertainValue(x, x) for x in row])]
+            )
             assert identical(offered(plain), offered(ready))
         assert identical([plain.finish(end)], [ready.finish(end)])
         assert identical(offered(plain), offered(ready))
@@ -171,7 +172,7 @@ def test_where_each_variable_is_read_once_the_bounds_are_reached(
         ends[place] = ends[place][0], ends[place][0] + rng.choice([0.25, 1.0, 3.0, INF])
     monitor = EpisodeMonitor(formula, backend=backend)
     for i in range(n):
-        monitor.update([Between(*ends[name, i]) for name in monitor.variables])
+        monitor.update([UncertainValue(*ends[name, i]) for name in monitor.variables])
     monitor.finish()
     places = list(ends)
     values = []
@@ -186,15 +187,15 @@ def test_where_each_variable_is_read_once_the_bounds_are_reached(
 def test_bounds_go_by_polarity(backend: Backend) -> None:
     e = EpisodeMonitor("a > 1 implies b > 0", backend=backend)
     # At the left, which counts negated, the greatest value is the worst case.
-    assert e.update(a=Between(0, 4), b=-2.0) == -2.0
+    assert e.update(a=UncertainValue(0, 4), b=-2.0) == -2.0
     assert identical(e.bounds(), (-2.0, 1.0))
     e = EpisodeMonitor("(a > 1) iff (a > 1)", backend=backend)  # it reads both polarities
-    e.update(a=Between(0, 3))
+    e.update(a=UncertainValue(0, 3))
     assert identical(e.bounds(), (-1.0, 2.0))
 
 
 def test_terms_by_interval_arithmetic(backend: Backend) -> None:
-    def verdict(text: str, **sample: float | Between) -> Verdict:
+    def verdict(text: str, **sample: float | UncertainValue) -> Verdict:
         monitor = EpisodeMonitor(text, backend=backend, nan="unknown")
         monitor.update(**sample)
         return monitor.verdict
@@ -205,12 +206,12 @@ def test_terms_by_interval_arithmetic(backend: Backend) -> None:
     assert verdict("min(x, 1) <= 1", x=NAN) is Verdict.SATISFIED
     assert verdict("abs(x) > 0", x=NAN) is Verdict.UNDECIDED
     assert verdict("x - x == 0", x=NAN) is Verdict.UNDECIDED  # each x is an interval of its own
-    assert verdict("x == y", x=Between(1, 2), y=Between(3, 4)) is Verdict.VIOLATED
-    assert verdict("x != y", x=Between(1, 2), y=Between(3, 4)) is Verdict.SATISFIED
-    assert verdict("x == y", x=Between(1, 2), y=Between(2, 4)) is Verdict.UNDECIDED
-    assert verdict("1 / x > 0", x=Between(0.5, 2)) is Verdict.SATISFIED
-    assert verdict("1 / x > 0", x=Between(0, 2)) is Verdict.UNDECIDED
-    assert verdict("sqrt(x) >= 0", x=Between(0, 4)) is Verdict.SATISFIED
+    assert verdict("x == y", x=UncertainValue(1, 2), y=UncertainValue(3, 4)) is Verdict.VIOLATED
+    assert verdict("x != y", x=UncertainValue(1, 2), y=UncertainValue(3, 4)) is Verdict.SATISFIED
+    assert verdict("x == y", x=UncertainValue(1, 2), y=UncertainValue(2, 4)) is Verdict.UNDECIDED
+    assert verdict("1 / x > 0", x=UncertainValue(0.5, 2)) is Verdict.SATISFIED
+    assert verdict("1 / x > 0", x=UncertainValue(0, 2)) is Verdict.UNDECIDED
+    assert verdict("sqrt(x) >= 0", x=UncertainValue(0, 4)) is Verdict.SATISFIED
 
 
 def test_a_complete_trace_may_stay_undecided(backend: Backend) -> None:
@@ -235,7 +236,9 @@ def test_neutral_predicates_and_unknown_samples_together(
         e, plain = (EpisodeMonitor(text, semantics=semantics, backend=backend) for _ in range(2))
         for _ in range(3):
             req, gnt = (float(rng.randrange(0, 6)) for _ in range(2))
-            e.update(req=Between(req - rng.choice([0, 1]), req), gnt=Between(gnt, gnt + 1))
+            e.update(
+                req=UncertainValue(req - rng.choice([0, 1]), req), gnt=UncertainValue(gnt, gnt + 1)
+            )
             plain.update(req=req, gnt=gnt)
             assert signed(e.lower, plain.upper) <= signed(plain.lower, e.upper)
         e.finish()
@@ -271,7 +274,7 @@ def test_a_default_stays_as_it_was(backend: Backend) -> None:
     text = "input float x; input float limit = 2.0; always(x <= limit)"
     e = EpisodeMonitor(text, backend=backend)
     e.update(x=0.0)
-    e.update(x=0.0, limit=Between(1.0, 3.0))
+    e.update(x=0.0, limit=UncertainValue(1.0, 3.0))
     assert identical(e.bounds(), (-INF, 2.0))
     e.update(x=2.0)  # whose limit is still not known
     assert identical([e.robustness, e.upper], [-1.0, 1.0])
@@ -279,18 +282,18 @@ def test_a_default_stays_as_it_was(backend: Backend) -> None:
 
 def test_hold_keeps_an_interval(backend: Backend) -> None:
     e = EpisodeMonitor("always(x > 0)", nan="hold", backend=backend)
-    e.update(Between(1.0, 2.0))
+    e.update(UncertainValue(1.0, 2.0))
     e.update(NAN)
     assert identical([e.robustness, e.upper], [1.0, 2.0])
-    assert e._machine.inputs == [Between(1.0, 2.0)]
+    assert e._machine.inputs == [UncertainValue(1.0, 2.0)]
 
 
 def test_an_error_leaves_the_monitor_as_it_was(backend: Backend) -> None:
     e = EpisodeMonitor("always(sqrt(x) + y > 0)", nan="unknown", backend=backend)
-    for known in (1.0, Between(1.0, 2.0)):
+    for known in (1.0, UncertainValue(1.0, 2.0)):
         e.update(x=known, y=0.0)
         before = bits(offered(e)), e.samples
-        for x, y in ((Between(-4.0, -1.0), 0.0), (-1.0, NAN), (-1.0, 0.0)):
+        for x, y in ((UncertainValue(-4.0, -1.0), 0.0), (-1.0, NAN), (-1.0, 0.0)):
             with pytest.raises(InputError, match=r"^'sqrt\(x\)' is not a number at sample \d"):
                 e.update(x=x, y=y)
         assert (bits(offered(e)), e.samples) == before
@@ -302,15 +305,15 @@ def test_who_gives_no_bounds_refuses_with_the_reason(backend: Backend) -> None:
         lambda: Monitor("x > 0", nan="unknown", backend=backend),
         lambda: VectorMonitor("x > 0", 2, nan="unknown", backend=backend),
         lambda: evaluate("x > 0", {"x": [1.0]}, nan="unknown", backend=backend),
-        lambda: evaluate_many("x > 0", {"x": [[1.0]]}, nan="unknown", backend=backend),
+        lambda: evaluate("x > 0", {"x": [[1.0]]}, nan="unknown", backend=backend),
         lambda: explain("x > 0", {"x": [1.0]}, nan="unknown", backend=backend),
         lambda: Monitor("x > 0", backend=backend).update(UNKNOWN),
-        lambda: Monitor("x > 0", backend=backend).update_many({"x": Between([1], [2])}),
-        lambda: evaluate("x > 0", {"x": Between([1], [2])}, backend=backend),
+        lambda: Monitor("x > 0", backend=backend).update_many({"x": UncertainValue([1], [2])}),
+        lambda: evaluate("x > 0", {"x": UncertainValue([1], [2])}, backend=backend),
     ):
         with pytest.raises(InputError, match=reason):
             call()
-    assert Monitor("x > 0", backend=backend).update(Between(1, 1)) == 1.0  # it is known
+    assert Monitor("x > 0", backend=backend).update(UncertainValue(1, 1)) == 1.0  # it is known
     with pytest.raises(InputError, match=r"^expected nan='raise', nan='hold' or nan='unknown'"):
         EpisodeMonitor("x > 0", nan="skip", backend=backend)  # type: ignore[arg-type]
 
@@ -318,7 +321,7 @@ def test_who_gives_no_bounds_refuses_with_the_reason(backend: Backend) -> None:
 def test_an_explanation_needs_samples_that_are_known(backend: Backend) -> None:
     e = EpisodeMonitor("always(x > 0)", nan="unknown", history=True, backend=backend)
     e.update(1.0)
-    e.update(Between(1.0, 2.0))
+    e.update(UncertainValue(1.0, 2.0))
     with pytest.raises(InputError, match=r"^explain\(\) needs samples that are known, and"):
         e.explain()
     assert identical(offered(pickle.loads(pickle.dumps(e))), offered(e))
@@ -329,7 +332,11 @@ def test_an_explanation_needs_samples_that_are_known(backend: Backend) -> None:
     [
         (2, 1, "expected a lower end of Between that is not above the upper one, got 2.0 and 1.0"),
         (0.0, -0.0, "expected a lower end of Between that is not above the upper one, got 0.0 "),
-        (NAN, 1, "expected numbers as ends of Between, and Between(-math.inf, math.inf) of what"),
+        (
+            NAN,
+            1,
+            "expected numbers as ends of Between, and UncertainValue(-math.inf, math.inf) of what",
+        ),
         ([1, 2], [1, NAN], "expected numbers as ends of Between"),
         ([1, 2], [1, 0], "is not above the upper one, got 2.0 and 0.0 at 1"),
         ([1, 2], [1, 2, 3], "expected two ends of Between of one shape, got (2,) and (3,)"),
@@ -337,19 +344,19 @@ def test_an_explanation_needs_samples_that_are_known(backend: Backend) -> None:
 )
 def test_ends_that_are_none(lower: Any, upper: Any, message: str) -> None:  # noqa: ANN401
     with pytest.raises(InputError) as error:
-        Between(lower, upper)
+        UncertainValue(lower, upper)
     assert message in str(error.value)
 
 
 def test_an_interval_is_a_value() -> None:
-    x = Between(1, 2)
-    same = Between(1.0, 2.0)
-    assert (x, hash(x), repr(x)) == (same, hash(same), "Between(1.0, 2.0)")
-    assert x != Between(1, 3)
+    x = UncertainValue(1, 2)
+    same = UncertainValue(1.0, 2.0)
+    assert (x, hash(x), repr(x)) == (same, hash(same), "UncertainValue(1.0, 2.0)")
+    assert x != UncertainValue(1, 3)
     assert x != 1.0
-    columns = Between(0, np.array([1.0, 2.0]))
-    assert columns == Between([0, 0], [1, 2]) == pickle.loads(pickle.dumps(columns))
-    assert repr(columns) == "Between([0.0, 0.0], [1.0, 2.0])"
+    columns = UncertainValue(0, np.array([1.0, 2.0]))
+    assert columns == UncertainValue([0, 0], [1, 2]) == pickle.loads(pickle.dumps(columns))
+    assert repr(columns) == "UncertainValue([0.0, 0.0], [1.0, 2.0])"
     assert isinstance(columns.lower, np.ndarray)
     with pytest.raises(ValueError, match="read-only"):
         columns.lower[0] = 5.0
@@ -369,11 +376,12 @@ def test_a_judgement_is_what_the_monitor_says(
 ) -> None:
     n = len(trace["a"])
     pairs = {
-        name: [(x.lower, x.upper) if isinstance(x, Between) else (x, x) for x in column]
+        name: [(x.lower, x.upper) if isinstance(x, UncertainValue) else (x, x) for x in column]
         for name, column in trace.items()
     }
     columns: dict[str, Any] = {
-        name: Between(*np.array(ends, np.float64).reshape(n, 2).T) for name, ends in pairs.items()
+        name: UncertainValue(*np.array(ends, np.float64).reshape(n, 2).T)
+        for name, ends in pairs.items()
     }
     if form == "nan":  # what is unknown as nan
         columns = {
@@ -405,8 +413,12 @@ def test_a_judgement_says_what_is_not_known(backend: Backend) -> None:
         last = str(found).splitlines()[-1]
         assert last.startswith("no reading of the end decides it: it hangs on values of x that")
     known = judge("always(y > 2)", columns, nan="unknown", backend=backend)
-    assert (known.unknown, known.open_for) == ((), "")
+    assert (known.unknown, known.undecided_because) == ((), "")
     with pytest.raises(InputError, match=r"^variable 'x' is nan at sample 1; pass nan='hold'"):
-        judge("always(x + y > 1)", {"x": [1, NAN], "y": Between([1, 1], [2, 2])}, backend=backend)
+        judge(
+            "always(x + y > 1)",
+            {"x": [1, NAN], "y": UncertainValue([1, 1], [2, 2])},
+            backend=backend,
+        )
     with pytest.raises(InputError, match=r"^'sqrt\(x\)' is not a number at sample 1, where x = B"):
-        judge("always(sqrt(x) > 1)", {"x": Between([1, -2], [2, -1])}, backend=backend)
+        judge("always(sqrt(x) > 1)", {"x": UncertainValue([1, -2], [2, -1])}, backend=backend)

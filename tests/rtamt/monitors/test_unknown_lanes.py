@@ -17,11 +17,11 @@ from strategies import formulas
 from uncertain_traces import UNKNOWN, some_value
 
 from rtamt import (
-    Between,
     EpisodeMonitor,
     Formula,
     InputError,
     StateError,
+    UncertainValue,
     VectorEpisodeMonitor,
     VectorMonitor,
 )
@@ -33,9 +33,12 @@ ENDS: tuple[End, ...] = ("complete", "cut", "open")
 NAN, INF = float("nan"), float("inf")
 
 
-def ends(rows: list[list[float | Between]]) -> list[NDArray[np.float64]]:
+def ends(rows: list[list[float | UncertainValue]]) -> list[NDArray[np.float64]]:
     """The least and the greatest values."""
-    both = [[(x.lower, x.upper) if isinstance(x, Between) else (x, x) for x in row] for row in rows]
+    both = [
+        [(x.lower, x.upper) if isinstance(x, UncertainValue) else (x, x) for x in row]
+        for row in rows
+    ]
     shape = (len(rows), len(rows[0]), 2)
     table = np.array(both, dtype=np.float64).reshape(shape)
     return [np.ascontiguousarray(table[..., i]) for i in (0, 1)]
@@ -63,7 +66,7 @@ def test_each_lane_is_a_monitor_of_its_own(formula: Formula, seed: int) -> None:
             fresh = np.array([rng.random() < 0.2 for _ in range(num)])
             rows = [[some_value(rng, 0.15) for _ in vector.variables] for _ in range(num)]
             lower, upper = ends(rows)
-            if all(x is UNKNOWN or not isinstance(x, Between) for row in rows for x in row):
+            if all(x is UNKNOWN or not isinstance(x, UncertainValue) for row in rows for x in row):
                 vector.update(np.where(np.isinf(lower), NAN, lower), mask)
             else:
                 vector.update(lower, mask, upper=upper)
@@ -150,7 +153,11 @@ def test_a_cut_moves_what_a_lane_shows_into_the_bounds_of_both_ends(
     """What no sample has reached is 5, so that the trace is worth 5 to 9, and showed inf."""
     vector = VectorEpisodeMonitor(text, 3, backend=backend)
     lanes = [EpisodeMonitor(text, backend=backend) for _ in range(3)]
-    rows: list[list[float | Between]] = [[Between(2.0, 9.0)], [1.0], [Between(3.0, 7.0)]]
+    rows: list[list[float | UncertainValue]] = [
+        [UncertainValue(2.0, 9.0)],
+        [1.0],
+        [UncertainValue(3.0, 7.0)],
+    ]
     lower, upper = ends(rows)
     vector.update(lower, upper=upper)
     for lane, row in zip(lanes, rows, strict=True):
@@ -168,7 +175,7 @@ def test_neutral_predicates(backend: Backend) -> None:
     vector = VectorEpisodeMonitor(text, 2, semantics="input-vacuity", backend=backend)
     single = EpisodeMonitor(text, semantics="input-vacuity", backend=backend)
     vector.update([[2, 0], [2, 0]], upper=[[4, 0], [2, 5]])
-    single.update(req=Between(2, 4), gnt=0.0)
+    single.update(req=UncertainValue(2, 4), gnt=0.0)
     assert identical([vector.lower[0], vector.upper[0]], [single.lower, single.upper])
     vector.finish()
     single.finish()
@@ -217,8 +224,8 @@ def test_hold_keeps_an_interval(backend: Backend) -> None:
             [[1, 1], [-9, 0]],
             [[2, 1], [-8, 3]],
             (
-                "'sqrt(x + y)' is not a number at sample 1 of lane 1, where x = Between(-9.0, "
-                "-8.0), y = Between(0.0, 3.0)"
+                "'sqrt(x + y)' is not a number at sample 1 of lane 1, "
+                "where x = UncertainValue(-9.0, -8.0), y = UncertainValue(0.0, 3.0)"
             ),
         ),
     ],

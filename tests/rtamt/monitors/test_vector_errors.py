@@ -14,12 +14,12 @@ from message_classes import MODULES, Twist
 from message_classes import Vector as VectorMessage
 
 from rtamt import (
-    Between,
     EpisodeMonitor,
     InputError,
     InputTypeError,
     Monitor,
     StateError,
+    UncertainValue,
     VectorEpisodeMonitor,
     VectorMonitor,
     parse,
@@ -374,19 +374,19 @@ def test_a_default_is_held_as_by_a_single_monitor(kind: Any, backend: Backend) -
 
 def test_uncertain_columns_are_between(backend: Backend) -> None:
     named, rows = (VectorEpisodeMonitor("always(x + y > 1)", 2, backend=backend) for _ in range(2))
-    named.update(x=Between([3, 0], [5, 4]), y=[0, 0])
+    named.update(x=UncertainValue([3, 0], [5, 4]), y=[0, 0])
     rows.update([[3, 0], [0, 0]], upper=[[5, 0], [4, 0]])
     for name in ("robustness", "lower", "upper", "unknown", "verdict"):
         assert getattr(named, name).tolist() == getattr(rows, name).tolist()
     with pytest.raises(InputError, match="Between"):
         named.update(x=[1, 2], y=[1, 2], upper=[[1, 1], [2, 2]])
     with pytest.raises(InputError, match="known for 'x'"):
-        VectorMonitor("x > 0", 2, backend=backend).update(x=Between([3, 0], [5, 4]))
+        VectorMonitor("x > 0", 2, backend=backend).update(x=UncertainValue([3, 0], [5, 4]))
 
 
 def test_a_default_whose_last_value_is_unknown_is_refused(backend: Backend) -> None:
     monitor = VectorEpisodeMonitor(DECLARED, 2, backend=backend)
-    monitor.update(x=[1, 1], limit=Between([2, 2], [2, 3]))
+    monitor.update(x=[1, 1], limit=UncertainValue([2, 2], [2, 3]))
     with pytest.raises(InputError, match="'limit', whose last value is not known in lane 1"):
         monitor.update(x=[1, 1])
 

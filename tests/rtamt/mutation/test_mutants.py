@@ -13,21 +13,10 @@ from hypothesis import strategies as st
 from strategies import Trace, formulas, length, traces
 
 import rtamt
-from rtamt import (
-    MUTATIONS,
-    End,
-    Formula,
-    InputError,
-    Mutant,
-    RtamtError,
-    SemanticsName,
-    Specification,
-    Verdict,
-    judge,
-    mutants,
-    noticed,
-)
+from rtamt import Formula, InputError, RtamtError, Specification, Verdict, judge, mutants
 from rtamt.language.interval import UNITS
+from rtamt.mutation import MUTATIONS, Mutant, killed
+from rtamt.typing import End, SemanticsName
 
 CONSTANTS = "const float LIMIT = 35; const float FLOOR = 3; always(v < LIMIT and w > FLOOR)"
 
@@ -129,7 +118,7 @@ def test_a_mutant_is_the_requirement_with_one_change_of_its_text(
     formula: Formula, period: str | None
 ) -> None:
     spec = Specification.of(formula)
-    found = mutants(spec, period, most=15)
+    found = mutants(spec, period, limit=15)
     assert len({each.specification.formula for each in found}) == len(found)
     for mutant in found:
         changed = mutant.specification
@@ -179,7 +168,7 @@ def test_symbols_and_words_are_exchanged_wherever_they_stand(formula: Formula) -
 def test_bounds_stay_whole_numbers_of_periods(formula: Formula, unit: str, samples: int) -> None:
     period = UNITS[unit] / samples
     spec = rtamt.parse(str(formula), unit=unit)
-    for mutant in mutants(spec, period, kinds=["bound", "window"], most=10):
+    for mutant in mutants(spec, period, kinds=["bound", "window"], limit=10):
         for node in mutant.specification.formula.nodes():
             if node.interval is not None:
                 for bound in {node.interval.begin, node.interval.end} - {None}:
@@ -254,12 +243,12 @@ def test_the_most_are_the_first_of_each_kind_in_turn() -> None:
     text = "always[3:9](x > 1 implies eventually[0:4](y < 3 and z > 4))"
     every = mutants(text)
     for most in range(1, len(every) + 2):
-        some = mutants(text, most=most)
+        some = mutants(text, limit=most)
         assert len(some) == min(most, len(every))
         assert {*some} <= {*every}
-        assert {*some} <= {*mutants(text, most=most + 1)}
+        assert {*some} <= {*mutants(text, limit=most + 1)}
     kinds = [kind for kind in MUTATIONS if any(each.kind == kind for each in every)]
-    assert {each.kind for each in mutants(text, most=len(kinds))} == {*kinds}
+    assert {each.kind for each in mutants(text, limit=len(kinds))} == {*kinds}
 
 
 def test_places_in_several_lines_with_comments() -> None:
@@ -278,12 +267,12 @@ def test_places_in_several_lines_with_comments() -> None:
 
 
 def test_apart_fails_where_requirement_and_mutant_differ() -> None:
-    (mutant,) = mutants("always[0:1](x < 3)", kinds=["window"], most=1)
+    (mutant,) = mutants("always[0:1](x < 3)", kinds=["window"], limit=1)
     assert str(mutant.specification.formula) == "always[0:0](x < 3)"
     for trace in ([1, 1, 1], [1, 4, 1], [4, 1, 1], [4, 4, 1]):
         one = rtamt.judge(mutant.requirement, {"x": trace}).verdict
         other = rtamt.judge(mutant.specification, {"x": trace}).verdict
-        differ = rtamt.judge(mutant.apart, {"x": trace}).verdict.name == "VIOLATED"
+        differ = rtamt.judge(mutant.distance, {"x": trace}).verdict.name == "VIOLATED"
         assert differ == (one is not other)
 
 
@@ -295,7 +284,7 @@ def test_constant_bounds_are_exchanged() -> None:
 
 def test_bounds_in_another_unit_keep_it_apart() -> None:
     (mutant,) = mutants(rtamt.parse("always[0:5](x < 3)", unit="ms"), kinds=["direction"])
-    assert str(mutant.apart.formula) == "always[0:5ms](x < 3) iff always[0:5ms](x > 3)"
+    assert str(mutant.distance.formula) == "always[0:5ms](x < 3) iff always[0:5ms](x > 3)"
 
 
 def verdict(spec: Specification, trace: Trace, end: End, options: Any) -> Verdict | None:  # noqa: ANN401
@@ -325,9 +314,9 @@ def test_noticed_matches_single_verdicts(
     options: Any = {"semantics": semantics, "inputs": inputs, "outputs": outputs, "nan": policy}
     if policy == "unknown":
         trace = {name: [nan, *values[1:]] for name, values in trace.items()}
-    found = mutants(spec, most=12)
+    found = mutants(spec, limit=12)
     its = verdict(spec, trace, end, options)
-    said = noticed(found, trace, end=end, n=length(trace), **options)
+    said = killed(found, trace, end=end, n=length(trace), **options)
     for mutant, each in zip(found, said, strict=True):
         if mutant.specification.variables == spec.variables:  # else roles may have no variable
             other = verdict(mutant.specification, trace, end, options)
@@ -336,10 +325,10 @@ def test_noticed_matches_single_verdicts(
 
 def test_a_mutant_that_cannot_be_judged_is_not_noticed() -> None:
     found = mutants("always[0:1s](x < 3)", "500ms", kinds=["bound", "threshold"])
-    said = noticed(found, {"x": [2.5, 3.5]}, "1s")  # no bound of 0.5 s is a whole number of samples
+    said = killed(found, {"x": [2.5, 3.5]}, "1s")  # no bound of 0.5 s is a whole number of samples
     assert [str(m) for m, each in zip(found, said, strict=True) if each] == ["1:18 x < 3 -> x < 4"]
     found = mutants("always(sqrt(x - 1) < 2)", kinds=["threshold"])
-    said = noticed(found, {"x": [1.5, 6.0]})  # one takes the root of -0.5
+    said = killed(found, {"x": [1.5, 6.0]})  # one takes the root of -0.5
     assert [str(m) for m, each in zip(found, said, strict=True) if each] == [
         "1:22 sqrt(x - 1) < 2 -> sqrt(x - 1) < 3"
     ]
@@ -350,7 +339,7 @@ def test_a_mutant_that_cannot_be_judged_is_not_noticed() -> None:
     [
         ({"kinds": ["bounds"]}, "expected a kind of mutants, got 'bounds'; did you mean 'bound'?"),
         ({"kinds": ["zzz"]}, "they are"),
-        ({"most": 0}, "most: expected 1 mutant or more, got 0"),
+        ({"limit": 0}, "limit: expected 1 mutant or more, got 0"),
     ],
 )
 def test_what_is_no_kind_or_number_is_refused(arguments: dict[str, object], words: str) -> None:

@@ -14,14 +14,7 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt import (
-    DenseEpisodeMonitor,
-    DenseMonitor,
-    EpisodeMonitor,
-    Monitor,
-    VectorEpisodeMonitor,
-    VectorMonitor,
-)
+from rtamt import EpisodeMonitor, Monitor, VectorEpisodeMonitor, VectorMonitor
 from rtamt.machines.clocks import OperatorClock
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
@@ -103,13 +96,13 @@ CHANGED: dict[str, Callable[[], Any]] = {
     "discrete pairs": lambda: Monitor("(x > 0) until[2:30] (x > 1)"),
     "episode": lambda: EpisodeMonitor("always((x > 0) implies eventually[0:5](x > 1))"),
     "episode pairs": lambda: EpisodeMonitor("always((x > 0) until[3:9] (once[2:8](x > 1)))"),
-    "dense": lambda: DenseMonitor("(x > 0) until[1:3] (once[0:2](x > 1))"),
+    "dense": lambda: rtamt.dense.Monitor("(x > 0) until[1:3] (once[0:2](x > 1))"),
     "discrete bank": lambda: VectorMonitor("always[0:9](x > 1) or prev(x > 2)", LANES),
     "episode bank": lambda: VectorEpisodeMonitor("always(eventually[0:5](x > 1))", LANES),
     "episode bank of machines": lambda: VectorEpisodeMonitor(
         "always((x > 0) until[3:9] (once[2:8](x > 1)))", LANES
     ),
-    "dense episode": lambda: DenseEpisodeMonitor(
+    "dense episode": lambda: rtamt.dense.EpisodeMonitor(
         "always((x > 0) until[1:3] (once[0:2](x > 1)) or eventually(x > 3))", backend="native"
     ),
 }
@@ -215,7 +208,7 @@ def refused(machine: Any, state: bytes) -> None:  # noqa: ANN401 - any machine
 
 @pytest.mark.parametrize("text", ["once(x > 0)", "x since y", "historically[2:inf](x > 0)"])
 def test_a_window_that_no_step_leaves_holds_none_in_a_state(text: str) -> None:
-    machine = DenseMonitor(text, backend="native")._machine
+    machine = rtamt.dense.Monitor(text, backend="native")._machine
     places = list(with_a_step_more(machine.state()))
     assert places
     for state in places:
@@ -224,7 +217,7 @@ def test_a_window_that_no_step_leaves_holds_none_in_a_state(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["once[0:5](x > 0)", "(x > 0) since[1:5] (y > 0)"])
 def test_a_window_holds_older_steps_only_beside_newer_ones_in_a_state(text: str) -> None:
-    machine = DenseMonitor(text, backend="native")._machine
+    machine = rtamt.dense.Monitor(text, backend="native")._machine
     before, found = machine.state(), list[bool]()
     for state in with_a_step_more(before):
         try:
@@ -248,7 +241,9 @@ def with_a_step_more(state: bytes) -> Iterator[bytes]:
 
 
 def test_a_default_in_a_state_is_a_number() -> None:
-    monitor = DenseMonitor("float x = 7.25\nfloat y\nonce(x > 0) and y > 0", backend="native")
+    monitor = rtamt.dense.Monitor(
+        "float x = 7.25\nfloat y\nonce(x > 0) and y > 0", backend="native"
+    )
     monitor.update(y=[(0.0, 1.0)])
     machine = monitor._machine
     state, held = machine.state(), struct.pack("=d", 7.25)
@@ -261,7 +256,7 @@ def test_a_default_in_a_state_is_a_number() -> None:
 
 def test_a_signal_that_no_operator_reads_has_a_value_in_a_state() -> None:
     """Such signals are those inside of terms: nothing is written there, and nobody reads it."""
-    monitor = DenseMonitor("x - y > 3", backend="native")
+    monitor = rtamt.dense.Monitor("x - y > 3", backend="native")
     monitor.update(x=[(0, 1.0), (1, 2.0)], y=[(0, 1.0), (2, 9.0)])
     state = monitor._machine.state()
     before, nothing = struct.pack("=q", -(2**63)), struct.pack("=q", 0)
@@ -274,7 +269,7 @@ def test_a_signal_that_no_operator_reads_has_a_value_in_a_state() -> None:
 
 def test_an_episode_over_dense_time_begins_where_it_can_have_begun() -> None:
     """A state is a mark of the program, whether it is finished, what times are, and the begin."""
-    monitor = DenseEpisodeMonitor("always(x > 0)", backend="native")
+    monitor = rtamt.dense.EpisodeMonitor("always(x > 0)", backend="native")
     machine = monitor._machine
     fresh = machine.state()
     refused(machine, fresh[:8] + b"\1" + fresh[9:])  # finished before it begins

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rtamt import DenseEpisodeMonitor, DenseMonitor
+import rtamt
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -183,7 +183,7 @@ def test_what_is_no_episode_is_refused(changes: dict[str, object], message: str)
 TICK = 123_456_789_012_345  # of a nanosecond: no other number of a state is this one
 
 
-@pytest.mark.parametrize("kind", [DenseMonitor, DenseEpisodeMonitor])
+@pytest.mark.parametrize("kind", [rtamt.dense.Monitor, rtamt.dense.EpisodeMonitor])
 @pytest.mark.parametrize(
     "text",
     [
@@ -214,7 +214,7 @@ def test_a_state_says_no_time_that_cannot_be_counted(kind: Any, text: str) -> No
 def test_a_whole_trace_that_decides_nothing_is_not_decided() -> None:
     events = [(np.array([0.0, 3.0]), np.array([1.0, 2.0]))]
     for decided in (False, True):
-        monitor = DenseEpisodeMonitor("always(x > 0)", backend="native")
+        monitor = rtamt.dense.EpisodeMonitor("always(x > 0)", backend="native")
         monitor._machine.run(events, decided=decided)
         assert (monitor.decided_at, monitor.settled, monitor.robustness) == (None, 3.0, 1.0)
 
@@ -228,7 +228,7 @@ def test_a_state_is_that_of_a_machine_which_looks_as_far_away() -> None:
 
 
 def test_a_state_keeps_nothing_of_before_its_trace() -> None:
-    monitor = DenseEpisodeMonitor("always(eventually[0:9](x > 0))", backend="native")
+    monitor = rtamt.dense.EpisodeMonitor("always(eventually[0:9](x > 0))", backend="native")
     monitor.update(x=[(0, 1.0), (1, 2.0), (2, 3.0)])
     state = monitor._machine.state()
     kept = struct.pack("=3q", 0, 2 * 10**9, 4 * 10**9)  # where x has a step: two for each tick

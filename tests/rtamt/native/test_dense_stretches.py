@@ -17,8 +17,8 @@ import pytest
 from dense_signals import Breakpoints, Signals
 
 import rtamt
-from rtamt import DenseEpisodeMonitor, DenseMonitor, SemanticsName
 from rtamt.machines.protocols import End
+from rtamt.typing import SemanticsName
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -100,7 +100,8 @@ def test_a_monitor(seed: int) -> None:
     rng = random.Random(seed)
     text, resolution = formula(rng, 3, endless=False), rng.choice(RESOLUTIONS)
     native, python, twin = (
-        DenseMonitor(text, resolution=resolution, backend=b) for b in ("native", "python", "native")
+        rtamt.dense.Monitor(text, resolution=resolution, backend=b)
+        for b in ("native", "python", "native")
     )
     whole = {n: e for n, e in signals(rng, EVENTS).items() if n in native.variables}
     for call in calls(rng, whole):
@@ -122,7 +123,7 @@ def agree(
 ) -> None:
     """An episode in both back-ends, after each call, after a state is restored, and at each end."""
     native, python, twin = (
-        DenseEpisodeMonitor(text, resolution=resolution, backend=b)
+        rtamt.dense.EpisodeMonitor(text, resolution=resolution, backend=b)
         for b in ("native", "python", "native")
     )
     whole = {n: e for n, e in signals(rng, count).items() if n in native.variables}
@@ -139,12 +140,15 @@ def agree(
     assert repr(native.bounds()) == repr(python.bounds()), text
     for end in get_args(End):
         found, expected = (
-            rtamt.judge_dense(text, whole, end, resolution=resolution, backend=b)
+            rtamt.dense.judge(text, whole, end, resolution=resolution, backend=b)
             for b in ("native", "python")
         )
         assert repr(found) == repr(expected), (text, end)
-        assert list(map(astuple, found.asked)) == list(map(astuple, expected.asked)), (text, end)
-        assert (found.vacuous, found.untested) == (expected.vacuous, expected.untested)
+        assert list(map(astuple, found.triggers)) == list(map(astuple, expected.triggers)), (
+            text,
+            end,
+        )
+        assert (found.vacuous, found.unrecorded) == (expected.vacuous, expected.unrecorded)
 
 
 @pytest.mark.slow(keep=10)
@@ -197,7 +201,8 @@ def test_an_episode_of_neutral_predicates_after_its_decision(
     rng = random.Random(seed)
     text = NEUTRAL + f"always[0:5]({formula(rng, 2, endless=False)} or x > y)"
     native, python = (
-        DenseEpisodeMonitor(text, semantics=semantics, backend=b) for b in ("native", "python")
+        rtamt.dense.EpisodeMonitor(text, semantics=semantics, backend=b)
+        for b in ("native", "python")
     )
     whole = {n: e for n, e in signals(rng, 40).items() if n in native.variables}
     for call in calls(rng, whole, (0, 1, 1)):
@@ -224,12 +229,15 @@ def test_what_a_verdict_stands_on(seed: int) -> None:
     whole = {n: e for n, e in signals(rng, rng.randint(4, 12)).items() if n in names}
     for end in get_args(End):
         native, python = (
-            rtamt.judge_dense(text, whole, end, resolution="500ms", backend=b)
+            rtamt.dense.judge(text, whole, end, resolution="500ms", backend=b)
             for b in ("native", "python")
         )
         assert repr(native) == repr(python), (text, end)
-        assert list(map(astuple, native.asked)) == list(map(astuple, python.asked)), (text, end)
-        assert (native.vacuous, native.never_asked) == (python.vacuous, python.never_asked)
+        assert list(map(astuple, native.triggers)) == list(map(astuple, python.triggers)), (
+            text,
+            end,
+        )
+        assert (native.vacuous, native.never_triggered) == (python.vacuous, python.never_triggered)
 
 
 ENDS = (
@@ -253,7 +261,8 @@ def test_an_episode_that_ends_at_each_tick(text: str, end: End) -> None:
     """Before a window begins, on the tick before it, while it lasts, and behind it."""
     for ticks in range(1, 8):
         native, python = (
-            DenseEpisodeMonitor(text, resolution="500ms", backend=b) for b in ("native", "python")
+            rtamt.dense.EpisodeMonitor(text, resolution="500ms", backend=b)
+            for b in ("native", "python")
         )
         call = {name: [(k / 2, -1.0) for k in range(ticks)] for name in native.variables}
         assert repr(native.update(call)) == repr(python.update(call)), ticks
@@ -278,7 +287,8 @@ STAIRS = (
 def test_an_episode_of_values_that_fall_or_rise(text: str, way: int) -> None:
     """Each window of 20 s has a step of its fold for each of its 40 events, and they all leave."""
     native, python = (
-        DenseEpisodeMonitor(text, resolution="500ms", backend=b) for b in ("native", "python")
+        rtamt.dense.EpisodeMonitor(text, resolution="500ms", backend=b)
+        for b in ("native", "python")
     )
     for i in range(150):
         value = way * (i - 100.0) if i % 29 else 0.0
@@ -294,7 +304,8 @@ def test_many_events_at_once_and_then_one_by_one() -> None:
     """The memory of a block that is much longer than others is given back."""
     text = "always((x > -2) or eventually[0:3](y > 1))"
     native, python = (
-        DenseEpisodeMonitor(text, resolution="500ms", backend=b) for b in ("native", "python")
+        rtamt.dense.EpisodeMonitor(text, resolution="500ms", backend=b)
+        for b in ("native", "python")
     )
     rng = random.Random(7)
     for n in (3000, 1, 2, 2500, 1):
@@ -312,7 +323,7 @@ def test_many_events_at_once_and_then_one_by_one() -> None:
 def test_a_trace_that_is_longer_than_its_clock_counts_is_refused() -> None:
     said = set()
     for backend in ("native", "python"):
-        monitor = DenseEpisodeMonitor("always(x > 0)", backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor("always(x > 0)", backend=backend)
         monitor.update(x=[(-4e9, 1.0), (4e8, 2.0)])
         for last in (5e8, 4e9, 4.6e9):
             at = monitor.settled

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fmu_calls import ERROR, OK, dense, unit, write
 
-from rtamt import DenseMonitor, evaluate_dense
+import rtamt
 from rtamt.program.encoding import clock_of
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
@@ -88,11 +88,11 @@ def test_times_of_ticks_are_the_nearest_doubles(what: str) -> None:
     exact = [round(Fraction(repr(time)) / tick) for time, _ in events]
     expected = [(float(n * tick), value) for n, (_, value) in zip(exact, events, strict=True)]
     for backend in ("native", "python"):
-        monitor = DenseMonitor("x > 0", resolution=tick, backend=backend)
+        monitor = rtamt.dense.Monitor("x > 0", resolution=tick, backend=backend)
         found = monitor.update({"x": events}) + monitor.finish()
         assert found == expected
         assert monitor.settled == expected[-1][0]
-        signal = evaluate_dense("x > 0", {"x": events}, resolution=tick, backend=backend)
+        signal = rtamt.dense.evaluate("x > 0", {"x": events}, resolution=tick, backend=backend)
         assert list(signal) == expected
 
 

@@ -20,14 +20,7 @@ from profiles import examples
 from strategies import DENSE, INFINITIES, formulas, rooted
 
 import rtamt
-from rtamt import (
-    DenseEpisodeMonitor,
-    DenseMonitor,
-    Events,
-    Formula,
-    StateError,
-    evaluate_dense,
-)
+from rtamt import Formula, StateError
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -38,11 +31,11 @@ scales = st.sampled_from((1.0, 0.1, 1 / 3, 1e3))
 """What times are multiplied with: where bounds are no multiples of a step, differences round."""
 
 
-Kind = type[DenseMonitor] | type[DenseEpisodeMonitor]
-AnyMonitor = DenseMonitor | DenseEpisodeMonitor
+Kind = type[rtamt.dense.Monitor] | type[rtamt.dense.EpisodeMonitor]
+AnyMonitor = rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor
 
 
-def both(formula: Formula | str, kind: Kind = DenseMonitor) -> tuple[Any, Any]:
+def both(formula: Formula | str, kind: Kind = rtamt.dense.Monitor) -> tuple[Any, Any]:
     return kind(formula, backend="native"), kind(formula, backend="python")
 
 
@@ -60,7 +53,7 @@ def outcome(call: Callable[[], object]) -> Outcome:
 
 def state(monitor: AnyMonitor) -> object:
     """What can be seen of a monitor; nan is text, to be equal to itself."""
-    if isinstance(monitor, DenseMonitor):
+    if isinstance(monitor, rtamt.dense.Monitor):
         return monitor.settled, monitor.finished, str(monitor.values)
     said = repr((monitor.robustness, *monitor.bounds(), monitor.decided_at))
     return monitor.settled, monitor.finished, said
@@ -73,7 +66,7 @@ def check(
     formula: Formula | str,
     whole: Signals,
     shares: list[list[float]],
-    kind: Kind = DenseMonitor,
+    kind: Kind = rtamt.dense.Monitor,
 ) -> None:
     """Both machines give the same in every call; the one in C++ is another one each time.
 
@@ -123,7 +116,7 @@ def test_every_call_gives_what_the_definition_gives(
 def test_every_call_of_an_episode_gives_what_the_definition_gives(
     formula: Formula, whole: Signals, shares: list[list[float]], scale: float
 ) -> None:
-    check(formula, scaled(whole, scale), shares, DenseEpisodeMonitor)
+    check(formula, scaled(whole, scale), shares, rtamt.dense.EpisodeMonitor)
 
 
 DECLARED = st.sampled_from(
@@ -135,7 +128,7 @@ DECLARED = st.sampled_from(
 )
 
 
-@pytest.mark.parametrize("kind", [DenseMonitor, DenseEpisodeMonitor])
+@pytest.mark.parametrize("kind", [rtamt.dense.Monitor, rtamt.dense.EpisodeMonitor])
 @settings(max_examples=examples(40))
 @given(text=DECLARED, whole=signals(), shares=chunks(), silent=st.sets(st.sampled_from("abc")))
 def test_so_it_does_with_declared_values(
@@ -175,7 +168,9 @@ def test_whole_signals_give_what_the_definition_gives(
     formula: Formula, whole: Signals, scale: float
 ) -> None:
     moved = scaled(whole, scale)
-    native, python = (list(evaluate_dense(formula, moved, backend=b)) for b in ("native", "python"))
+    native, python = (
+        list(rtamt.dense.evaluate(formula, moved, backend=b)) for b in ("native", "python")
+    )
     assert bitwise(native) == bitwise(python)
 
 
@@ -210,12 +205,14 @@ def parts(events: Breakpoints, rng: random.Random) -> list[Breakpoints]:
 @pytest.mark.parametrize("pace", [1.0, 7.0])
 def test_chunks_of_any_length_give_what_a_whole_trace_gives(spec: str, pace: float) -> None:
     whole = {"a": noise(3000), "b": noise(round(3000 / pace), pace=pace)}
-    expected = list(evaluate_dense(spec, whole, backend="native"))
+    expected = list(rtamt.dense.evaluate(spec, whole, backend="native"))
     shown = {name: events[:400] for name, events in whole.items()}
-    native, python = (list(evaluate_dense(spec, shown, backend=b)) for b in ("native", "python"))
+    native, python = (
+        list(rtamt.dense.evaluate(spec, shown, backend=b)) for b in ("native", "python")
+    )
     assert native == python
     for seed in range(4):
-        rng, monitor = random.Random(seed), DenseMonitor(spec, backend="native")
+        rng, monitor = random.Random(seed), rtamt.dense.Monitor(spec, backend="native")
         waiting = {name: parts(events, rng) for name, events in whole.items()}
         seen: Breakpoints = []
         while any(waiting.values()):
@@ -226,7 +223,7 @@ def test_chunks_of_any_length_give_what_a_whole_trace_gives(spec: str, pace: flo
 
 @pytest.mark.parametrize("n", [3, 700, 5000])
 def test_a_term_without_a_value_at_the_end_of_a_chunk_leaves_the_monitor_as_it_was(n: int) -> None:
-    monitor = DenseMonitor("always[0:1](sqrt(a) > b)", backend="native")
+    monitor = rtamt.dense.Monitor("always[0:1](sqrt(a) > b)", backend="native")
     start = {"a": [(0.0, 1.0)], "b": [(0.5, 0.0)]}
     good = [(i + 1.0, float(i)) for i in range(n)]
     for warm in (False, True):
@@ -286,9 +283,9 @@ FORMS: Mapping[str, Callable[[], object]] = {
     "an empty array": lambda: {"a": np.empty((0, 2))},
     "an empty 1-D array": lambda: {"a": np.empty(0)},
     "an empty list": lambda: {"a": []},
-    "events": lambda: {"a": Events([0, 1], [1, 3])},
-    "events with steps": lambda: {"a": Events([0, 0.5, 1], [1, 9, 3])[::2]},
-    "no events": lambda: {"a": Events([], [])},
+    "events": lambda: {"a": rtamt.dense.Events([0, 1], [1, 3])},
+    "events with steps": lambda: {"a": rtamt.dense.Events([0, 0.5, 1], [1, 9, 3])[::2]},
+    "no events": lambda: {"a": rtamt.dense.Events([], [])},
     "a generator": lambda: {"a": (pair for pair in A)},
     "a set": lambda: {"a": {(0.0, 1.0)}},
     "both variables": lambda: {"b": [(0.5, 0.0), (4.0, 1.0)], "a": [*A, (2.0, 0.0), (9.0, 0.0)]},
@@ -322,7 +319,7 @@ FORMS: Mapping[str, Callable[[], object]] = {
 
 @pytest.mark.parametrize("name", FORMS)
 @pytest.mark.parametrize("begun", [False, True])
-@pytest.mark.parametrize("kind", [DenseMonitor, DenseEpisodeMonitor])
+@pytest.mark.parametrize("kind", [rtamt.dense.Monitor, rtamt.dense.EpisodeMonitor])
 def test_every_form_means_what_it_means_in_python(
     name: str,
     begun: bool,  # noqa: FBT001 - a parameter
@@ -361,7 +358,7 @@ def test_the_events_of_an_episode_are_counted_alike(times: list[float], resoluti
     ordered = np.unique(times)
 
     def counted(backend: Backend) -> object:
-        monitor = DenseEpisodeMonitor("x > 0", resolution=resolution, backend=backend)
+        monitor = rtamt.dense.EpisodeMonitor("x > 0", resolution=resolution, backend=backend)
         found = []
         for time in ordered.tolist():
             monitor.update(x=[(time, 1)])
@@ -380,8 +377,8 @@ def test_terms_of_an_episode_are_alike(x: list[float], calm: int, text: str) -> 
     values = np.append(np.full(calm, 2.0), x)
 
     def judged(backend: Backend) -> object:
-        events = {"x": Events(np.arange(float(len(values))), values)}
-        found = rtamt.judge_dense(
+        events = {"x": rtamt.dense.Events(np.arange(float(len(values))), values)}
+        found = rtamt.dense.judge(
             f"always({text} > 1) or once({text} == 2)", events, backend=backend
         )
         return found.robustness, found.lower, found.upper, found.decided_at

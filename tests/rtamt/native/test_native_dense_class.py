@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import pytest
 
-from rtamt import DenseMonitor, Events, StateError
+import rtamt
+from rtamt import StateError
 from rtamt.language.parser import as_specification
 from rtamt.program.dense_lowering import compile_dense
 from rtamt.program.encoding import encoded_dense
@@ -32,8 +33,8 @@ RUNNING = (
 EVENTS = {"speed": [(0.0, 1.0), (2.0, 4.0), (9.0, 0.0)], "gap": [(0.0, 2.0), (5.0, 1.0)]}
 
 
-def monitor(spec: str = SPEC) -> DenseMonitor:
-    return DenseMonitor(spec, backend="native")
+def monitor(spec: str = SPEC) -> rtamt.dense.Monitor:
+    return rtamt.dense.Monitor(spec, backend="native")
 
 
 def machine(spec: str = SPEC) -> DenseMachine:
@@ -155,7 +156,7 @@ def test_events_that_no_longer_fit_when_they_are_read_are_refused() -> None:
 
 def test_no_argument_is_kept_and_no_reference_is_lost() -> None:
     pairs = [(float(i), i / 3) for i in range(4)]
-    array, events = np.array([[9.5, 1.0]]), Events([11.5], [1.0])
+    array, events = np.array([[9.5, 1.0]]), rtamt.dense.Events([11.5], [1.0])
     names = {"speed": pairs, "gap": [(0.0, 1.5)]}
     kept = [pairs, pairs[1], array, events, names]
     before = [sys.getrefcount(value) for value in kept]
@@ -223,7 +224,7 @@ FOREIGN = (
         b"rtamt",
         bytes(200),
         None,
-        DenseMonitor(SPEC, backend="python")._machine.state(),
+        rtamt.dense.Monitor(SPEC, backend="python")._machine.state(),
         machine("always[0:4](speed + 2 * gap > 1)").state(),
         machine("always[0:3](speed + 3 * gap > 1)").state(),
         machine("eventually[0:3](speed + 2 * gap > 1)").state(),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt import DenseMonitor, Events, Monitor, VectorMonitor
+from rtamt import Monitor, VectorMonitor
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -83,12 +83,12 @@ READERS: dict[str, Callable[[Callable[[Any], Any]], object]] = {
         "always(x > y)", {"x": odd(TABLE[:, 0]), "y": TABLE[:, 1]}
     ).tolist(),
     "evaluate of one variable": lambda odd: rtamt.evaluate("x > 3", odd(TABLE[:, :1])).tolist(),
-    "evaluate_many": lambda odd: rtamt.evaluate_many(TEXT, odd([TABLE, TABLE])).tolist(),
+    "evaluate_many": lambda odd: rtamt.evaluate(TEXT, odd([TABLE, TABLE])).tolist(),
     "lanes": lambda odd: VectorMonitor("x > y", 3).update(odd(TABLE)).tolist(),
-    "events": lambda odd: DenseMonitor("x > 0").update(
-        x=Events(odd([0.0, 1.0, 2.0]), odd([1.0, -1.0, 2.0]))
+    "events": lambda odd: rtamt.dense.Monitor("x > 0").update(
+        x=rtamt.dense.Events(odd([0.0, 1.0, 2.0]), odd([1.0, -1.0, 2.0]))
     ),
-    "events of a table": lambda odd: DenseMonitor("x > 0").update(
+    "events of a table": lambda odd: rtamt.dense.Monitor("x > 0").update(
         x=odd([[0.0, 1.0], [1.0, -1.0], [2.0, 2.0]])
     ),
 }

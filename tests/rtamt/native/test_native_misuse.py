@@ -12,16 +12,8 @@ import numpy as np
 import pytest
 from native_signs import signs
 
-from rtamt import (
-    DenseEpisodeMonitor,
-    DenseMonitor,
-    EpisodeMonitor,
-    Events,
-    InputError,
-    Monitor,
-    VectorEpisodeMonitor,
-    Verdict,
-)
+import rtamt
+from rtamt import EpisodeMonitor, InputError, Monitor, VectorEpisodeMonitor, Verdict
 from rtamt.machines.clocks import OperatorClock
 from rtamt.program.placement import MAX_UNKNOWNS
 
@@ -305,7 +297,7 @@ def test_a_machine_observes_its_result_first_and_its_variables_are_names() -> No
 
 def test_a_second_variable_of_a_machine_of_one_is_unknown() -> None:
     messages = set()
-    for kind in (DenseMonitor, DenseEpisodeMonitor):
+    for kind in (rtamt.dense.Monitor, rtamt.dense.EpisodeMonitor):
         for backend in ("native", "python"):
             with pytest.raises(InputError) as refusal:
                 kind("x > 0", backend=backend).update({"x": [(0.0, 1.0)], "y": []})
@@ -315,10 +307,10 @@ def test_a_second_variable_of_a_machine_of_one_is_unknown() -> None:
 
 def test_events_that_were_not_made_are_none() -> None:
     for backend in ("native", "python"):
-        monitor = DenseMonitor("x > 0", backend=backend)
+        monitor = rtamt.dense.Monitor("x > 0", backend=backend)
         with pytest.raises(AttributeError, match="given"):
-            monitor.update({"x": Events.__new__(Events)})
-        assert monitor.update({"x": Events([0.0], [1.0])}) == []
+            monitor.update({"x": rtamt.dense.Events.__new__(rtamt.dense.Events)})
+        assert monitor.update({"x": rtamt.dense.Events([0.0], [1.0])}) == []
 
 
 # Slots. ------------------------------------------------------------------------------------------

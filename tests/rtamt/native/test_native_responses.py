@@ -13,7 +13,8 @@ from bits import bits
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtamt import End, EpisodeMonitor
+from rtamt import EpisodeMonitor
+from rtamt.typing import End
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from native_signs import signs
 
-from rtamt import Events, judge_dense
+import rtamt
 from rtamt.machines.protocols import End
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
@@ -30,7 +30,7 @@ LEFTS = (
 )
 
 
-def events(count: int, seed: int, *, dates: bool) -> dict[str, Events]:
+def events(count: int, seed: int, *, dates: bool) -> dict[str, rtamt.dense.Events]:
     rng = np.random.default_rng(seed)
     found = {}
     for name in ("x", "y"):
@@ -38,7 +38,7 @@ def events(count: int, seed: int, *, dates: bool) -> dict[str, Events]:
         times = steps / 10
         if dates:
             times = steps.astype("M8[s]")
-        found[name] = Events(times, np.round(rng.normal(size=count), 1))
+        found[name] = rtamt.dense.Events(times, np.round(rng.normal(size=count), 1))
     return found
 
 
@@ -54,11 +54,14 @@ def test_it_counts_as_python_does(left: str, *, dates: bool) -> None:
             continue
         for reading in get_args(End):
             python, native = (
-                judge_dense(spec, trace, reading, resolution="100ms", backend=backend)
+                rtamt.dense.judge(spec, trace, reading, resolution="100ms", backend=backend)
                 for backend in ("python", "native")
             )
-            assert list(map(astuple, native.asked)) == list(map(astuple, python.asked)), count
-            assert (native.vacuous, native.never_asked) == (python.vacuous, python.never_asked)
+            assert list(map(astuple, native.triggers)) == list(map(astuple, python.triggers)), count
+            assert (native.vacuous, native.never_triggered) == (
+                python.vacuous,
+                python.never_triggered,
+            )
 
 
 @pytest.mark.parametrize("end", get_args(End))

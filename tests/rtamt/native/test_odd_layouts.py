@@ -10,7 +10,8 @@ import pytest
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
-from rtamt import DenseMonitor, VectorEpisodeMonitor, VectorMonitor
+import rtamt
+from rtamt import VectorEpisodeMonitor, VectorMonitor
 from rtamt.machines.clocks import OperatorClock
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
@@ -97,7 +98,7 @@ def test_tables_that_banks_are_fed(layout: str) -> None:
 @pytest.mark.parametrize("layout", SAME)
 def test_pairs_of_events(layout: str) -> None:
     events = np.array([[0.0, 1.0], [2.0, 3.0], [5.0, -1.0]])
-    monitor = DenseMonitor("x > 0", backend="native")
+    monitor = rtamt.dense.Monitor("x > 0", backend="native")
     found = monitor.update({"x": SAME[layout](events)}) + monitor.finish()
     assert found == [tuple(event) for event in events.tolist()]
 
@@ -109,12 +110,12 @@ def test_events_whose_rows_lie_in_one_another() -> None:
         ((8, 8), [(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)]),
         ((16, 0), [(0.0, 0.0), (2.0, 2.0), (4.0, 4.0)]),
     ):
-        monitor = DenseMonitor("x > 0", backend="native")
+        monitor = rtamt.dense.Monitor("x > 0", backend="native")
         found = monitor.update({"x": as_strided(numbers, (3, 2), steps)}) + monitor.finish()
         assert found == expected
     messages = set()
     for backend in ("native", "python"):
-        monitor = DenseMonitor("x > 0", backend=backend)
+        monitor = rtamt.dense.Monitor("x > 0", backend=backend)
         for wrong in (numbers.reshape(3, 2)[:, :1], as_strided(numbers, (2, 3), (16, 8))):
             with pytest.raises(ValueError, match="events") as refusal:
                 monitor.update({"x": wrong})

@@ -7,7 +7,8 @@ from typing import Protocol, cast
 import numpy as np
 import pytest
 
-from rtamt import DenseEpisodeMonitor, DenseMonitor, Monitor, StateError
+import rtamt
+from rtamt import Monitor, StateError
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -27,12 +28,13 @@ class Runs(Protocol):
     ("kind", "trace"),
     [
         (Monitor, ([VALUES], len(VALUES))),
-        (DenseMonitor, ([EVENTS],)),
-        (DenseEpisodeMonitor, ([EVENTS],)),
+        (rtamt.dense.Monitor, ([EVENTS],)),
+        (rtamt.dense.EpisodeMonitor, ([EVENTS],)),
     ],
 )
 def test_no_attribute_is_read_while_another_thread_changes_it(
-    kind: type[Monitor] | type[DenseMonitor] | type[DenseEpisodeMonitor], trace: Sequence[object]
+    kind: type[Monitor] | type[rtamt.dense.Monitor] | type[rtamt.dense.EpisodeMonitor],
+    trace: Sequence[object],
 ) -> None:
     def make() -> Runs:
         return cast("Runs", kind(SPEC, backend="native")._machine)

@@ -23,10 +23,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import (
-    DenseEpisodeMonitor,
-    DenseMonitor,
     EpisodeMonitor,
-    Events,
     InputError,
     Monitor,
     StateError,
@@ -70,7 +67,10 @@ def lanes(seed: int) -> Any:  # noqa: ANN401 - of three dimensions
 
 
 def events(seed: int, n: int = LONG) -> dict[str, Any]:
-    return {name: Events(np.arange(n) * 0.5, values) for name, values in trace(seed, n).items()}
+    return {
+        name: rtamt.dense.Events(np.arange(n) * 0.5, values)
+        for name, values in trace(seed, n).items()
+    }
 
 
 # What a thread does with monitors of its own; numbers to compare.
@@ -106,13 +106,13 @@ def banks(seed: int) -> list[float]:
 
 
 def over_time(seed: int) -> list[float]:
-    found = rtamt.evaluate_dense(TEXT, events(seed))
-    episode = DenseEpisodeMonitor(TEXT).update(events(seed, 500))
+    found = rtamt.dense.evaluate(TEXT, events(seed))
+    episode = rtamt.dense.EpisodeMonitor(TEXT).update(events(seed, 500))
     return [*found.times, *found.values, episode]
 
 
 def stepwise(seed: int) -> list[float]:
-    monitor = DenseMonitor(TEXT)
+    monitor = rtamt.dense.Monitor(TEXT)
     columns = trace(seed, 300)
     found: list[float] = []
     for i in range(300):
@@ -123,7 +123,7 @@ def stepwise(seed: int) -> list[float]:
 
 
 def judged(seed: int) -> list[float]:
-    judgement = rtamt.judge_dense("always(x > y implies eventually[0:5](y > 1))", events(seed))
+    judgement = rtamt.dense.judge("always(x > y implies eventually[0:5](y > 1))", events(seed))
     return [judgement.robustness, judgement.verdict]
 
 
@@ -245,9 +245,9 @@ def test_an_episode_that_another_thread_ends_while_values_are_read_takes_none(
     assert episodes.samples.tolist() == [1, 1]
 
 
-@pytest.mark.parametrize("kind", [DenseMonitor, DenseEpisodeMonitor])
+@pytest.mark.parametrize("kind", [rtamt.dense.Monitor, rtamt.dense.EpisodeMonitor])
 def test_a_trace_is_refused_that_another_thread_ran_while_times_were_read(
-    kind: type[DenseMonitor | DenseEpisodeMonitor], monkeypatch: pytest.MonkeyPatch
+    kind: type[rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     machine = cast("Any", kind("always[0:3](x > 1)", backend="native")._machine)
     given = [(np.arange(3).astype("datetime64[s]"), np.ones(3))]

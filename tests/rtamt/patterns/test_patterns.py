@@ -13,8 +13,10 @@ from profiles import examples
 from strategies import formulas
 
 import rtamt
-from rtamt import End, Formula, Verdict, patterns
+import rtamt.language.words
+from rtamt import Formula, Verdict, patterns
 from rtamt.patterns import CATALOGUE, Pattern, in_order, prefixes, stages
+from rtamt.typing import End
 
 Floats = NDArray[np.float64]
 INF = np.inf
@@ -174,7 +176,7 @@ def test_a_pattern_is_its_definition(name: str, backend: Literal["native", "pyth
 def test_a_pattern_is_an_ordinary_formula_with_a_sentence(name: str) -> None:
     formula, _ = DEFINITIONS[name]
     assert rtamt.parse(str(formula)).formula is formula
-    assert rtamt.in_words(formula)
+    assert rtamt.language.words.in_words(formula)
 
 
 @pytest.mark.parametrize("name", ["any", "last", "held", "kept", "recurrence"])
@@ -216,10 +218,10 @@ def test_an_example_is_what_it_says(pattern: Pattern) -> None:
 @pytest.mark.parametrize("pattern", CATALOGUE, ids=_name)
 def test_an_example_demands_something_with_every_part(pattern: Pattern) -> None:
     found = rtamt.check(pattern.formula, 1)
-    assert found.says == "yes"
+    assert found.answer == "yes"
     (requirement,) = found.requirements.values()
-    assert requirement.satisfiable.says == requirement.falsifiable.says == "yes"
-    assert requirement.idle == ()
+    assert requirement.satisfiable.answer == requirement.falsifiable.answer == "yes"
+    assert requirement.redundant == ()
 
 
 def test_times_keep_their_units() -> None:

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from strategies import Trace, formulas, length, sample, traces
 
 import rtamt
-from rtamt import Align, Formula, InputError, Interval, SpecificationError
+from rtamt import Formula, InputError, Interval, SpecificationError
 from rtamt.language.formula import make
 from rtamt.language.node import Node
+from rtamt.typing import Align
 
 WAYS: tuple[Align, ...] = ("outward", "inward", "nearest")
 PERIODS = (Fraction(1, 10), Fraction(3, 10), Fraction(1, 15), Fraction(7, 4))

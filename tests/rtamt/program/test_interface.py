@@ -27,14 +27,8 @@ from strategies import (
     traces,
 )
 
-from rtamt import (
-    EpisodeMonitor,
-    Monitor,
-    SemanticsName,
-    VectorEpisodeMonitor,
-    VectorMonitor,
-    evaluate,
-)
+from rtamt import EpisodeMonitor, Monitor, VectorEpisodeMonitor, VectorMonitor, evaluate
+from rtamt.typing import SemanticsName
 
 Backend = Literal["native", "python"]
 INF = math.inf

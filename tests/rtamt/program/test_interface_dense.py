@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from interface_cases import Case, cases, read
 from profiles import examples
 
-from rtamt import DenseMonitor, SemanticsName, evaluate_dense
+import rtamt
+from rtamt.typing import SemanticsName
 
 Backend = Literal["native", "python"]
 Breakpoints = list[tuple[float, float]]
@@ -42,7 +43,7 @@ def dense(*, endless: bool) -> st.SearchStrategy[Case]:
 @given(case=dense(endless=True), whole=signals())
 def test_evaluate_dense_gives_the_definition(case: Case, whole: Signals, backend: Backend) -> None:
     spec, semantics = case
-    found = evaluate_dense(spec, whole, semantics=semantics, backend=backend)
+    found = rtamt.dense.evaluate(spec, whole, semantics=semantics, backend=backend)
     assert found == expected(case, whole)
 
 
@@ -52,9 +53,9 @@ def test_dense_monitor_gives_the_definition_in_any_chunks(
     case: Case, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
     spec, semantics = case
-    monitor = DenseMonitor(spec, semantics=semantics, backend=backend)
+    monitor = rtamt.dense.Monitor(spec, semantics=semantics, backend=backend)
     assert monitor.variables == spec.variables
-    assert monitor.horizon == DenseMonitor(spec, backend=backend).horizon
+    assert monitor.horizon == rtamt.dense.Monitor(spec, backend=backend).horizon
     assert play(monitor, chunked(whole, shares)) == expected(case, whole)
 
 
@@ -64,10 +65,10 @@ def test_dense_monitor_gives_the_definition_in_any_chunks(
     ids=["copy", "pickle"],
 )
 def test_a_duplicate_keeps_the_semantics(
-    duplicate: Callable[[DenseMonitor], DenseMonitor], backend: Backend
+    duplicate: Callable[[rtamt.dense.Monitor], rtamt.dense.Monitor], backend: Backend
 ) -> None:
     text = "input float a; output float b; a > 0 and b > 0"
-    monitor = DenseMonitor(text, semantics="output-robustness", backend=backend)
+    monitor = rtamt.dense.Monitor(text, semantics="output-robustness", backend=backend)
     monitor.update({"a": [(0, 1)], "b": [(0, 3)]})
     twin = duplicate(monitor)
     assert twin.interface == monitor.interface
@@ -95,9 +96,11 @@ def test_request_and_grant_of_the_paper(
     signal: str, semantics: SemanticsName, robustness: float, backend: Backend
 ) -> None:
     events, req, gnt = SIGNALS[signal], ("req",), ("gnt",)
-    whole = evaluate_dense(
+    whole = rtamt.dense.evaluate(
         GRANTED, events, semantics=semantics, inputs=req, outputs=gnt, backend=backend
     )
     assert whole[0] == (0.0, robustness)
-    monitor = DenseMonitor(GRANTED, semantics=semantics, inputs=req, outputs=gnt, backend=backend)
+    monitor = rtamt.dense.Monitor(
+        GRANTED, semantics=semantics, inputs=req, outputs=gnt, backend=backend
+    )
     assert monitor.update(events)[-1][1] == robustness

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
-from rtamt import InputTypeError, Monitor, Period, SpecificationError, evaluate
+from rtamt import InputTypeError, Monitor, SpecificationError, evaluate
 from rtamt.program.timing import as_period
+from rtamt.typing import Period
 
 HORIZONS: list[tuple[str, Period | None, str, int]] = [
     ("always[0:5](x > 0)", None, "s", 5),

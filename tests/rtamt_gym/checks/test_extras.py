@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 import rtamt_gym
-from rtamt_gym import Record, Sweep
 from rtamt_gym.checks import released
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.methods import MethodComparison
 from rtamt_gym.play.workers import Elsewhere
 from rtamt_gym.reports.html import render
+from rtamt_gym.results import Record, Sweep
 from rtamt_gym.results.intervals import scipy_stats
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.sweeps.indices import Indices

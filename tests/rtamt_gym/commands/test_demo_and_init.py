@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rtamt_gym import Run, simulate
+from rtamt_gym import simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.demo import HIGHWAY, PENDULUM, watch
+from rtamt_gym.results import Run
 from rtamt_gym.starters import STARTERS
 from rtamt_gym.systems.registry import make
 
 
 def verdicts(runs: list[Run]) -> dict[str, dict[str, str]]:
-    return {r.label: {name: c.verdict.name for name, c in r.courses.items()} for r in runs}
+    return {r.label: {name: c.verdict.name for name, c in r.histories.items()} for r in runs}
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,7 @@ def test_a_violated_episode_ends_with_the_sample_that_decides(
             assert episode.saved is None
         else:
             assert episode.ended == "violation"
-            assert episode.courses[episode.violated_by].decided_at == episode.steps
+            assert episode.histories[episode.violated_by].decided_at == episode.steps
             assert episode.limit is not None
             assert episode.saved == episode.limit - episode.steps
 

@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 from evaluations import evaluation_of
 
-from rtamt_gym import Comparison, Evaluation, compare, evaluate_policy
+from rtamt_gym import compare, evaluate_policy
 from rtamt_gym.__main__ import main
+from rtamt_gym.results import Comparison, Evaluation
 
 Output = pytest.CaptureFixture[str]
 SHORT = ["--spec", "up = always[0:0.3](abs(angle) < 0.2)", "--signal", "angle=obs[2]"]

@@ -7,6 +7,7 @@ from fmpy import read_model_description  # type: ignore[import-untyped]
 from fmpy.validation import validate_fmu  # type: ignore[import-untyped]
 
 import rtamt
+import rtamt.export.fmu
 from rtamt_gym.__main__ import main
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
@@ -40,7 +41,7 @@ def refused(words: list[str], capsys: Output) -> str:
 def test_it_writes_what_the_function_writes(capsys: Output, fmi: str) -> None:
     assert main(["export", "one.stl", "-o", "m.fmu", "--period", "100ms", "--fmi", fmi]) == 0
     assert capsys.readouterr().out == f"m.fmu: FMI {fmi}.0, inputs 'req', 'gnt'\n"
-    rtamt.export_fmu(ONE, "same.fmu", period=0.1, fmi=3 if fmi == "3" else 2)
+    rtamt.export.fmu.export_fmu(ONE, "same.fmu", period=0.1, fmi=3 if fmi == "3" else 2)
     assert Path("m.fmu").read_bytes() == Path("same.fmu").read_bytes()
     assert validate_fmu("m.fmu") == []
 
@@ -81,11 +82,11 @@ def test_every_option_reaches_the_monitor() -> None:
     words = ["--dense", "--stop-on-violation", "--constant", "limit=4", "--constant", "T=1"]
     assert main(["export", "one.stl", "-o", "m.fmu", *words]) == 0
     spec = rtamt.parse(ONE, constants={"limit": 4, "T": 1})
-    rtamt.export_fmu(spec, "same.fmu", dense=True, stop_on_violation=True)
+    rtamt.export.fmu.export_fmu(spec, "same.fmu", dense=True, stop_on_violation=True)
     assert Path("m.fmu").read_bytes() == Path("same.fmu").read_bytes()
     words = ["--period", "0.3", "--align", "outward", "--semantics", "boolean"]
     assert main(["export", "one.stl", "-o", "m.fmu", *words]) == 0
-    rtamt.export_fmu(ONE, "same.fmu", period=0.3, align="outward", semantics="boolean")
+    rtamt.export.fmu.export_fmu(ONE, "same.fmu", period=0.3, align="outward", semantics="boolean")
     assert Path("m.fmu").read_bytes() == Path("same.fmu").read_bytes()
 
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from fmus import library, write_fmu
 
-from rtamt_gym import Case, Parameter, Record, Run, SavedCase, falsify
+from rtamt_gym import Case, Parameter, falsify
 from rtamt_gym.__main__ import main
+from rtamt_gym.results import Record, Run, SavedCase
 
 SYSTEM = "rtamt/RequestGrant-v0"
 SAVE = ["--save", "case.json"]
@@ -52,7 +53,7 @@ def test_what_is_found_is_told_saved_drawn_and_run_again(capsys: Output) -> None
     assert f"VIOLATED, robustness {height}: as expected, to the last bit" in told
     for line in str(found.explain()).splitlines():
         assert line in told
-    assert Run.load("run.parquet").courses["granted"].final == found.robustness
+    assert Run.load("run.parquet").histories["granted"].final == found.robustness
     assert Path("run.svg").stat().st_size > 1000
 
 

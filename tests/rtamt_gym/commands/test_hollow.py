@@ -209,7 +209,7 @@ SHOWN: dict[str, Shown] = {
         f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"
     ),
     "traces do not test the numbers of a requirement": Shown(
-        f"monitor --mutants '{RESPONSE}' busy.csv", "--min-noticed 80%"
+        f"monitor --mutants '{RESPONSE}' busy.csv", "--min-killed 80%"
     ),
     "a saved case now has another verdict": Shown("replay other.json"),
     "a report shows a saved case without running it": Shown(

@@ -83,7 +83,7 @@ def differ(one: str, other: str, trace: dict[str, list[float]], end: str = "cut"
 def test_noticed_is_what_a_loop_of_judge_notices(tmp_path: Path, capsys: Output, spec: str) -> None:
     paths = traces_in(tmp_path, 6, seed=len(spec))
     (found,) = answer(capsys, spec, "--", *paths)["mutants"]["requirements"].values()
-    assert found["made"] == len(found["list"]) == len(rtamt.mutants(spec, most=50))
+    assert found["made"] == len(found["list"]) == len(rtamt.mutants(spec, limit=50))
     for mutant in found["list"]:
         by = [path for path in paths if differ(spec, mutant["formula"], read_trace(path))]
         assert (mutant["says"] == "noticed") == bool(by)
@@ -131,7 +131,7 @@ def test_traces_that_are_written_notice_what_was_missed(
 ) -> None:
     (path,) = traces_in(tmp_path / "suite", 1, seed=3)
     apart = tmp_path / "apart"
-    told = answer(capsys, spec, path, "--write-apart", str(apart))
+    told = answer(capsys, spec, path, "--write-killing-traces", str(apart))
     (found,) = told["mutants"]["requirements"].values()
     assert len([*apart.iterdir()]) == found["missed"] > 0
     (found,) = answer(capsys, spec, "--", path, str(apart))["mutants"]["requirements"].values()
@@ -145,11 +145,16 @@ def test_traces_that_are_written_have_times_and_columns_as_the_suite_has(
     trace.write_text("time,Speed\n0,1\n0.5,2\n1,1\n")
     arguments = ["always[0:0.5s](v < 3)", "--signal", "v=Speed"]
     folder = tmp_path / "apart"
-    assert main(["monitor", "--mutants", *arguments, str(trace), "--write-apart", str(folder)]) == 0
+    assert (
+        main(
+            ["monitor", "--mutants", *arguments, str(trace), "--write-killing-traces", str(folder)]
+        )
+        == 0
+    )
     assert f"traces that notice what is missed: 9 in {folder}" in capsys.readouterr().out
     for path in folder.iterdir():
         assert path.read_text().startswith("time,Speed\n0.0,")
-    command = ["monitor", "--mutants", "--min-noticed", "100%", *arguments[1:], arguments[0]]
+    command = ["monitor", "--mutants", "--min-killed", "100%", *arguments[1:], arguments[0]]
     assert main([*command, "--", str(trace), str(folder)]) == 0
 
 
@@ -169,10 +174,10 @@ def trace(tmp_path: Path) -> str:
     ("arguments", "code", "line"),
     [
         ([], 0, "spec: 2 of 22 mutants noticed\n"),
-        (["--min-noticed", "0.05"], 0, "spec: 2 of 22 mutants noticed\n"),
-        (["--min-noticed", "80%"], 3, "spec: 2 of 22 mutants noticed, which is 9 %\n"),
-        (["--mutation", "window", "--min-noticed", "1"], 3, "spec: 0 of 3 mutants noticed"),
-        (["--mutation", "constant", "--min-noticed", "1"], 0, "constant"),
+        (["--min-killed", "0.05"], 0, "spec: 2 of 22 mutants noticed\n"),
+        (["--min-killed", "80%"], 3, "spec: 2 of 22 mutants noticed, which is 9 %\n"),
+        (["--mutation", "window", "--min-killed", "1"], 3, "spec: 0 of 3 mutants noticed"),
+        (["--mutation", "constant", "--min-killed", "1"], 0, "constant"),
     ],
 )
 def test_the_exit_code_speaks_of_the_suite(
@@ -211,7 +216,7 @@ def test_lines_have_80_columns_and_say_the_change_and_its_place(trace: str, caps
 
 
 def test_without_a_solver_what_is_missed_is_not_known_to_differ(trace: str) -> None:
-    arguments = ["monitor", "--mutants", "--min-noticed", "80%", ANSWERED, trace]
+    arguments = ["monitor", "--mutants", "--min-killed", "80%", ANSWERED, trace]
     told = run_without(["z3"], arguments)
     assert told.returncode == 3
     assert "spec       22        2       0       20     0    9 %" in told.stdout
@@ -255,14 +260,17 @@ def test_a_past_requirement_is_changed_at_every_sample(tmp_path: Path, capsys: O
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--min-noticed", "80%"], "--min-noticed says something of mutants; give --mutants"),
+        (["--min-killed", "80%"], "--min-killed says something of mutants; give --mutants"),
         (["--mutation", "bound"], "--mutation says something of mutants"),
         (["--max-mutants", "5"], "--max-mutants says something of mutants"),
-        (["--write-apart", "x"], "--write-apart says something of mutants"),
+        (["--write-killing-traces", "x"], "--write-killing-traces says something of mutants"),
         (["--mutants", "--junit", "x.xml"], "or --junit, which tells of their verdicts"),
-        (["--mutants", "--min-noticed", "80"], "such as 80%, got '80'"),
+        (["--mutants", "--min-killed", "80"], "such as 80%, got '80'"),
         (["--mutants", "--mutation", "bond"], "invalid choice: 'bond'"),
-        (["--mutants", "--dense", "--write-apart", "x"], "expected --write-apart or --dense"),
+        (
+            ["--mutants", "--dense", "--write-killing-traces", "x"],
+            "expected --write-killing-traces or --dense",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused(
@@ -292,7 +300,7 @@ def test_a_search_tells_a_requirement_from_another_one(
     monkeypatch.syspath_prepend(tmp_path)
     window = "always(req >= 3 implies eventually[0:{}](gnt >= 3))"
     command = ["falsify", "apart_server:server", f"answered = {window.format(2)}", "--json"]
-    command += ["--vary", "load=0:1", "--period", "1", "--budget", "30", "--apart"]
+    command += ["--vary", "load=0:1", "--period", "1", "--budget", "30", "--distance"]
     assert main([*command, window.format(3)]) == 1
     found = json.loads(capsys.readouterr().out)
     assert found["requirement"] == "answered_apart"
@@ -300,7 +308,7 @@ def test_a_search_tells_a_requirement_from_another_one(
     assert late == 3  # it is answered within 3, and not within 2
     assert main([*command, window.format(2)]) == 0
     assert main([*command, "a = gnt > 1; b = gnt > 2"]) == 2
-    assert "--apart: expected one requirement and another one" in capsys.readouterr().err
+    assert "--distance: expected one requirement and another one" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text", ["always[0:10](req >= 3 implies eventually[0:5](gnt >= 3))"])
@@ -323,7 +331,7 @@ def test_a_sweep_tells_a_requirement_from_its_mutants(
     differing = 0
     for mutant in rtamt.mutants(text, kinds=["tenth", "window"]):
         other = str(mutant.specification)
-        apart = verdicts("--requirement", f"r = {text}", "--apart", other)["r_apart"]
+        apart = verdicts("--requirement", f"r = {text}", "--distance", other)["r_apart"]
         alone = verdicts("--requirement", f"r = {text}", "--requirement", f"m = {other}")
         for each, *both in zip(apart, alone["r"], alone["m"], strict=True):
             assert "UNDECIDED" in both or (each == "VIOLATED") == (both[0] != both[1])
@@ -354,9 +362,9 @@ def test_the_page_says_what_is_noticed_and_what_is_missed(
     ("least", "head"),
     [
         ([], "? Mutants noticed: 2 of 22; 1 trace judged."),
-        (["--min-noticed", "5%"], "✓ Passed: mutants noticed: 2 of 22; 1 trace judged."),
+        (["--min-killed", "5%"], "✓ Passed: mutants noticed: 2 of 22; 1 trace judged."),
         (
-            ["--min-noticed", "80%"],
+            ["--min-killed", "80%"],
             "? Undecided: mutants noticed: 2 of 22, less than 80 % of spec; 1 trace judged.",
         ),
     ],
@@ -379,7 +387,7 @@ BOUNDED = "always(eventually(x < 1) or eventually(x < 0))"
 
 def test_what_is_not_proved_to_be_the_same_is_not_noticed(tmp_path: Path, capsys: Output) -> None:
     paths = traces_in(tmp_path, 3, seed=1)
-    command = [BOUNDED, "--mutation", "part", "--min-noticed", "100%", "--", *paths]
+    command = [BOUNDED, "--mutation", "part", "--min-killed", "100%", "--", *paths]
     told = answer(capsys, *command)
     (found,) = told["mutants"]["requirements"].values()
     (mutant,) = (each for each in found["list"] if each["before"] == "or eventually(x < 0)")
@@ -461,7 +469,7 @@ def test_the_edges_of_an_example_notice_every_mutant(
     capsys: Output, spec: str, traces: list[str], period: list[str], count: int
 ) -> None:
     suite = [str(EXAMPLES / name) for name in (*traces, f"edges/{spec}")]
-    command = [str(EXAMPLES / f"{spec}.stl"), *period, "--min-noticed", "100%", "--", *suite]
+    command = [str(EXAMPLES / f"{spec}.stl"), *period, "--min-killed", "100%", "--", *suite]
     told = answer(capsys, *command)
     assert told["exit_code"] == 0
     (found,) = told["mutants"]["requirements"].values()

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rtamt import Asked, DenseAsked, Verdict
+import rtamt
+from rtamt import Verdict
+from rtamt.monitors import TriggerCount
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
@@ -52,21 +54,21 @@ def test_it_is_said_in_a_line_at_the_end_always(
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
 @pytest.mark.parametrize("command", ["monitor", "explain"])
 def test_require_asked_makes_it_exit_3(command: str, dense: list[str], capsys: Output) -> None:
-    assert run("idle.csv", "calm.csv", "--require-asked", *dense, command=command) == 3
+    assert run("idle.csv", "calm.csv", "--require-triggered", *dense, command=command) == 3
     assert capsys.readouterr().out.splitlines()[-1] == SAID
-    assert run("idle.csv", "busy.csv", "--require-asked", *dense, command=command) == 0
+    assert run("idle.csv", "busy.csv", "--require-triggered", *dense, command=command) == 0
 
 
 def test_errors_and_violations_come_first(folder: Path) -> None:
     low = "low = always(gnt < 5)"
-    assert main(["monitor", RESPONSE, low, "--require-asked", "--", "idle.csv"]) == 1
+    assert main(["monitor", RESPONSE, low, "--require-triggered", "--", "idle.csv"]) == 1
     (folder / "bad.csv").write_text("time,gnt\n0,1\n")
-    words = [RESPONSE, low, "--require-asked", "--", "idle.csv", "bad.csv"]
+    words = [RESPONSE, low, "--require-triggered", "--", "idle.csv", "bad.csv"]
     assert main(["monitor", *words]) == 2
 
 
 def test_json_has_it_and_standard_error_says_it(capsys: Output) -> None:
-    assert run("idle.csv", "calm.csv", "--json", "--require-asked") == 3
+    assert run("idle.csv", "calm.csv", "--json", "--require-triggered") == 3
     out, said = capsys.readouterr()
     assert said == f"{SAID}\n"
     kept = json.loads(out)
@@ -92,7 +94,7 @@ def test_what_may_have_been_asked_is_not_said_to_be_never_asked(
 ) -> None:
     (folder / "holes.csv").write_text("time,req,gnt\n0,0,9\n1,nan,9\n2,0,9\n")
     said = "not asked for certain: answered was put to the test for certain in 0 of 2 traces"
-    words = ["--missing", "unknown", *dense, "--require-asked"]
+    words = ["--missing", "unknown", *dense, "--require-triggered"]
     files = ["--json", "--junit", "out.xml", "--markdown", "out.md"]
     assert run("idle.csv", "holes.csv", *words, *files) == 3
     out, errors = capsys.readouterr()
@@ -121,31 +123,34 @@ def test_what_may_have_been_asked_is_not_said_to_be_never_asked(
 
 @pytest.mark.parametrize(
     "asked",
-    [Asked("a implies b", 3, 2, 1, vacuous=False), DenseAsked("p", 0.5, 1, 2.5, vacuous=True)],
+    [
+        TriggerCount("a implies b", 3, 2, 1, vacuous=False),
+        rtamt.dense.TriggerCount("p", 0.5, 1, 2.5, vacuous=True),
+    ],
 )
-def test_an_outcome_keeps_it_in_json(asked: Asked | DenseAsked) -> None:
-    outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, asked=(asked,), vacuous=asked.vacuous)
+def test_an_outcome_keeps_it_in_json(asked: TriggerCount | rtamt.dense.TriggerCount) -> None:
+    outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, triggers=(asked,), vacuous=asked.vacuous)
     assert outcome_of(json.loads(json.dumps(plain_outcome(outcome)))) == outcome
-    assert not outcome.never_asked
+    assert not outcome.never_triggered
 
 
 @pytest.mark.parametrize("asked", [None, ()])
 def test_json_tells_what_nobody_counted_from_what_has_no_implication(
     asked: tuple[()] | None,
 ) -> None:
-    outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, asked=asked)
+    outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, triggers=asked)
     kept = plain_outcome(outcome)
     assert ("asked" in kept) == (asked is not None)
     read = outcome_of(kept)
     assert isinstance(read, Outcome)
-    assert (read.asked, read.never_asked, read.occasions) == (asked, False, None)
+    assert (read.triggers, read.never_triggered, read.trigger_count) == (asked, False, None)
 
 
 def test_an_implication_of_several_that_nothing_asked_is_said_and_fails_nothing(
     capsys: Output,
 ) -> None:
     both = "both = always((req >= 3 implies gnt > 1) and (req >= 9 implies gnt > 1))"
-    assert main(["monitor", both, "--require-asked", "--", "idle.csv", "busy.csv"]) == 0
+    assert main(["monitor", both, "--require-triggered", "--", "idle.csv", "busy.csv"]) == 0
     said = capsys.readouterr().out.splitlines()[-2:]
     assert said == ["", "never asked in both: req >= 9 implies gnt > 1 in 0 of 2 traces"]
 
@@ -187,11 +192,11 @@ def test_it_exits_3_for_what_needed_no_answer(
         "satisfied without an answer: either in 1 of 1 trace",
         SAID_ANSWERED,
     ]
-    assert main([*words, "--require-asked"]) == 0
+    assert main([*words, "--require-triggered"]) == 0
 
 
 def test_it_asks_for_a_request_too(capsys: Output) -> None:
-    for switches in (["--require-answered"], ["--require-answered", "--require-asked"]):
+    for switches in (["--require-answered"], ["--require-answered", "--require-triggered"]):
         assert main(["monitor", RESPONSE, "--", "idle.csv", *switches]) == 3
         last = capsys.readouterr().out.splitlines()[-1]
         assert last == "never asked: answered was put to the test in 0 of 1 trace"

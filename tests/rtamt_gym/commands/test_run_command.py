@@ -222,7 +222,7 @@ def test_an_error_is_cut_to_three_lines_and_others_are_counted(capsys: Output) -
         "--episodes",
         "5",
     ]
-    assert main([*breaks, "--require-asked"]) == 2  # and not 3
+    assert main([*breaks, "--require-triggered"]) == 2  # and not 3
     out = capsys.readouterr().out
     below = out.split("\n2 of 5 episodes failed; the first, seed 1:\n")[1].splitlines()
     assert below[0].startswith("  ValueError: diverged, 1: far far")

@@ -9,8 +9,9 @@ import pytest
 from fmus import library, write_fmu
 from named_systems import pump
 
-from rtamt_gym import Parameter, Record, Sweep, sweep
+from rtamt_gym import Parameter, sweep
 from rtamt_gym.__main__ import main
+from rtamt_gym.results import Record, Sweep
 from rtamt_gym.results.codec import trials_of
 from rtamt_gym.search.sweeps.samplers import Sampler
 

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from recordings import difference, monitored, record
 from replay import INF, Replay, X, shaping_options
 
-from rtamt import End, InputError
+from rtamt import InputError
+from rtamt.typing import End
 from rtamt_gym import relabel
 from rtamt_gym.datasets import relabel as module
 from rtamt_gym.judging.costs import Cost

@@ -11,7 +11,8 @@ from made_results import evaluation, row, wave
 from matplotlib.image import imread
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym import MethodComparison, compare_methods
+from rtamt_gym import compare_methods
+from rtamt_gym.results import MethodComparison
 from rtamt_gym.results.seeds import permutation_p
 
 PLAIN = [0.0, 0.1, 0.0, 0.2, 0.1]

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from profiles import examples
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym import Comparison, Evaluation, Record, compare, evaluate_policy
+from rtamt_gym import compare, evaluate_policy
+from rtamt_gym.results import Comparison, Evaluation, Record
 
 INF = math.inf
 heights = st.sampled_from([-INF, -1.5, -0.0, 0.5, 2.0, INF, FAILED])

@@ -19,9 +19,10 @@ from profiles import examples
 from walks import SIGNALS, SPECS, Model, Walk, by_hand
 
 from rtamt import InputError, InputTypeError, StateError, Verdict
-from rtamt_gym import Evaluation, compare, evaluate_policy
+from rtamt_gym import compare, evaluate_policy
 from rtamt_gym.evaluation.sequential import RatioTest, Width
 from rtamt_gym.judging.ends import OpenEndWarning
+from rtamt_gym.results import Evaluation
 from rtamt_gym.results.intervals import IntervalKind, clopper_pearson, promise, wilson
 
 
@@ -68,7 +69,7 @@ def test_it_counts_what_a_loop_by_hand_counts(
         ranked = sorted(zip(verdicts, heights, range(seed, seed + 5), strict=True))
         assert result.worst == tuple((number, height) for _, height, number in ranked)
         (worst,) = found.worst_runs[name]
-        assert (worst.seed, worst.courses[name].final) == result.worst[0]
+        assert (worst.seed, worst.histories[name].final) == result.worst[0]
         assert worst.stop == "end"
     both = [each["p"][1] > 0 and each["q"][1] > 0 for each in expected]
     assert found.success.satisfied == sum(both)
@@ -104,7 +105,7 @@ def test_a_violated_episode_is_worse_than_a_satisfied_one_of_less_robustness() -
         row.seed for row in found.record if row.outcomes["low"].verdict is Verdict.VIOLATED
     }
     assert {seed for seed, _ in low.worst[: len(violating)]} <= violating
-    assert found.worst_runs["low"][0].courses["low"].verdict is Verdict.VIOLATED
+    assert found.worst_runs["low"][0].histories["low"].verdict is Verdict.VIOLATED
     assert found.worst_runs["low"][0].seed == low.worst[0][0]
     assert f"{low.robustness.min():.3g}" in str(found)
 

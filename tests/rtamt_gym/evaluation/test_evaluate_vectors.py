@@ -46,7 +46,7 @@ def test_rows_are_those_of_single_environments(mode: AutoresetMode, stop: Any) -
         assert found.requirements["low"].worst == alone.requirements["low"].worst
         for name in SPECS:
             (run,), (expected,) = found.worst_runs[name], alone.worst_runs[name]
-            assert run.courses == expected.courses
+            assert run.histories == expected.histories
             assert np.array_equal(run.signals["x"], expected.signals["x"])
 
 

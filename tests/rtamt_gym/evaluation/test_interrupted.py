@@ -10,8 +10,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from rtamt_gym import Evaluation, evaluate_policy
+from rtamt_gym import evaluate_policy
 from rtamt_gym.__main__ import main
+from rtamt_gym.results import Evaluation
 
 Output = pytest.CaptureFixture[str]
 STEPS = 5

@@ -60,7 +60,7 @@ class Model:
         return np.zeros(len(observation), np.int64), state
 
 
-def evaluate(env: Any, **options: Any) -> rtamt_gym.Evaluation:  # noqa: ANN401
+def evaluate(env: Any, **options: Any) -> rtamt_gym.results.Evaluation:  # noqa: ANN401
     given: dict[str, Any] = {"episodes": EPISODES, "keep": 1, **READ, **options}
     return evaluate_policy(lambda _: 0, env, "always(x < 4)", {"x": "obs[0]"}, **given)
 

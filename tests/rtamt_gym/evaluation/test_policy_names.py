@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from rtamt import InputError
-from rtamt_gym import Comparison, Evaluation, compare, evaluate_policy
+from rtamt_gym import compare, evaluate_policy
 from rtamt_gym.__main__ import main
+from rtamt_gym.results import Comparison, Evaluation
 from rtamt_gym.results.provenance import file_hash
 
 Output = pytest.CaptureFixture[str]

@@ -11,7 +11,8 @@ import gymnasium as gym
 import pytest
 
 from rtamt import InputError
-from rtamt_gym import Evaluation, StlMonitor, VectorStlMonitor, compare, evaluate_policy
+from rtamt_gym import StlMonitor, VectorStlMonitor, compare, evaluate_policy
+from rtamt_gym.results import Evaluation
 
 SPECS = {"upright": "always(abs(angle) < 0.2)"}
 SIGNALS = {"angle": "obs[2]"}
@@ -75,7 +76,7 @@ class Naming(gym.Wrapper[Any, Any, Any, Any]):
 )
 def test_the_reading_is_the_same_however_it_was_said(env: Any, options: Any) -> None:  # noqa: ANN401
     found = evaluation(env, **options)
-    assert found.reading == DEFAULT
+    assert found.evaluation_options == DEFAULT
     assert compare(found, replace(evaluation(), system=found.system)).seeds == (0, 1)
 
 
@@ -117,7 +118,7 @@ def test_episodes_that_were_read_differently_are_not_compared(
 def test_what_is_not_known_may_be_the_same(tmp_path: Path) -> None:
     known = evaluation()
     function = evaluation(signals={"angle": lambda step: step.obs[2]})
-    assert function.reading == {**DEFAULT, "signals": {"angle": None}}
+    assert function.evaluation_options == {**DEFAULT, "signals": {"angle": None}}
     assert compare(known, function).seeds == compare(function, known).seeds == (0, 1)
     known.save(tmp_path / "e.json")
     assert Evaluation.load(tmp_path / "e.json") == known
@@ -125,7 +126,7 @@ def test_what_is_not_known_may_be_the_same(tmp_path: Path) -> None:
     del old["reading"]
     (tmp_path / "old.json").write_text(json.dumps(old))
     loaded = Evaluation.load(tmp_path / "old.json")
-    assert loaded.reading is None
+    assert loaded.evaluation_options is None
     assert loaded != known
     other = evaluation(at_termination="failure")
     assert compare(loaded, other).seeds == compare(other, loaded).seeds == (0, 1)

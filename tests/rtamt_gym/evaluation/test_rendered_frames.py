@@ -18,7 +18,7 @@ from painted import Painted
 from PIL import Image
 from profiles import examples
 
-from rtamt_gym import Evaluation, StlMonitor, evaluate_policy
+from rtamt_gym import StlMonitor, evaluate_policy
 from rtamt_gym.__main__ import main
 from rtamt_gym.evaluation.frames import Film, Frame
 from rtamt_gym.play.run_record import Stop
@@ -26,6 +26,7 @@ from rtamt_gym.reports.evaluations import of_evaluation
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
 from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.results import Evaluation
 from rtamt_gym.results.outcome import Moment
 
 SPECS = {"low": "always(x < 1)"}
@@ -207,8 +208,8 @@ def test_an_error_of_rendering_is_told_once_and_nothing_else_is_lost() -> None:
     assert told.filename == __file__
     plain = evaluated(Shown(values(9, 4), None), keep=3)
     assert found.record.rows == plain.record.rows
-    assert [run.courses for run in found.worst_runs["low"]] == [
-        run.courses for run in plain.worst_runs["low"]
+    assert [run.histories for run in found.worst_runs["low"]] == [
+        run.histories for run in plain.worst_runs["low"]
     ]
     assert [step_of(frame) for frame in found.frames[5]] == [0, 1, 2]
     assert list(found.frames) == [5]

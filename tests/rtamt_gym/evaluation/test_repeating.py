@@ -13,13 +13,14 @@ import pytest
 from blinking import Blink, Wild
 
 from rtamt import InputError, StateError
-from rtamt_gym import Evaluation, compare, evaluate_policy
+from rtamt_gym import compare, evaluate_policy
 from rtamt_gym.evaluation.repeating import (
     HOW_TO_REPEAT,
     UnrepeatedSeedWarning,
     alike,
     repeats,
 )
+from rtamt_gym.results import Evaluation
 
 SPEC, SIGNALS = {"done": "eventually(ok >= 0.5)"}, {"ok": ("info['success']", 0.0)}
 DIFFER = f"two resets with one seed begin differently; {HOW_TO_REPEAT}"

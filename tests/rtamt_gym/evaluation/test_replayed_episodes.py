@@ -14,8 +14,9 @@ from gymnasium import spaces
 from gymnasium.vector import SyncVectorEnv
 
 from rtamt import StateError
-from rtamt_gym import Evaluation, compare, evaluate_policy
+from rtamt_gym import compare, evaluate_policy
 from rtamt_gym.evaluation.repeating import HOW_TO_REPLAY, UnrepeatedSeedWarning
+from rtamt_gym.results import Evaluation
 
 SPECS, SIGNALS = {"low": "always(x < 3)"}, {"x": "obs[0]"}
 STOPS: list[Any] = ["end", "violation", "decided", "known", "verdicts"]

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
-from rtamt_gym import Record, compare
+from rtamt_gym import compare
 from rtamt_gym.evaluation.tables import evaluation_table, show
+from rtamt_gym.results import Record
 from rtamt_gym.results.trial import RunEnd
 
 LONG = "never_closer_than_the_braking_distance_allows_at_any_time"

@@ -77,8 +77,8 @@ def test_a_step_gets_the_value_at_its_start_or_at_its_end(
 ) -> None:
     ahead = 0 if waveform.interpolation == "hold" else 1
     expected = [waveform(float((i + ahead) * period)) for i in range(count)]
-    assert waveform.of_steps(period, count).tolist() == expected
-    assert waveform.of_steps(float(period), count).tolist() == expected
+    assert waveform.from_steps(period, count).tolist() == expected
+    assert waveform.from_steps(float(period), count).tolist() == expected
     step = waveform.stepper(period)
     assert [step(i) for i in range(count)] == expected
 
@@ -93,7 +93,7 @@ def test_a_piece_begins_with_its_step_sharp(period: Fraction, points: int, lengt
     space = Space([Signal("u", 0, 1, points=points)], duration=duration)
     waveform = space.case(np.arange(points) / points)["u"]
     assert isinstance(waveform, Waveform)
-    steps = waveform.of_steps(float(period), points * length)
+    steps = waveform.from_steps(float(period), points * length)
     assert steps.tolist() == [value for value in waveform.values for _ in range(length)]
 
 
@@ -108,20 +108,20 @@ def test_rounding_leaves_no_range() -> None:
 def test_times_are_the_fractions_that_floats_lie_beside() -> None:
     waveform = Waveform([0, 0.1 + 0.2], [0, 1])
     assert waveform.times == (0.0, 0.3)
-    assert waveform.of_steps(0.1, 5).tolist() == [0, 0, 0, 1, 1]
+    assert waveform.from_steps(0.1, 5).tolist() == [0, 0, 0, 1, 1]
 
 
 def test_five_seconds_at_a_hundredth_are_step_500() -> None:
     waveform = Waveform([0, 5, 0.1 + 0.2 + 9], [1, 2, 3])
     assert waveform.times == (0.0, 5.0, 9.3)
-    steps = waveform.of_steps(0.01, 1000)
+    steps = waveform.from_steps(0.01, 1000)
     assert np.flatnonzero(np.diff(steps)).tolist() == [499, 929]
 
 
 def test_periods_of_large_terms_are_exact_too() -> None:
     period = Fraction(999_999_999_989, 10**12)
     waveform = Waveform([0, float(period * 9000), 1e9], [1, 2, 3])
-    assert np.flatnonzero(np.diff(waveform.of_steps(period, 10_000))).tolist() == [8999]
+    assert np.flatnonzero(np.diff(waveform.from_steps(period, 10_000))).tolist() == [8999]
 
 
 @given(waveforms())

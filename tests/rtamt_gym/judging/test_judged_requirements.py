@@ -13,17 +13,11 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt_gym import (
-    StepMonitor,
-    StlMonitor,
-    StlReward,
-    VectorStlMonitor,
-    evaluate_rollouts,
-    simulate,
-)
+from rtamt_gym import StepMonitor, StlMonitor, StlReward, VectorStlMonitor, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.specs import load_specs
+from rtamt_gym.mujoco import evaluate_rollouts
 from rtamt_gym.options.evaluation import View
 from rtamt_gym.shaping import Priority
 

@@ -16,7 +16,7 @@ import rtamt_gym
 from rtamt_gym import Parameter, Runner, StlMonitor, evaluate_policy, falsify, simulate, sweep
 from rtamt_gym.judging.judge import Judge
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.play import simulation as simulations
 
 SPACE = [Parameter("gain", 0, 1)]
@@ -286,7 +286,7 @@ def test_a_sample_of_an_episode_is_at_most_one_call(several: bool) -> None:  # n
 
 
 def test_runs_that_are_begun_together_have_monitors_of_their_own() -> None:
-    judge = Judge({"low": rtamt.parse("always(x < 1)")}, Reading())
+    judge = Judge({"low": rtamt.parse("always(x < 1)")}, EvaluationOptions())
     one, two = judge.begin(), judge.begin()
     one.feeder(judge.variables)([3.0])
     assert two.samples == 0
@@ -301,8 +301,8 @@ def test_a_run_keeps_what_it_was_when_another_begins() -> None:
     env = StlMonitor(gym.make("CartPole-v1"), "always(x < 0.02)", {"x": "obs[0]"})
     runner = Runner(env, policy=push, stop="violation")
     first = runner.simulate({}, 1)
-    before = first.trial(), first.courses["spec"].robustness.copy()
+    before = first.trial(), first.histories["spec"].robustness.copy()
     runner.simulate({}, 2)
     assert first.trial() == before[0]
-    assert (first.courses["spec"].robustness == before[1]).all()
+    assert (first.histories["spec"].robustness == before[1]).all()
     assert first == simulate(env, policy=push, seed=1, case={})

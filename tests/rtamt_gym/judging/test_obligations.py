@@ -15,7 +15,7 @@ from obligations_oracle import Expected, clock, margin
 from profiles import examples
 
 import rtamt
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.judging.obligations import Obligations, SingleObligations, obligations_of
 
 P, Q, R = "p > 0", "q > 0", "r > 0"
@@ -129,14 +129,16 @@ traces = st.lists(st.tuples(values, values, values), min_size=1, max_size=10)
 
 
 def made(text: str, num: int) -> Obligations:
-    return Obligations({"spec": rtamt.parse(text)}, num, Reading(period=1), COLUMNS)
+    return Obligations({"spec": rtamt.parse(text)}, num, EvaluationOptions(period=1), COLUMNS)
 
 
 class One:
     """The clocks of one environment."""
 
     def __init__(self, text: str) -> None:
-        self.obligations = SingleObligations({"spec": rtamt.parse(text)}, Reading(period=1))
+        self.obligations = SingleObligations(
+            {"spec": rtamt.parse(text)}, EvaluationOptions(period=1)
+        )
         self.samples = 0
         self._feed = self.obligations.feeder(COLUMNS)
 
@@ -298,19 +300,21 @@ def test_where_it_is_not_enough_is_known(text: str) -> None:
     "text", ["always(p > 0)", "eventually[0:5](p > 0)", f"{P} until {Q}", f"not eventually({P})"]
 )
 def test_an_operator_at_the_top_has_no_clock(text: str) -> None:
-    assert obligations_of(rtamt.parse(text), Reading(period=1)) == []
+    assert obligations_of(rtamt.parse(text), EvaluationOptions(period=1)) == []
 
 
 def test_an_operand_that_is_never_known_leaves_out_its_operator() -> None:
-    (found,) = obligations_of(rtamt.parse(f"always(eventually(always({Q})))"), Reading(period=1))
+    (found,) = obligations_of(
+        rtamt.parse(f"always(eventually(always({Q})))"), EvaluationOptions(period=1)
+    )
     assert (str(found.formula), found.kind) == (f"always({Q})", "oldest")
 
 
 def test_windows_are_in_samples_and_rounded_as_asked() -> None:
     spec = rtamt.parse("always(eventually[0.1:0.25](q > 0))")
-    (found,) = obligations_of(spec, Reading(period=0.05))
+    (found,) = obligations_of(spec, EvaluationOptions(period=0.05))
     assert (found.begin, found.end) == (2, 5)
-    (found,) = obligations_of(spec, Reading(period=0.1, align="outward"))
+    (found,) = obligations_of(spec, EvaluationOptions(period=0.1, align="outward"))
     assert (found.begin, found.end) == (1, 3)
 
 

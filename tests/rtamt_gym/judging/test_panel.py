@@ -20,7 +20,7 @@ from strategies import VARIABLES, Trace, formulas, length, sample, traces
 
 import rtamt
 from rtamt import Formula
-from rtamt_gym import Reading, StlMonitor, StlReward
+from rtamt_gym import EvaluationOptions, StlMonitor, StlReward
 from rtamt_gym.judging.monitors import InstantMonitor, VectorInstantMonitor, pick
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.vector_panel import VectorPanel
@@ -148,7 +148,10 @@ def test_no_sample_has_no_robustness() -> None:
 def test_what_stays_above_a_number_is_known(above: dict[str, float], *, certain: bool) -> None:
     """It is 2 or more from the first sample on, so it is not certain to stay above 2."""
     specs = {"task": rtamt.parse("eventually(x > 0)")}
-    single, many = Panel(specs, Reading()), VectorPanel(specs, 2, Reading(), ["x"])
+    single, many = (
+        Panel(specs, EvaluationOptions()),
+        VectorPanel(specs, 2, EvaluationOptions(), ["x"]),
+    )
     single.feeder(["x"])([2.0])
     many.feed(np.array([[2.0], [-2.0]]))
     assert single.knows(above) is certain

@@ -26,7 +26,7 @@ from rtamt.patterns import in_order, prefixes, stages
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.stages import progress_of, progress_of_events, stages_of
 from rtamt_gym.judging.vector_panel import VectorPanel
-from rtamt_gym.options.evaluation import Reading
+from rtamt_gym.options.evaluation import EvaluationOptions
 
 READS = rtamt.parse("always(a + b + c > 1e9)").formula
 """Does not matter to a disjunction, and reads every variable."""
@@ -43,7 +43,7 @@ class Task(NamedTuple):
     formula: Formula
     stages: list[Formula]
     deciders: list[Formula]
-    reading: Reading
+    reading: EvaluationOptions
 
     @property
     def spec(self) -> Specification:
@@ -72,10 +72,10 @@ def tasks(draw: st.DrawFn, kind: Kind) -> Task:
     wanted = draw(conditions())
     if kind == "shape":  # with and without a time for each stage
         formula = in_order(*wanted, within=draw(st.sampled_from([None, 1, 3])))
-        return Task(formula, [*stages(formula)], [*prefixes(formula)], Reading())
+        return Task(formula, [*stages(formula)], [*prefixes(formula)], EvaluationOptions())
     longer = [in_order(*wanted[:count]) for count in range(2, len(wanted) + 1)]
     deciders = [wanted[0].eventually(), *longer]
-    return Task(draw(requirements()), wanted, deciders, Reading(stages={"task": wanted}))
+    return Task(draw(requirements()), wanted, deciders, EvaluationOptions(stages={"task": wanted}))
 
 
 def rows_of(trace: Trace) -> list[tuple[float, ...]]:
@@ -93,10 +93,10 @@ def fed(panel: Panel, rows: Rows) -> list[float]:
 
 
 def played(
-    spec: Specification, rows: Rows, end: End = "complete", reading: Reading | None = None
+    spec: Specification, rows: Rows, end: End = "complete", reading: EvaluationOptions | None = None
 ) -> list[float]:
     """The progress in one environment, after every sample and after the end."""
-    panel = Panel({"task": spec}, reading or Reading())
+    panel = Panel({"task": spec}, reading or EvaluationOptions())
     values = fed(panel, rows)
     panel.finish(end)
     return [*values, panel.progress["task"]]
@@ -168,7 +168,7 @@ def test_recorded_trace_has_the_progress_of_its_run(end: End, kind: Kind) -> Non
         assert progress_of(task.spec, columns, reading) == last
 
     check()
-    assert progress_of(rtamt.parse("always(a > 0)"), {"a": np.ones(2)}, Reading()) is None
+    assert progress_of(rtamt.parse("always(a > 0)"), {"a": np.ones(2)}, EvaluationOptions()) is None
 
 
 @settings(max_examples=examples(30))
@@ -177,8 +177,8 @@ def test_a_value_that_is_held_counts_as_if_it_came_again(
     task: Task, several: list[Trace], data: st.DataObject
 ) -> None:
     spec = {"task": task.spec}
-    hold = Reading(nan="hold")
-    panel, many = Panel(spec, Reading()), VectorPanel(spec, 2, hold, NAMES)
+    hold = EvaluationOptions(nan="hold")
+    panel, many = Panel(spec, EvaluationOptions()), VectorPanel(spec, 2, hold, NAMES)
     holding = Panel(spec, hold)
     feed, feed_holding = panel.feeder(NAMES), holding.feeder(NAMES)
     for trace in several:  # one episode after the other
@@ -202,7 +202,7 @@ def test_an_episode_holds_no_value_of_the_one_before() -> None:
     many = VectorPanel(
         {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")},
         2,
-        Reading(nan="hold"),
+        EvaluationOptions(nan="hold"),
         "ab",
     )
     many.feed(np.array([[1.0, 1.0], [-1.0, -1.0]]))
@@ -236,12 +236,14 @@ def test_the_end_decides_stages_as_it_is_read() -> None:
     assert played(spec, rows, "complete") == [almost, almost, 1.0]
     assert played(spec, rows, "cut") == [almost, almost, almost]
     columns = {"a": np.ones(2), "b": np.ones(2)}
-    assert progress_of(spec, columns, Reading(end="complete")) == 1.0
-    assert progress_of(spec, columns, Reading(end="cut")) == almost
+    assert progress_of(spec, columns, EvaluationOptions(end="complete")) == 1.0
+    assert progress_of(spec, columns, EvaluationOptions(end="cut")) == almost
 
 
 def test_what_the_end_makes_a_failure_keeps_its_progress() -> None:
-    panel = Panel({"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}, Reading())
+    panel = Panel(
+        {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}, EvaluationOptions()
+    )
     panel.feeder(NAMES)((1.0, -1.0, 0.0))
     panel.finish("failure")
     assert panel.progress == {"task": 0.5}
@@ -251,7 +253,7 @@ def test_what_the_end_makes_a_failure_keeps_its_progress() -> None:
 def test_verdicts_alone_move_it_by_whole_stages() -> None:
     spec = rtamt.parse("eventually(a > 0 and eventually(b > 0))")
     rows = [(-4, -4, 0), (-1, -4, 0), (1, -4, 0), (0, -1, 0), (0, 1, 0)]
-    panel = Panel({"task": spec}, Reading(semantics="boolean"))
+    panel = Panel({"task": spec}, EvaluationOptions(semantics="boolean"))
     assert fed(panel, rows) == [0, 0, 0.5, 0.5, 1]
 
 
@@ -263,8 +265,8 @@ def test_others_have_none_and_cost_nothing(view: Any) -> None:  # noqa: ANN401 -
     }
     if view == "step":
         specs = {"task": rtamt.parse("eventually[0:2](a > 0 and eventually[0:2](b > 0))")}
-    panel = Panel(specs, Reading(view=view))
-    vector = VectorPanel(specs, 2, Reading(view=view), NAMES)
+    panel = Panel(specs, EvaluationOptions(view=view))
+    vector = VectorPanel(specs, 2, EvaluationOptions(view=view), NAMES)
     assert panel.progress == vector.progress == {}
     assert (panel.least_progress, vector.least_progress) == (None, None)
     assert (panel._stages, vector._stages) == (None, None)
@@ -273,7 +275,7 @@ def test_others_have_none_and_cost_nothing(view: Any) -> None:  # noqa: ANN401 -
 def test_a_stage_holds_values_from_before_it_was_next() -> None:
     spec, nan = rtamt.parse("eventually(a > 0 and eventually(b > 0))"), math.nan
     rows = [(-1.0, -4.0, 0.0), (1.0, nan, 0.0), (1.0, nan, 0.0), (1.0, -1.0, 0.0)]
-    assert fed(Panel({"task": spec}, Reading(nan="hold")), rows) == [0, 0.5, 0.5, 0.875]
+    assert fed(Panel({"task": spec}, EvaluationOptions(nan="hold")), rows) == [0, 0.5, 0.5, 0.875]
 
 
 @pytest.mark.parametrize(
@@ -300,7 +302,7 @@ def test_state_restores_progress_and_held_values(
     after: list[tuple[tuple[float, ...], float]],
 ) -> None:
     specs = {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}
-    panel, other = (Panel(specs, Reading(nan=nan)) for _ in range(2))
+    panel, other = (Panel(specs, EvaluationOptions(nan=nan)) for _ in range(2))
     feed, feed_other = panel.feeder(NAMES), other.feeder(NAMES)
     feed(before)
     state = pickle.loads(pickle.dumps(panel.state()))
@@ -321,7 +323,7 @@ def test_the_stages_of_a_shape_can_be_named(wanted: list[Formula], trace: Trace)
     if len(spec.variables) < len(NAMES):
         return
     rows = rows_of(trace)
-    named = Reading(stages={"task": stages(spec)})
+    named = EvaluationOptions(stages={"task": stages(spec)})
     assert played(spec, rows, "complete", named) == played(spec, rows)
 
 
@@ -340,7 +342,7 @@ def test_events_have_the_progress_of_the_samples_that_they_are(
         events[name] = times[kept], np.array(values)[kept]
     spec = Specification.of(whole)
     columns = {name: np.array(values) for name, values in trace.items()}
-    reading = Reading(stages=wanted)
+    reading = EvaluationOptions(stages=wanted)
     unmet = rtamt.parse("false or always(a + b + c > 1e9)")
     sampled = progress_of(unmet, columns, reading)
     assert progress_of_events(spec, events, reading, satisfied=False) == sampled
@@ -354,25 +356,27 @@ def test_stages_with_times_of_their_own_have_no_progress_in_dense_time() -> None
         "eventually(always[0:2](a > 0) and eventually(b > 0))",
     ):
         spec = rtamt.parse(text)
-        assert progress_of_events(spec, events, Reading(), satisfied=True) is None
+        assert progress_of_events(spec, events, EvaluationOptions(), satisfied=True) is None
 
 
 def test_names_of_the_specification_stand_for_what_they_mean() -> None:
-    found = stages_of({"task": TASK}, Reading(stages=["near", "b >= limit", "c > limit / 2"]))
+    found = stages_of(
+        {"task": TASK}, EvaluationOptions(stages=["near", "b >= limit", "c > limit / 2"])
+    )
     texts = [str(each) for each in found["task"].conditions]
     assert texts == ["a > 0", "b >= 2", "c > 2 / 2"]
 
 
 def test_a_requirement_satisfied_before_its_stages_is_done() -> None:
     spec = rtamt.parse("eventually(a > 0) or always(b + c > 1e9)")
-    reading = Reading(stages=["b > 0", "c > 0"])
+    reading = EvaluationOptions(stages=["b > 0", "c > 0"])
     rows = [(-1, -4, 0), (-1, -1, 0), (1, -1, 0), (1, 1, 1)]
     assert played(spec, rows, "complete", reading) == [0, 0.375, 1, 1, 1]
 
 
 def test_all_stages_without_satisfaction_stay_below_one() -> None:
     spec = rtamt.parse("eventually always(a > 0 and b > 0)")
-    reading = Reading(stages=["a > 0", "b > 0"])
+    reading = EvaluationOptions(stages=["a > 0", "b > 0"])
     almost = math.nextafter(1.0, 0.0)
     assert played(spec, [(1, 1, 0), (1, -1, 0)], "complete", reading) == [almost, almost, almost]
     assert played(spec, [(1, 1, 0), (1, 1, 0)], "complete", reading) == [almost, almost, 1]
@@ -383,8 +387,8 @@ def test_a_value_that_holds_over_nan_holds_for_stages_too() -> None:
     rows = [(1, -4, -1), (math.nan, math.nan, -1), (math.nan, -1, math.nan), (0, 1, -0.5)]
     held = [(1, -4, -1), (1, -4, -1), (1, -1, -1), (0, 1, -0.5)]
     known = played(spec, held)
-    assert played(spec, rows, "complete", Reading(nan="hold")) == known
-    panel = VectorPanel({"task": spec}, 2, Reading(nan="hold"), NAMES)
+    assert played(spec, rows, "complete", EvaluationOptions(nan="hold")) == known
+    panel = VectorPanel({"task": spec}, 2, EvaluationOptions(nan="hold"), NAMES)
     found = []
     for row in rows:
         panel.feed(np.array([row, row]))
@@ -411,7 +415,7 @@ def test_bad_stages_are_refused_at_construction(
     vector: bool,  # noqa: FBT001
 ) -> None:
     def made() -> object:
-        reading, specs = Reading(stages=given), {"task": TASK}
+        reading, specs = EvaluationOptions(stages=given), {"task": TASK}
         return VectorPanel(specs, 2, reading, NAMES) if vector else Panel(specs, reading)
 
     with pytest.raises(error) as caught:
@@ -424,8 +428,8 @@ def test_bad_stages_are_refused_at_construction(
 def test_stages_are_of_one_requirement_and_of_an_episode() -> None:
     specs = {"task": TASK, "calm": rtamt.parse("always(a < 9)")}
     with pytest.raises(InputError, match=r"write \{'task': \[...\]\}"):
-        Panel(specs, Reading(stages=["a > 0", "b > 0"]))
-    step = Reading(view="step", stages=["a > 0", "b > 0"])
+        Panel(specs, EvaluationOptions(stages=["a > 0", "b > 0"]))
+    step = EvaluationOptions(view="step", stages=["a > 0", "b > 0"])
     with pytest.raises(InputError, match="view='step' judges every instant by itself"):
         Panel({"calm": specs["calm"]}, step)
 
@@ -434,6 +438,6 @@ def test_any_number_of_stages_without_operators_of_time() -> None:
     texts = [f"a > {number}" for number in range(20)]
     spec = rtamt.parse("eventually(a > 19 and b > 0 and c > 0)")
     rows = [(number + 0.5, 0, 0) for number in range(20)]
-    found = played(spec, rows, "complete", Reading(stages=texts))
+    found = played(spec, rows, "complete", EvaluationOptions(stages=texts))
     assert found[9] == pytest.approx(10 / 20 + 0.0, abs=1 / 20)
     assert found[-1] == math.nextafter(1.0, 0.0)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rtamt import InputError, evaluate
-from rtamt_gym import StepMonitor, evaluate_rollouts
+from rtamt_gym import StepMonitor
+from rtamt_gym.mujoco import evaluate_rollouts
 
 XML = """
 <mujoco>

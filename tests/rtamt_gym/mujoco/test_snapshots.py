@@ -9,8 +9,9 @@ import pytest
 from mujoco_models import BOXES, BOXES_SIGNALS, BOXES_SPECS
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym import Snapshot, StepMonitor
+from rtamt_gym import StepMonitor
 from rtamt_gym.options.evaluation import View
+from rtamt_gym.results import Snapshot
 
 
 def monitored(integrator: str, view: View = "episode", *, forward: bool = False) -> StepMonitor:

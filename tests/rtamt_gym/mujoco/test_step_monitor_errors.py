@@ -304,7 +304,7 @@ def test_changed_timestep_without_bounds_warns_once() -> None:
 
 
 @pytest.mark.parametrize("period", ["50ms", 0.02, 0.005])
-def test_other_period_than_the_timestep_warns(period: rtamt.Period) -> None:
+def test_other_period_than_the_timestep_warns(period: rtamt.typing.Period) -> None:
     model, data = arm()
     with pytest.warns(UserWarning, match=r"but the timestep of the model is 0\.01 s") as caught:
         monitor = StepMonitor(model, data, WITHIN, X, period=period)

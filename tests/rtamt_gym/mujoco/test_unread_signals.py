@@ -10,7 +10,8 @@ from mujoco_models import arm
 from steps import StepCounter
 
 from rtamt import InputError
-from rtamt_gym import Snapshot, StepMonitor, simulate
+from rtamt_gym import StepMonitor, simulate
+from rtamt_gym.results import Snapshot
 
 HELD = "always(abs(angle) < 0.5)"
 READ = {"angle": "joint:shoulder.qpos"}
@@ -84,7 +85,7 @@ def test_monitors_that_differ_in_them_share_snapshots() -> None:
     now = Snapshot.of(rich)
     plain.run(0.2)
     run, other = (simulate(m, start=now, duration=0.1) for m in (rich, plain))
-    assert run.courses == other.courses
+    assert run.histories == other.histories
     assert run.signals["angle"].tolist() == other.signals["angle"].tolist()
     assert other.signals["time"][0] == pytest.approx(0.1)
 

@@ -1,4 +1,4 @@
-"""`Reading`, the evaluation options: each is described once, and explicit defaults count."""
+"""`EvaluationOptions`: each option is described once, and explicit defaults count."""
 
 import argparse
 import ast
@@ -15,20 +15,20 @@ from paths import ROOT
 
 import rtamt
 from rtamt_gym import (
+    EvaluationOptions,
     ParallelStlMonitor,
     Parameter,
-    Reading,
     Runner,
     StepMonitor,
     StlMonitor,
     VectorStlMonitor,
     evaluate_policy,
-    evaluate_rollouts,
     falsify,
     mine,
     simulate,
     sweep,
 )
+from rtamt_gym.mujoco import evaluate_rollouts
 from rtamt_gym.options.command_line import add_options
 from rtamt_gym.options.evaluation import (
     ROWS,
@@ -104,24 +104,24 @@ def test_a_keyword_that_is_none_names_the_nearest(function: Callable[..., Any]) 
 
 
 def test_what_was_given_is_told_from_what_equals_a_default() -> None:
-    assert Reading(view="episode").given == {"view"}
-    assert Reading(view="episode") == Reading()
-    assert Reading(inputs=["a"]) == Reading(inputs=("a",))
-    assert Reading(view="episode").options() == {"view": "episode"}
+    assert EvaluationOptions(view="episode").given == {"view"}
+    assert EvaluationOptions(view="episode") == EvaluationOptions()
+    assert EvaluationOptions(inputs=["a"]) == EvaluationOptions(inputs=("a",))
+    assert EvaluationOptions(view="episode").options() == {"view": "episode"}
 
 
 def test_given_options_stay_given() -> None:
-    both = Reading(nan="hold").over(Reading(view="step"), "a", "b")
+    both = EvaluationOptions(nan="hold").over(EvaluationOptions(view="step"), "a", "b")
     assert both.given == {"nan", "view"}
-    assert Reading(end="cut").whole("samples").given == {"end", *names_for("samples")}
+    assert EvaluationOptions(end="cut").whole("samples").given == {"end", *names_for("samples")}
 
 
 def test_monitors_report_wrong_semantics_and_names() -> None:
     specs = {name: rtamt.parse("always(x < 1)") for name in "ab"}
-    reading = Reading(semantics="bolean", inputs=["z"])  # type: ignore[arg-type]  # misspelled
-    assert reading.of_monitors({"a": specs["a"]})["a"]["inputs"] == ("z",)
+    reading = EvaluationOptions(semantics="bolean", inputs=["z"])  # type: ignore[arg-type]  # misspelled
+    assert reading.from_monitors({"a": specs["a"]})["a"]["inputs"] == ("z",)
     with pytest.raises(rtamt.InputError, match="'z' in inputs is a variable of no specification"):
-        reading.of_monitors(specs)
+        reading.from_monitors(specs)
 
 
 @pytest.mark.parametrize(
@@ -132,12 +132,12 @@ def test_an_option_lies_over_that_of_a_monitor_only_if_it_is_the_same(
 ) -> None:
     for own in OTHERS[option]:
         over: dict[str, Any] = {option: value}
-        has = Reading(**{option: own}).whole("runs")
-        if Reading(**over) == has or value is None:  # which is what a monitor says
-            assert Reading(**over).over(has, "a", "b") == has
+        has = EvaluationOptions(**{option: own}).whole("runs")
+        if EvaluationOptions(**over) == has or value is None:  # which is what a monitor says
+            assert EvaluationOptions(**over).over(has, "a", "b") == has
         else:
             with pytest.raises(rtamt.InputError, match=f"^{option}= comes from a, which has "):
-                Reading(**over).over(has, "a", "b")
+                EvaluationOptions(**over).over(has, "a", "b")
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,9 @@ def test_an_option_lies_over_that_of_a_monitor_only_if_it_is_the_same(
     ],
 )
 def test_an_option_is_the_same_in_other_words(has: dict[str, Any], got: dict[str, Any]) -> None:
-    assert Reading(**got).over(Reading(**has), "a", "b") == Reading(**has)
+    assert EvaluationOptions(**got).over(EvaluationOptions(**has), "a", "b") == EvaluationOptions(
+        **has
+    )
 
 
 # In each, the option that is given equals its default, and the monitor has another.
@@ -173,7 +175,7 @@ DEFAULTS = [("view", "step"), ("semantics", "boolean"), ("at_truncation", "open"
 def test_a_default_that_is_given_does_not_lose_against_a_monitor(
     judge: Callable[..., Any], option: str, own: str
 ) -> None:
-    default = getattr(Reading(), option)
+    default = getattr(EvaluationOptions(), option)
     with pytest.raises(rtamt.InputError) as refused:
         judge(monitored({option: own}), **{option: default})
     assert str(refused.value) == (
@@ -189,7 +191,7 @@ def test_a_default_that_is_given_does_not_lose_against_a_vector_monitor(
     envs = gym.make_vec("CartPole-v1", num_envs=2, vectorization_mode="sync")
     options: dict[str, Any] = {option: own}
     watched = VectorStlMonitor(envs, "always(x < 1)", {"x": "obs[0]"}, **options)
-    default = getattr(Reading(), option)
+    default = getattr(EvaluationOptions(), option)
     with pytest.raises(rtamt.InputError, match=f"^{option}= comes from the monitor"):
         evaluate_policy(push, watched, episodes=2, **{option: default})
 

@@ -17,21 +17,13 @@ from profiles import examples
 from strategies import VARIABLES, Trace, length, sample, traces
 
 import rtamt
-from rtamt import Asked, Formula
-from rtamt_gym import (
-    Parameter,
-    Record,
-    Run,
-    Runner,
-    StlMonitor,
-    evaluate_policy,
-    falsify,
-    simulate,
-    sweep,
-)
+from rtamt import Formula
+from rtamt.monitors import TriggerCount
+from rtamt_gym import Parameter, Runner, StlMonitor, evaluate_policy, falsify, simulate, sweep
 from rtamt_gym.judging.judge import Questions
-from rtamt_gym.options.evaluation import AtTermination, Reading
+from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.play.run_record import Stop
+from rtamt_gym.results import Record, Run
 from rtamt_gym.results.outcome import Outcome
 
 End = Literal["complete", "cut", "open"]
@@ -43,7 +35,7 @@ ANGLE = {"angle": "obs[2]"}
 
 def judged(run: Run, name: str, end: End) -> rtamt.Judgement:
     """The judgement of the samples of a run."""
-    course = run.courses[name]
+    course = run.histories[name]
     spec = course.specification
     whole = spec.always() if run.view == "step" else spec
     period = None if run.period is None else f"{run.period.numerator / run.period.denominator}s"
@@ -51,10 +43,10 @@ def judged(run: Run, name: str, end: End) -> rtamt.Judgement:
 
 
 def same(found: Outcome, expected: rtamt.Judgement) -> bool:
-    return (found.asked, found.vacuous, found.never_asked) == (
-        expected.asked,
+    return (found.triggers, found.vacuous, found.never_triggered) == (
+        expected.triggers,
         expected.vacuous,
-        expected.never_asked,
+        expected.never_triggered,
     )
 
 
@@ -104,17 +96,19 @@ def test_a_run_says_what_the_judgement_of_its_samples_says(
         return
     # The end alone violates it, so that an answer could be missing.
     assert (at_termination, found.verdict, found.vacuous) == ("failure", -1, False)
-    assert found.asked == tuple(replace(each, vacuous=False) for each in expected.asked)
+    assert found.triggers == tuple(replace(each, vacuous=False) for each in expected.triggers)
 
 
 @pytest.mark.parametrize("nan", ["hold", "unknown"])
-def test_samples_that_are_nan_are_read_as_its_monitors_read_them(nan: rtamt.NanPolicy) -> None:
+def test_samples_that_are_nan_are_read_as_its_monitors_read_them(
+    nan: rtamt.typing.NanPolicy,
+) -> None:
     rows = [{"req": x, "gnt": 5.0} for x in (0.0, 4.0, np.nan, 0.0)]
     found = simulate(rows, SPECS, period=1, stop="end", nan=nan).outcomes["answered"]
     columns = {name: [row[name] for row in rows] for name in ("req", "gnt")}
     assert same(found, rtamt.judge(RESPONSE, columns, 1, "complete", nan=nan))
-    (asked,) = found.asked or ()
-    assert isinstance(asked, Asked)
+    (asked,) = found.triggers or ()
+    assert isinstance(asked, TriggerCount)
     assert asked.samples == (2 if nan == "hold" else 1)
 
 
@@ -123,7 +117,7 @@ def test_each_instant_is_asked_in_the_view_of_steps() -> None:
     response = "req >= 3 implies gnt >= 3"
     run = simulate(rows, {"answered": response}, view="step", stop="end")
     assert same(run.outcomes["answered"], judged(run, "answered", "complete"))
-    assert run.outcomes["answered"].occasions == 2
+    assert run.outcomes["answered"].trigger_count == 2
 
 
 def test_a_search_has_the_rows_of_whole_runs() -> None:
@@ -134,12 +128,12 @@ def test_a_search_has_the_rows_of_whole_runs() -> None:
         assert trial.outcomes == run.outcomes
         for name in SPECS:
             assert same(trial.outcomes[name], judged(run, name, "complete"))
-    assert {trial.outcomes["calm"].asked for trial in done.record} == {()}
-    assert all(trial.outcomes["answered"].occasions for trial in done.record)
+    assert {trial.outcomes["calm"].triggers for trial in done.record} == {()}
+    assert all(trial.outcomes["answered"].trigger_count for trial in done.record)
     found = falsify(server, "always(req >= 3 implies gnt >= -1)", space, budget=12, period=1)
     for trial in found.record:
         (outcome,) = trial.outcomes.values()
-        assert outcome.occasions, trial.ended
+        assert outcome.trigger_count, trial.ended
 
 
 def test_a_search_that_judges_whole_runs_counts_in_them() -> None:
@@ -160,8 +154,8 @@ def test_an_evaluation_has_the_rows_of_its_episodes(how: dict[str, Any]) -> None
         found = trial.outcomes["right"]
         assert run.outcomes["right"] == found
         assert same(found, judged(run, "right", "cut"))
-    asked = [trial.outcomes["right"].occasions for trial in evaluation.record]
-    assert evaluation.requirements["right"].asked == sum(map(bool, asked))
+    asked = [trial.outcomes["right"].trigger_count for trial in evaluation.record]
+    assert evaluation.requirements["right"].triggered == sum(map(bool, asked))
 
 
 def test_lanes_of_a_vector_environment_have_the_rows_of_single_ones() -> None:
@@ -170,14 +164,14 @@ def test_lanes_of_a_vector_environment_have_the_rows_of_single_ones() -> None:
     together = evaluate_policy("zero", vector, LEAN, ANGLE, **options).record
     alone = evaluate_policy("zero", "CartPole-v1", LEAN, ANGLE, **options).record
     assert [each.outcomes for each in together] == [each.outcomes for each in alone]
-    assert any(each.outcomes["right"].occasions for each in alone)
+    assert any(each.outcomes["right"].trigger_count for each in alone)
 
 
 def test_a_monitored_environment_is_counted_too() -> None:
     env = StlMonitor(gym.make("CartPole-v1"), LEAN, ANGLE, at_termination="cut")
     bare = simulate(gym.make("CartPole-v1"), LEAN, ANGLE, policy=act, seed=3, at_termination="cut")
     assert simulate(env, policy=act, seed=3).outcomes == bare.outcomes
-    assert bare.outcomes["right"].occasions
+    assert bare.outcomes["right"].trigger_count
 
 
 def act(_obs: object) -> int:
@@ -210,7 +204,7 @@ def test_files_keep_what_was_counted(tmp_path: Path) -> None:
     assert Record.load(tmp_path / "record.parquet") == record
     frame = record.to_frame()
     assert frame["asked(answered)"].to_list() == [
-        trial.outcomes["answered"].occasions for trial in record
+        trial.outcomes["answered"].trigger_count for trial in record
     ]
     assert "asked(calm)" not in frame
     evaluation = evaluate_policy(
@@ -222,7 +216,9 @@ def test_files_keep_what_was_counted(tmp_path: Path) -> None:
 
 def test_samples_are_kept_only_where_a_requirement_may_be_asked() -> None:
     calm = {"calm": rtamt.parse("always(gnt < 99)")}
-    assert not Questions(calm, Reading())
-    assert Questions(calm | {"answered": rtamt.parse(RESPONSE)}, Reading())
-    found = Questions(calm, Reading()).answers({}, 3, "cut", {"calm": rtamt.Verdict.SATISFIED})
-    assert (found["calm"].asked, found["calm"].vacuous) == ((), False)
+    assert not Questions(calm, EvaluationOptions())
+    assert Questions(calm | {"answered": rtamt.parse(RESPONSE)}, EvaluationOptions())
+    found = Questions(calm, EvaluationOptions()).answers(
+        {}, 3, "cut", {"calm": rtamt.Verdict.SATISFIED}
+    )
+    assert (found["calm"].triggers, found["calm"].vacuous) == ((), False)

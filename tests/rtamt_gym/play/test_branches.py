@@ -11,8 +11,9 @@ import pytest
 from mujoco_models import BOXES, BOXES_SIGNALS, BOXES_SPECS
 
 from rtamt import InputError, InputTypeError, StateError
-from rtamt_gym import Run, Snapshot, StepMonitor, simulate
+from rtamt_gym import StepMonitor, simulate
 from rtamt_gym.options.evaluation import View
+from rtamt_gym.results import Run, Snapshot
 
 SIGNALS: dict[str, Any] = {
     **BOXES_SIGNALS,
@@ -73,7 +74,7 @@ def by_hand(monitor: StepMonitor, steps: int, policy: Any) -> list[Any]:  # noqa
 def rows(run: Run) -> list[Any]:
     """The same of a run."""
     values = np.array(list(run.signals.values())).T.tolist()
-    curves = [zip(c.robustness, c.lower, c.upper, strict=True) for c in run.courses.values()]
+    curves = [zip(c.robustness, c.lower, c.upper, strict=True) for c in run.histories.values()]
     return [(v, list(c)) for v, c in zip(values, zip(*curves, strict=True), strict=True)]
 
 
@@ -98,7 +99,7 @@ def test_a_run_goes_on_as_the_loop_of_the_monitor_does(
     assert run.times.tolist() == pytest.approx([(begun - 1 + i) / 200 for i in range(61)])
     assert run.violated_by == looped.violated_by
     assert run.violated_at == looped.violated_at
-    for name, course in run.courses.items():
+    for name, course in run.histories.items():
         assert course.decided_at == looped.outcomes[name].get("decided_at")
         assert course.final == looped.outcomes[name]["robustness"]
     assert (run.system, run.view, run.label, run.limit) == ("boxes", view, "pushed", 60)
@@ -112,7 +113,7 @@ def test_a_monitor_that_has_no_sample_begins_with_sample_0() -> None:
     run = simulate(ran, policy=pushes, duration=0.2)
     assert (rows(run), run.first_sample) == (expected, 0)
     assert simulate(monitored(), duration=0.1).times[0] == 0.0
-    assert float(run.replay()["stands"][0]) == run.courses["stands"].final
+    assert float(run.replay()["stands"][0]) == run.histories["stands"].final
 
 
 @pytest.mark.parametrize("stop", ["violation", "decided", "end"])
@@ -164,12 +165,12 @@ def test_a_branch_from_before_sample_0_is_a_whole_run() -> None:
     monitor.run(0.1, pushes)
     run = simulate(monitor, start=now, policy=pushes, duration=0.1)
     assert (run.first_sample, run.steps, monitor.samples) == (0, 20, 21)
-    assert run.courses["stands"].final == monitor.outcomes["stands"]["robustness"]
+    assert run.histories["stands"].final == monitor.outcomes["stands"]["robustness"]
 
 
 def test_a_policy_may_look_ahead_in_branches_of_branches() -> None:
     def least(run: Run) -> float:
-        return min(float(course.upper[-1]) for course in run.courses.values())
+        return min(float(course.upper[-1]) for course in run.histories.values())
 
     def looks_ahead(depth: int) -> Any:  # noqa: ANN401
         def act(_model: Any, data: Any) -> None:  # noqa: ANN401
@@ -206,8 +207,8 @@ def test_an_error_in_a_branch_changes_nothing_and_carries_the_branch() -> None:
     assert all_of(monitor) == before
     cut = simulate(monitor, start=now, policy=pushes, duration=run.steps * 0.005)
     assert (run.ended, run.first_sample, rows(run)) == ("error", 40, rows(cut))
-    assert (run.courses, crashed.value.__notes__) == (
-        cut.courses,
+    assert (run.histories, crashed.value.__notes__) == (
+        cut.histories,
         ["error.run holds 11 samples, up to 0.25 s"],
     )
     # A monitor that runs on stands at the last sample, and can go on.

@@ -19,7 +19,7 @@ from campaign_systems import tank, tank_runner, tank_tasks
 from mujoco_models import arm
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym import Case, Parameter, Record, Runner, Sweep, sweep
+from rtamt_gym import Case, Parameter, Runner, sweep
 from rtamt_gym.__main__ import main
 from rtamt_gym.play import campaign
 from rtamt_gym.play import process as campaign_process
@@ -27,6 +27,7 @@ from rtamt_gym.play.campaign import run_campaign
 from rtamt_gym.play.loop import Task
 from rtamt_gym.play.process import Setup, end_processes, run_chunk
 from rtamt_gym.play.workers import Recipe, chosen_workers
+from rtamt_gym.results import Record, Sweep
 
 GRANTS = "rtamt/RequestGrant-v0"
 NOISE = Parameter("noise", 0.1, 1)

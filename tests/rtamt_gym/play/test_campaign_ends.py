@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from campaign_systems import Alive, noted, program, tank_runner, tank_tasks, troubled
 
-from rtamt_gym import Record
 from rtamt_gym.play.campaign import run_campaign
+from rtamt_gym.results import Record
 
 pytestmark = pytest.mark.slow
 

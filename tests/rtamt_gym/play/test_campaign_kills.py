@@ -11,9 +11,9 @@ from typing import Any, Self
 import pytest
 from campaign_systems import Alive, program, tank_runner, tank_tasks
 
-from rtamt_gym import Record
 from rtamt_gym.play import folder as campaign_folder
 from rtamt_gym.play.campaign import run_campaign
+from rtamt_gym.results import Record
 
 pytestmark = pytest.mark.slow
 

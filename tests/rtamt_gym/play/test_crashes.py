@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from strategies import INFINITIES, Trace, formulas, length, sample, traces
 
 from rtamt import Formula, InputError, InputTypeError, StateError, Verdict
-from rtamt_gym import Run, StepMonitor, simulate
+from rtamt_gym import StepMonitor, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import View
+from rtamt_gym.results import Run
 
 LOW = "always(x < 3)"
 BALL = """<mujoco model="ball"><worldbody><body pos="0 0 1"><freejoint/><geom size=".1"/></body>
@@ -48,7 +49,7 @@ def run_of(error: BaseException) -> Run:
 
 def told(run: Run) -> Any:  # noqa: ANN401
     """What a run tells about the samples."""
-    return run.signals, run.courses, run.violated_by, run.period, run.view, run.first_sample
+    return run.signals, run.histories, run.violated_by, run.period, run.view, run.first_sample
 
 
 def alike(left: Any, right: Any) -> bool:  # noqa: ANN401
@@ -93,7 +94,7 @@ def test_a_sample_that_one_monitor_took_and_another_refused_is_in_none() -> None
     run = run_of(crashed.value)
     assert run.signals["x"].tolist() == [1.0, 2.0]
     assert (run.verdict, run.violated_by) == (Verdict.UNDECIDED, None)
-    assert run.courses["first"].final == 1.0
+    assert run.histories["first"].final == 1.0
     assert crashed.value.__notes__ == ["error.run holds 2 samples, up to sample 1"]
 
 
@@ -112,7 +113,7 @@ def test_verdicts_are_as_the_samples_leave_them() -> None:
     with pytest.raises(CrashError) as crashed:
         simulate(crashing([{"x": 1.0}, {"x": 4.0}], CrashError), specs, period=1, stop="end")
     run = run_of(crashed.value)
-    assert {name: course.verdict.name for name, course in run.courses.items()} == {
+    assert {name: course.verdict.name for name, course in run.histories.items()} == {
         "low": "VIOLATED",
         "soon": "SATISFIED",
         "long": "UNDECIDED",
@@ -189,7 +190,7 @@ def test_the_signal_that_is_no_number_ends_the_record_before_it() -> None:
     with pytest.raises(InputTypeError, match="expected a number for 'y' at sample 1") as crashed:
         simulate(rows, LOW, {"y": "y"})
     run = run_of(crashed.value)
-    assert (run.steps, run.violated_by, run.courses["spec"].final) == (0, None, 2.0)
+    assert (run.steps, run.violated_by, run.histories["spec"].final) == (0, None, 2.0)
 
 
 def test_an_error_that_takes_no_attributes_is_raised_as_it_is() -> None:

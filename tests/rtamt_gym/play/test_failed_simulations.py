@@ -13,8 +13,9 @@ from campaign_systems import program, rest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtamt_gym import Falsification, Parameter, Record, falsify, sweep
+from rtamt_gym import Parameter, falsify, sweep
 from rtamt_gym.__main__ import main
+from rtamt_gym.results import Falsification, Record
 from rtamt_gym.results.intervals import clopper_pearson
 from rtamt_gym.search.falsification.coverage import coverage_of
 from rtamt_gym.search.falsification.falsify import IrreproducibleWarning

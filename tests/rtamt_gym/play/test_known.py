@@ -34,9 +34,9 @@ def sampled(values: list[int]) -> Iterator[Mapping[str, float]]:
 def test_the_whole_run_becomes_what_is_known_at_the_stop(
     text: str, values: list[int], level: int
 ) -> None:
-    whole = simulate(sampled(values), text, stop="end", period=1).courses["spec"]
+    whole = simulate(sampled(values), text, stop="end", period=1).histories["spec"]
     run = simulate(sampled(values), text, stop="known", above={"spec": level}, period=1)
-    course = run.courses["spec"]
+    course = run.histories["spec"]
     low, high = course.lower[-1], course.upper[-1]
     assert low <= whole.final <= high
     if run.ended == "known":
@@ -60,7 +60,7 @@ def test_lanes_know_what_runs_alone_know(level: float) -> None:
     for batch in (1, 100):
         with Runner(env, ["AT6a", "AT2"], stop="known", batch=batch) as runner:
             rows.append(dict(runner.run(cases, range(6), above={"AT6a": level, "AT2": -math.inf})))
-            assert runner.in_lanes == (batch > 1)
+            assert runner.vectorized == (batch > 1)
     assert rows[0] == rows[1]
     assert {"known", "violation"} == {row.ended for row in rows[0].values()}
 

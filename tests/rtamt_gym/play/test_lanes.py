@@ -69,12 +69,12 @@ def test_lanes_are_single_runs_to_the_last_bit(data: st.DataObject) -> None:
     cases = [space.case(point) for point in points]
     batch = data.draw(st.integers(2, 4))
     with Runner(env, names, batch=batch, **options) as lanes:
-        assert lanes.in_lanes
+        assert lanes.vectorized
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(lanes, "simulate", never)
             side_by_side = dict(lanes.run(cases, seeds))
     with Runner(env, names, batch=1, **options) as alone:
-        assert not alone.in_lanes
+        assert not alone.vectorized
         one_by_one = dict(alone.run(cases, seeds))
     assert list(one_by_one) == sorted(side_by_side)
     for index, row in one_by_one.items():
@@ -220,7 +220,7 @@ def wrapped() -> gym.Env[Any, Any]:
 )
 def test_lanes_are_taken_where_they_give_the_same(options: Any, in_lanes: bool) -> None:  # noqa: ANN401, FBT001
     with Runner(wrapped(), **options) as runner:
-        assert runner.in_lanes == in_lanes
+        assert runner.vectorized == in_lanes
         rows = dict(runner.run([{"delay": 1.0}, {"delay": 0.5}], [3, 4]))
         for row in rows.values():
             run = runner.simulate(row.case, row.seed)
@@ -241,7 +241,7 @@ def test_what_no_lane_reads_is_refused_in_the_words_of_a_single_run(
     said: str,
 ) -> None:
     with Runner(wrapped(), **options) as runner:
-        assert not runner.in_lanes
+        assert not runner.vectorized
         with pytest.raises(RtamtError) as caught:
             list(runner.run([{}]))
     assert str(caught.value).startswith(said)
@@ -249,6 +249,6 @@ def test_what_no_lane_reads_is_refused_in_the_words_of_a_single_run(
 
 def test_a_signal_of_an_info_is_read_one_by_one() -> None:
     with Runner(wrapped(), signals={"gnt": "info['granted']"}) as runner:
-        assert not runner.in_lanes
+        assert not runner.vectorized
         ((_, row),) = runner.run([{}])
     assert row.error.startswith("AbsentError: signal 'gnt': the info has no info['granted']")

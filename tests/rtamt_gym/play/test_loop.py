@@ -114,7 +114,7 @@ def test_native_triggers_equal_those_of_single_runs(stop: Stop) -> None:
             batch=batch,
             duration=20,
         ) as runner:
-            assert runner.in_lanes == (batch > 1)
+            assert runner.vectorized == (batch > 1)
             cases = [{"throttle": 1.0, "brake": 0.0}, {"throttle": 0.2, "brake": 0.0}]
             rows.append(sorted(runner.run(cases, [0, 1]), key=lambda row: row[0]))
     assert rows[0] == rows[1]

@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 from mujoco_models import arm
 
-from rtamt_gym import Snapshot, StepMonitor, simulate
+from rtamt_gym import StepMonitor, simulate
 from rtamt_gym.play.run_record import Stop
+from rtamt_gym.results import Snapshot
 
 SPEC = "always(angle < 0.4 implies eventually[0:0.055](gap < 0.3))"
 
@@ -47,4 +48,4 @@ def test_a_run_of_a_monitor_equals_one_of_its_simulation(
     assert ended == simulate(monitor, start=now, **named)
     assert monitor.samples == run.steps + 1
     if "view" not in options:
-        assert float(run.replay()["spec"][0]) == run.courses["spec"].final
+        assert float(run.replay()["spec"][0]) == run.histories["spec"].final

@@ -62,7 +62,7 @@ def test_specifications_that_are_given_read_what_the_monitor_reads() -> None:
     expected = simulate(
         Walk(), {"p": "always(x < 0.5)"}, SIGNALS, policy=acts(), seed=2, stop="end", **ENDS
     )
-    assert run.courses == expected.courses
+    assert run.histories == expected.histories
     assert run.reward == expected.reward
 
 

@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 from rtamt import InputError, Verdict
-from rtamt_gym import Run
 from rtamt_gym.drawing import check_format, save
 from rtamt_gym.play.plot import draw
-from rtamt_gym.play.run_record import Course, Floats
+from rtamt_gym.play.run_record import Floats, History
+from rtamt_gym.results import Run
 
 INF = math.inf
 
@@ -35,8 +35,8 @@ def run(period: Fraction | None = Fraction(1, 2), *, decided: bool = True) -> Ru
         stop="violation",
         limit=10,
         signals={"x": array(3.0, 2.0, -1.0)},
-        courses={
-            "positive": Course(
+        histories={
+            "positive": History(
                 "always(x > 0)",
                 array(3.0, 2.0, -1.0),
                 array(-INF, -INF, -INF),
@@ -103,11 +103,14 @@ def test_an_open_verdict_is_not_shaded() -> None:
 
 
 def test_a_constant_at_zero_and_a_lone_sample_have_a_frame() -> None:
-    course = Course(
+    course = History(
         "always(x == x)", array(0.0), array(-INF), array(0.0), 0.0, Verdict.UNDECIDED, None
     )
     lone = replace(
-        run(None, decided=False), signals={"x": array(1.0)}, courses={"same": course}, label="lone"
+        run(None, decided=False),
+        signals={"x": array(1.0)},
+        histories={"same": course},
+        label="lone",
     )
     ax = panel(lone)
     assert ax.get_ylim() == (-1.0, 1.0)

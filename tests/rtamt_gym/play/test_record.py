@@ -12,8 +12,9 @@ from profiles import examples
 
 import rtamt
 from rtamt import InputError, Verdict
-from rtamt_gym import Case, Parameter, Record, Waveform, falsify, sweep
+from rtamt_gym import Case, Parameter, Waveform, falsify, sweep
 from rtamt_gym.play.record import check_columns
+from rtamt_gym.results import Record
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import Trial
 

@@ -14,10 +14,11 @@ from strategies import INFINITIES, Trace, formulas, length, sample, traces
 
 import rtamt
 from rtamt import Formula, InputError, Verdict
-from rtamt_gym import Run, Runner, simulate
+from rtamt_gym import Runner, simulate
 from rtamt_gym.options.evaluation import View
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.play.summaries import run_table
+from rtamt_gym.results import Run
 
 SPECS = {"low": "always(x < 3)", "soon": "eventually[0:1](x > 2)"}
 
@@ -102,7 +103,7 @@ def test_runs_differ_in_what_they_record_and_not_in_wall_time() -> None:
     assert run(1.0, 2.0) != run(1.0, 2.5)
     assert run(1.0, 2.0) != run(1.0, 2.0, label="again")
     assert run(1.0) != 1.0
-    assert run(1.0, 2.0).courses["low"] != run(1.0, 2.5).courses["low"]
+    assert run(1.0, 2.0).histories["low"] != run(1.0, 2.5).histories["low"]
     with pytest.raises(TypeError, match="unhashable"):
         hash(run(1.0))
 
@@ -145,7 +146,7 @@ def test_a_run_is_drawn(tmp_path: Path) -> None:
 
 def test_a_run_evaluates_alike_on_both_machines(backend: rtamt.machines.backend.Backend) -> None:
     made = run(1.0, 2.0, 5.0)
-    for name, course in made.courses.items():
+    for name, course in made.histories.items():
         offline = rtamt.evaluate(course.formula, made.signals, made.period, backend=backend)
         assert offline.tolist() == made.replay()[name].tolist()
         assert offline[0] == course.final
@@ -185,6 +186,6 @@ def test_a_run_says_when_it_was_violated_and_first_by_what() -> None:
     run = simulate(rows, specs, stop="end")
     assert (run.violated_by, run.violated_at) == ("low", 1)
     assert simulate(rows, "always(x < 9)").violated_at is None
-    assert repr(run.courses["high"]) == (
+    assert repr(run.histories["high"]) == (
         "<Course of always(x < 5): VIOLATED at sample 2, robustness -1>"
     )

@@ -18,10 +18,12 @@ from profiles import examples
 from strategies import INTEGERS, Trace, formulas, length, sample, traces
 
 import rtamt
-from rtamt import Formula, InputError, SemanticsName
-from rtamt_gym import Run, StepMonitor, simulate
+from rtamt import Formula, InputError
+from rtamt.typing import SemanticsName
+from rtamt_gym import StepMonitor, simulate
 from rtamt_gym.judging.monitors import EXACT
 from rtamt_gym.options.evaluation import View
+from rtamt_gym.results import Run
 
 SPECS = {"low": "always(x < 3)", "soon": "eventually[0:1](x > 2)"}
 
@@ -64,7 +66,7 @@ def test_a_run_explains_what_was_monitored(
         align=align,
         stop=stop,
     )
-    for name, course in made.courses.items():
+    for name, course in made.histories.items():
         explanation = made.explain(name)
         assert explanation.robustness == course.final
         if semantics in EXACT:  # else a zero may be of no concern, and then its sign is none
@@ -73,7 +75,7 @@ def test_a_run_explains_what_was_monitored(
         last = made.steps
         assert bits([made.explain(name, sample=last).robustness]) == bits(replayed[last:])
         assert max(map(len, str(explanation).splitlines())) <= 80
-    chosen = made.violated_by or min(made.courses, key=lambda n: order(made.courses[n].final))
+    chosen = made.violated_by or min(made.histories, key=lambda n: order(made.histories[n].final))
     assert made.explain() == made.explain(chosen)
 
 
@@ -148,7 +150,7 @@ def test_a_run_that_lacks_the_begin_of_its_episode_is_not_explained() -> None:
         "rtamt.explain(formula, run.signals, run.period) takes sample 5 for the start of an episode"
     )
     explanation = rtamt.explain("always(z > -1)", made.signals, made.period)
-    assert explanation.robustness == made.courses["spec"].final
+    assert explanation.robustness == made.histories["spec"].final
 
 
 # Data frames. ------------------------------------------------------------------------------------

@@ -11,7 +11,8 @@ import named_systems
 import pytest
 
 from rtamt import RtamtError
-from rtamt_gym import Fmus, Parameter, SavedCase, falsify
+from rtamt_gym import Fmus, Parameter, falsify
+from rtamt_gym.results import SavedCase
 from rtamt_gym.systems.references import import_path, named_object, named_system, system_name
 
 SPACE = [Parameter("inflow", 0, 1)]

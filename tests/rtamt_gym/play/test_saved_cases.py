@@ -18,7 +18,8 @@ from profiles import examples
 from saved import Kind, check
 
 import rtamt
-from rtamt_gym import Case, Fmus, Parameter, Runner, SavedCase, Signal, Space, falsify
+from rtamt_gym import Case, Fmus, Parameter, Runner, Signal, Space, falsify
+from rtamt_gym.results import SavedCase
 
 DRIVE = [Signal("drive", -2, 2, points=3, interpolation="pchip"), Parameter("gain", 0, 2)]
 KINDS: dict[str, Callable[[], Kind]] = {
@@ -125,8 +126,8 @@ def test_what_a_search_has_found_is_saved_as_it_is(requirement: Any, tmp_path: P
     assert saved.name == found.requirement
     run = saved.replay()
     assert saved.repeats(run)
-    assert run.courses[saved.name].final == found.replay().courses[saved.name].final
-    assert (run.courses[saved.name].verdict is rtamt.Verdict.VIOLATED) == found.falsified
+    assert run.histories[saved.name].final == found.replay().histories[saved.name].final
+    assert (run.histories[saved.name].verdict is rtamt.Verdict.VIOLATED) == found.falsified
 
 
 def test_a_case_keeps_the_unit_of_bounds(tmp_path: Path) -> None:
@@ -138,7 +139,7 @@ def test_a_case_keeps_the_unit_of_bounds(tmp_path: Path) -> None:
     assert '"unit": "ms"' in (tmp_path / "case.json").read_text()
     saved = SavedCase.load(tmp_path / "case.json")
     assert saved.requirement.unit == "ms"
-    assert saved.replay().courses[saved.name].final == found.robustness
+    assert saved.replay().histories[saved.name].final == found.robustness
 
 
 def test_another_robustness_and_another_verdict_are_told_apart(tmp_path: Path) -> None:

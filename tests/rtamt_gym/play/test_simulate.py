@@ -17,9 +17,10 @@ from strategies import INFINITIES, Trace, formulas, length, sample, traces
 
 import rtamt
 from rtamt import EpisodeMonitor, Formula, InputError, Monitor, Verdict
-from rtamt_gym import Run, StepMonitor, StlMonitor, simulate
+from rtamt_gym import StepMonitor, StlMonitor, simulate
 from rtamt_gym.options.evaluation import View
 from rtamt_gym.play.run_record import Stop
+from rtamt_gym.results import Run
 from rtamt_gym.systems.system import SystemEnd
 
 INF = math.inf
@@ -66,7 +67,7 @@ def test_a_run_says_what_an_episode_monitor_says(formula: Formula, trace: Trace)
     except rtamt.InputError:  # a difference of infinities
         return
     run = simulate(samples(trace), formula, stop="end", period=1)
-    (course,) = run.courses.values()
+    (course,) = run.histories.values()
     monitor.finish()
     said[-1] = (monitor.robustness, monitor.lower, monitor.upper)
     assert list(zip(course.robustness, course.lower, course.upper, strict=True)) == said
@@ -88,7 +89,7 @@ def test_what_was_monitored_equals_what_is_evaluated_offline(
     formula: Formula, trace: Trace, stop: Stop
 ) -> None:
     run = simulate(samples(trace), formula.always(), stop=stop, period=1)
-    (course,) = run.courses.values()
+    (course,) = run.histories.values()
     for n in range(1, run.steps + 2):
         prefix = {name: values[:n] for name, values in run.signals.items()}
         offline = rtamt.evaluate(course.formula, prefix, run.period, n=n)
@@ -102,7 +103,7 @@ def test_the_view_of_every_step_equals_evaluation_without_its_latency(
     formula: Formula, trace: Trace
 ) -> None:
     run = simulate(samples(trace), formula, stop="end", view="step", period=1)
-    ((name, course),) = run.courses.items()
+    ((name, course),) = run.histories.items()
     latency = Monitor(formula).latency
     known = max(0, run.steps + 1 - latency)
     assert run.replay()[name][:known].tolist() == course.robustness[latency:].tolist()
@@ -142,13 +143,13 @@ def test_a_run_of_an_environment_is_what_the_wrapper_sees(case: Case, view: View
             _, _, terminated, truncated, info = wrapped.step(action)
             said.append(info["stl"])
             over = terminated or truncated
-    for name, course in run.courses.items():
+    for name, course in run.histories.items():
         for curve in ("robustness", "lower", "upper"):
             assert getattr(course, curve).tolist() == [each[name][curve] for each in said]
         assert course.verdict.name == said[-1][name]["verdict"]
     if view == "episode":
         for name, offline in run.replay().items():
-            assert offline[0] == run.courses[name].final
+            assert offline[0] == run.histories[name].final
 
 
 @pytest.mark.parametrize("read", ["qpos[0]", "sensor:angle", "site:tip.xpos[0]"])
@@ -169,7 +170,7 @@ def test_a_run_of_a_model_is_what_the_step_monitor_sees(read: str) -> None:
         push(*twin)
         robustness = monitor.step()
         said.append((monitor.values["x"], robustness))
-    assert list(zip(run.signals["x"], run.courses["spec"].robustness, strict=True)) == said
+    assert list(zip(run.signals["x"], run.histories["spec"].robustness, strict=True)) == said
     assert (run.system, run.period, run.duration) == ("pendulum", monitor.period, 1.0)
     assert np.array_equal(data.qpos, twin[1].qpos)
 
@@ -269,7 +270,7 @@ def test_a_unit_of_the_specification_is_that_of_its_replay() -> None:
     spec = rtamt.parse("always(x < 3 implies eventually[0:20](x > 2))", unit="ms")
     rows = [{"x": x} for x in (0.0, 0.0, 3.0, 3.0)]
     run = simulate(rows, spec, period="10ms", stop="end")
-    assert run.replay()["spec"][0] == run.courses["spec"].final == 1.0
+    assert run.replay()["spec"][0] == run.histories["spec"].final == 1.0
 
 
 def test_a_formula_without_variables_is_run_too() -> None:
@@ -281,7 +282,7 @@ def test_a_signal_that_is_nan_can_be_held_and_is_recorded_as_held() -> None:
     rows = [{"x": x, "y": 1.0} for x in (2.0, math.nan, math.nan, 1.0)]
     run = simulate(rows, "always(x > y)", nan="hold", stop="end")
     assert run.signals["x"].tolist() == [2.0, 2.0, 2.0, 1.0]
-    assert run.replay()["spec"][0] == run.courses["spec"].final
+    assert run.replay()["spec"][0] == run.histories["spec"].final
 
 
 # When it stops. ----------------------------------------------------------------------------------
@@ -312,7 +313,7 @@ def test_a_run_can_stop_as_soon_as_all_is_decided() -> None:
     run = simulate(values, specs, stop="decided", period="100ms", duration=0.5)
     assert (run.ended, run.steps, run.verdict) == ("decided", 3, Verdict.SATISFIED)
     assert (run.violated_by, run.saved) == (None, 2)
-    assert [course.decided_at for course in run.courses.values()] == [1, 3]
+    assert [course.decided_at for course in run.histories.values()] == [1, 3]
 
 
 def test_an_environment_without_its_time_limit_runs_on() -> None:
@@ -330,12 +331,12 @@ def test_a_stopped_run_is_the_beginning_of_the_whole_run(trace: Trace) -> None:
     run = simulate(samples(trace), specs)
     assert run.violated_by == whole.violated_by
     n = run.steps + 1
-    for name, course in run.courses.items():
+    for name, course in run.histories.items():
         if run.ended == "violation":
-            assert course.robustness.tolist() == whole.courses[name].robustness[:n].tolist()
-            assert course.upper.tolist() == whole.courses[name].upper[:n].tolist()
+            assert course.robustness.tolist() == whole.histories[name].robustness[:n].tolist()
+            assert course.upper.tolist() == whole.histories[name].upper[:n].tolist()
         else:
-            assert course == whole.courses[name]
+            assert course == whole.histories[name]
 
 
 def test_a_run_is_repeated_by_its_seed() -> None:
@@ -372,7 +373,7 @@ def test_signals_that_no_specification_reads_are_recorded() -> None:
     held = simulate(rows, "always(x < 9)", signals, nan="hold")
     assert held.signals["gap"].tolist() == [1.0] * 4
     alone = simulate(rows, "always(x < 9)")
-    assert run.courses == alone.courses
+    assert run.histories == alone.histories
     assert run.replay({"spec": "always(height < 9)"})["spec"][0] == -21.0
 
 

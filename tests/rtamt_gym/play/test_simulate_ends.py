@@ -65,7 +65,7 @@ def test_the_last_values_of_a_run_are_those_of_a_monitor_after_the_same_end(
         duration = max(len(rows) - 1, 0.5)
         run = simulate(longer, formula, period=1, stop="end", duration=duration, at_truncation=end)
         assert run.ended == "duration"
-    (course,) = run.courses.values()
+    (course,) = run.histories.values()
     verdict = Verdict.VIOLATED if failed else monitor.verdict
     assert (course.verdict, course.verdicts[-1]) == (verdict, verdict)
     assert (course.final, course.robustness[-1]) == (monitor.robustness, monitor.robustness)
@@ -98,7 +98,7 @@ def test_a_run_ends_as_an_episode_of_the_wrapper(
     while not (terminated or truncated):
         _, _, terminated, truncated, info = wrapped.step(1)
     assert run.ended == ("truncated" if limit == 8 else "terminated")
-    for name, course in run.courses.items():
+    for name, course in run.histories.items():
         outcome = info["stl_episode"][name]
         assert course.verdict.name == outcome["verdict"]
         assert (course.final, course.decided_at) == (
@@ -107,7 +107,7 @@ def test_a_run_ends_as_an_episode_of_the_wrapper(
         )
         assert course.ended_at == outcome.get("ended_at")
     assert run.violated_by == info.get("stl_violated_by")
-    assert min(course.upper[-1] for course in run.courses.values()) == info["stl_upper"]
+    assert min(course.upper[-1] for course in run.histories.values()) == info["stl_upper"]
 
 
 def test_what_the_options_make_of_a_fall_and_of_a_time_limit() -> None:
@@ -149,7 +149,7 @@ def test_a_stopped_run_decides_nothing_more() -> None:
     specs = {"low": "always(x < 3)", "calm": "always(y < 1)"}
     run = simulate(rows, specs, at_termination="failure", at_truncation="complete")
     assert (run.ended, run.violated_by) == ("violation", "low")
-    assert run.courses["calm"].verdict == Verdict.UNDECIDED
+    assert run.histories["calm"].verdict == Verdict.UNDECIDED
 
 
 XML = """
@@ -170,7 +170,7 @@ def test_the_duration_of_a_monitor_that_runs_on_is_no_end_of_it() -> None:
 
 
 def test_a_branch_of_a_monitor_ends_and_the_monitor_does_not() -> None:
-    from rtamt_gym import Snapshot
+    from rtamt_gym.results import Snapshot
 
     model = mujoco.MjModel.from_xml_string(XML)
     monitor = StepMonitor(model, mujoco.MjData(model), "always(z > -9)", {"z": "qpos[0]"})

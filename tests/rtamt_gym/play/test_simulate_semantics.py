@@ -12,8 +12,10 @@ from mujoco import rollout
 from mujoco_models import arm
 
 import rtamt
-from rtamt import SemanticsName
-from rtamt_gym import Run, Snapshot, StepMonitor, evaluate_rollouts, simulate
+from rtamt.typing import SemanticsName
+from rtamt_gym import StepMonitor, simulate
+from rtamt_gym.mujoco import evaluate_rollouts
+from rtamt_gym.results import Run, Snapshot
 
 SEMANTICS = get_args(SemanticsName)
 SPECS = {
@@ -37,8 +39,8 @@ def test_a_run_has_the_robustness_of_its_semantics_and_is_replayed_under_it(
             float(rtamt.evaluate(text, {n: c[:end] for n, c in COLUMNS.items()}, 1, **options)[0])
             for end in range(1, len(TRACE) + 1)
         ]
-        assert run.courses[name].robustness.tolist() == ends
-        assert run.courses[name].semantics == semantics
+        assert run.histories[name].robustness.tolist() == ends
+        assert run.histories[name].semantics == semantics
         assert run.replay()[name].tolist() == rtamt.evaluate(text, COLUMNS, 1, **options).tolist()
     run.save(tmp_path / "run.parquet")
     again = Run.load(tmp_path / "run.parquet")
@@ -58,9 +60,9 @@ def test_the_roles_of_a_run_are_those_that_its_texts_declare() -> None:
     named = simulate(
         TRACE, SPECS["granted"], period=1, stop="end", semantics="output-robustness", **ROLES
     )
-    ((_, course),) = said.courses.items()
+    ((_, course),) = said.histories.items()
     assert (course.inputs, course.outputs) == (("req",), ("gnt",))
-    assert course.robustness.tolist() == named.courses["spec"].robustness.tolist()
+    assert course.robustness.tolist() == named.histories["spec"].robustness.tolist()
     assert said.replay()["spec"][0] == course.final
 
 
@@ -140,8 +142,8 @@ def test_rollouts_are_evaluated_under_their_semantics(semantics: SemanticsName) 
     place = model.joint("shoulder").qposadr[0], model.nq + model.joint("shoulder").dofadr[0]
     columns = {"angle": states[:, :, 1 + place[0]], "rate": states[:, :, 1 + place[1]]}
     period = float(model.opt.timestep)
-    expected = rtamt.evaluate_many(ARM, columns, period, **options)
+    expected = rtamt.evaluate(ARM, columns, period, **options)
     assert np.array_equal(found["one"], expected)
     options["inputs"] = []
-    expected = rtamt.evaluate_many(specs["two"], columns, period, **options)
+    expected = rtamt.evaluate(specs["two"], columns, period, **options)
     assert np.array_equal(found["two"], expected)

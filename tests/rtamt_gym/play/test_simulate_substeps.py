@@ -48,7 +48,7 @@ def test_a_run_has_the_samples_of_the_wrapper(
     wrapped = StlMonitor(gym.make(env_id), SPEC, {"x": read}, substeps=True, on_violation="report")
     _, info = wrapped.reset(seed=3)
     act = random_actions(wrapped, 5)
-    (course,) = ran.courses.values()
+    (course,) = ran.histories.values()
     assert (course.robustness[0], course.upper[0]) == (info["robustness"], info["stl_upper"])
     for step in range(1, ran.steps // frames + 1):
         action = act(None)
@@ -116,7 +116,7 @@ def test_a_monitor_in_the_environment_follows_beside_the_run(
     act = gentle(alone)
     for _ in range(2):
         Twice(alone).step(act(None))
-    (course,) = ran.courses.values()
+    (course,) = ran.histories.values()
     assert inside.samples == alone.samples == 4 * frames + 1
     assert inside.describe() == alone.describe()
     assert course.robustness[-1] == alone.describe()["spec"]["robustness"]

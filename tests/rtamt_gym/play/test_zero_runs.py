@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt_gym import Run, StepMonitor, simulate
+from rtamt_gym import StepMonitor, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.play.plot import draw
 from rtamt_gym.play.summaries import run_table, runs_json
+from rtamt_gym.results import Run
 
 Output = pytest.CaptureFixture[str]
 GEARS = [{"gear": 1.0, "x": x} for x in (2.0, 1.0, 0.0, 1.0)]
@@ -30,20 +31,20 @@ def run_to_the_end() -> Run:
 
 def test_a_run_decides_by_the_sign_of_zeros(tmp_path: Path) -> None:
     run = run_to_the_end()
-    kept, above, reached = run.courses.values()
-    assert [course.verdict.name for course in run.courses.values()] == [
+    kept, above, reached = run.histories.values()
+    assert [course.verdict.name for course in run.histories.values()] == [
         *("SATISFIED", "VIOLATED", "SATISFIED")
     ]
     assert kept.verdicts.tolist() == [0, 0, 0, 1]
     assert above.verdicts.tolist() == [0, 0, -1, -1]
     assert reached.verdicts.tolist() == [0, 0, 1, 1]
     assert (run.violated_by, run.violated_at) == ("above", 2)
-    assert [rtamt.holds(c.final) for c in run.courses.values()] == [True, False, True]
+    assert [rtamt.holds(c.final) for c in run.histories.values()] == [True, False, True]
     run.save(tmp_path / "run.parquet")
     again = Run.load(tmp_path / "run.parquet")
-    for name, course in run.courses.items():
-        assert np.array_equal(np.signbit(again.courses[name].upper), np.signbit(course.upper))
-        assert np.signbit(again.courses[name].final) == np.signbit(course.final)
+    for name, course in run.histories.items():
+        assert np.array_equal(np.signbit(again.histories[name].upper), np.signbit(course.upper))
+        assert np.signbit(again.histories[name].final) == np.signbit(course.final)
         assert rtamt.holds(again.replay()[name][0]) == (course.verdict == 1)
     assert simulate(GEARS, SPECS, period=0.5).steps == 2
     assert simulate(GEARS, SPECS["reached"], period=0.5, stop="decided").steps == 2
@@ -54,7 +55,7 @@ def test_tables_and_pictures_say_what_a_zero_means() -> None:
     shown = "\n".join(run_table([run]))
     for line in ("kept        0, holds  SATISFIED", "above    0, violated  VIOLATED"):
         assert line in shown
-    assert repr(run.courses["kept"]) == (
+    assert repr(run.histories["kept"]) == (
         "<Course of always(gear == 1): SATISFIED at the end, robustness 0, holds>"
     )
     labels = [axes.get_xlabel() for axes in draw([run]).axes]

@@ -16,7 +16,7 @@ from bags import START, Said, plain_mcap, twist, write_bag
 from rosbags.highlevel import AnyReader
 
 import rtamt
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded import bag_reader
 from rtamt_gym.recorded.columns import Columns
@@ -32,9 +32,9 @@ SAID = [twist(START + i * 10**8, float(i)) for i in range(40)]
 SPEEDS = [float(i) for i in range(40)]
 
 
-def read(path: Path, rules: Reading | None = None) -> Trace:
+def read(path: Path, rules: EvaluationOptions | None = None) -> Trace:
     trace, _ = read_ruled(
-        str(path), {"": SPEC}, rules or Reading(period=Fraction(1, 10)), Columns()
+        str(path), {"": SPEC}, rules or EvaluationOptions(period=Fraction(1, 10)), Columns()
     )
     assert isinstance(trace, Trace)
     return trace
@@ -179,13 +179,13 @@ def renumbered(records: bytes) -> bytes:
 def test_a_bag_is_sampled_or_read_as_events(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "run.mcap", SAID)
     with pytest.raises(rtamt.InputError) as caught:
-        read(path, Reading())
+        read(path, EvaluationOptions())
     assert str(caught.value) == (
         f"{path}: expected --period 100ms, at which the messages of a bag are sampled, or "
         "--dense, which takes them as events"
     )
     with pytest.raises(rtamt.InputError) as caught:
-        read(path, Reading(period=Fraction(1, 10**9)))
+        read(path, EvaluationOptions(period=Fraction(1, 10**9)))
     assert str(caught.value) == (
         f"{path}: expected 1 to 10000000 samples, got 3900000001, one every 1e-09 s in 3.9 s; "
         "give a longer --period, or --dense"
@@ -200,7 +200,7 @@ def test_a_bag_is_sampled_or_read_as_events(tmp_path: Path) -> None:
 def test_an_empty_bag_is_refused(tmp_path: Path, text: str, silent: list[tuple[str, str]]) -> None:
     for extension in (".mcap", ".db3", ".bag"):
         path = write_bag(tmp_path / f"run{extension}", [], silent=silent)
-        for rules in (Reading(period=Fraction(1)), Reading(dense=True)):
+        for rules in (EvaluationOptions(period=Fraction(1)), EvaluationOptions(dense=True)):
             with pytest.raises(rtamt.InputError) as caught:
                 read_ruled(str(path), {"": rtamt.parse(text)}, rules, Columns())
             assert str(caught.value) == f"{path}: expected a bag with messages, got one without any"
@@ -245,7 +245,9 @@ def test_files_of_another_profile_or_encoding_are_refused(tmp_path: Path) -> Non
 def test_a_specification_without_variables_is_judged_from_begin_to_end(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "run.mcap", SAID)
     spec = rtamt.parse("always(true)")
-    trace, _ = read_ruled(str(path), {"": spec}, Reading(period=Fraction(1, 10)), Columns())
+    trace, _ = read_ruled(
+        str(path), {"": spec}, EvaluationOptions(period=Fraction(1, 10)), Columns()
+    )
     assert isinstance(trace, Trace)
     assert (trace.samples, trace.start) == (40, 0.0)
 

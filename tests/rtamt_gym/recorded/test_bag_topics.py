@@ -10,7 +10,7 @@ import pytest
 from bags import START, Said, twist, write_bag
 
 import rtamt
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.ruled import read_ruled
@@ -43,7 +43,9 @@ def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 def first(bag: str, text: str, **signals: str) -> dict[str, float]:
     """The values of the variables of a text at the first sample; ``__`` in a name is a dot."""
     columns = Columns({name.replace("__", "."): where for name, where in signals.items()})
-    trace, _ = read_ruled(bag, {"": rtamt.parse(text)}, Reading(period=Fraction(1)), columns)
+    trace, _ = read_ruled(
+        bag, {"": rtamt.parse(text)}, EvaluationOptions(period=Fraction(1)), columns
+    )
     assert isinstance(trace, Trace)
     return {name: float(values[0]) for name, values in trace.columns.items()}
 
@@ -188,13 +190,13 @@ def test_specifications_that_differ_in_a_topic_are_refused(bag: str) -> None:
         for name, topic in (("a", "/robot0/cmd_vel"), ("b", "/robot1/cmd_vel"))
     }
     with pytest.raises(rtamt.InputError) as caught:
-        read_ruled(bag, both, Reading(dense=True), Columns())
+        read_ruled(bag, both, EvaluationOptions(dense=True), Columns())
     assert str(caught.value) == (
         "expected one topic for 'cmd', which two specifications read, got /robot0/cmd_vel and "
         "/robot1/cmd_vel; give one of them another name, or judge them one at a time"
     )
     both["b"] = rtamt.parse("cmd.linear.x > 3")  # says nothing of its own
-    trace, _ = read_ruled(bag, both, Reading(period=Fraction(1)), Columns())
+    trace, _ = read_ruled(bag, both, EvaluationOptions(period=Fraction(1)), Columns())
     assert isinstance(trace, Trace)
     assert trace.columns["cmd.linear.x"].tolist() == [1.0]
 
@@ -208,21 +210,26 @@ def test_numbers_that_are_missing_are_refused_or_leave_the_value_before(tmp_path
     path = str(write_bag(tmp_path / "run.mcap", said))
     spec, signals = rtamt.parse("x > 0"), {"x": "/scan.ranges[0]"}
     with pytest.raises(rtamt.InputError) as caught:
-        read_ruled(path, {"": spec}, Reading(period=Fraction(1)), Columns(signals))
+        read_ruled(path, {"": spec}, EvaluationOptions(period=Fraction(1)), Columns(signals))
     assert str(caught.value) == (
         f"{path}, message 2 of /scan, recorded at 1 s: expected a number for 'x', got nan; "
         "give --missing hold or --missing drop"
     )
     for columns in (Columns(signals, missing="hold"), Columns(signals, missing="drop")):
-        trace, _ = read_ruled(path, {"": spec}, Reading(period=Fraction(1)), columns)
+        trace, _ = read_ruled(path, {"": spec}, EvaluationOptions(period=Fraction(1)), columns)
         assert isinstance(trace, Trace)
         assert trace.columns["x"].tolist() == [0.5, 0.5, 0.5, 0.25, float("inf")]
         assert [*trace.notes] == ["messages without a number leave the value before (x: 2)"]
     path = str(write_bag(tmp_path / "short.mcap", said[2:3]))
     with pytest.raises(rtamt.InputError, match=r"got a list that is shorter; give --missing hold"):
-        read_ruled(path, {"": spec}, Reading(period=Fraction(1)), Columns(signals))
+        read_ruled(path, {"": spec}, EvaluationOptions(period=Fraction(1)), Columns(signals))
     with pytest.raises(rtamt.InputError) as caught:
-        read_ruled(path, {"": spec}, Reading(period=Fraction(1)), Columns(signals, missing="hold"))
+        read_ruled(
+            path,
+            {"": spec},
+            EvaluationOptions(period=Fraction(1)),
+            Columns(signals, missing="hold"),
+        )
     assert str(caught.value) == (
         f"{path}: expected a number for 'x' in a message of /scan, got none"
     )
@@ -237,7 +244,7 @@ TEXT = """
     slow = always(cmd.linear.x < limit)
 """
 SPEC = rtamt.parse(TEXT)
-RULES = Reading(period=Fraction(1))
+RULES = EvaluationOptions(period=Fraction(1))
 
 
 def bag_defaults(folder: Path, limits: dict[int, float], name: str = "run.mcap") -> str:
@@ -270,7 +277,7 @@ def test_a_default_counts_before_the_first_message(
     assert isinstance(trace, Trace)
     assert trace.columns["limit"].tolist() == values
     assert (trace.notes, trace.known_from) == ([note], {})
-    dense, _ = read_ruled(path, {"": SPEC}, Reading(dense=True), Columns())
+    dense, _ = read_ruled(path, {"": SPEC}, EvaluationOptions(dense=True), Columns())
     assert isinstance(dense, EventTrace)
     times = [0, *(second for second in limits if second), *([4] * (4 not in limits))]
     held = [values[second] for second in times]
@@ -279,9 +286,9 @@ def test_a_default_counts_before_the_first_message(
 
 @pytest.mark.parametrize("whole", [True, False])
 @pytest.mark.parametrize("topic", ["/robot0/Limit", "/robot0/limti"])
-@pytest.mark.parametrize("reading", [RULES, Reading(dense=True)])
+@pytest.mark.parametrize("reading", [RULES, EvaluationOptions(dense=True)])
 def test_a_topic_of_nearly_the_same_name_is_refused(
-    topic: str, whole: object, reading: Reading, tmp_path: Path
+    topic: str, whole: object, reading: EvaluationOptions, tmp_path: Path
 ) -> None:
     said = [twist(START + i * 10**9, 0.25) for i in range(5)]
     said.append(Said(START + 10**9, topic, "std_msgs/Float64", {"data": 0.125}))
@@ -325,7 +332,7 @@ def test_a_topic_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
 def test_defaults_alone_pass_no_gate(tmp_path: Path) -> None:
     path = bag_defaults(tmp_path, {})
     spec = rtamt.parse("input float64 limit = 0.5; always(limit > 0)")
-    for rules in (RULES, Reading(dense=True)):
+    for rules in (RULES, EvaluationOptions(dense=True)):
         with pytest.raises(rtamt.InputError) as caught:
             read_ruled(path, {"one": SPEC, "alone": spec}, rules, Columns())
         assert str(caught.value) == (

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from profiles import examples
 
 import rtamt
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import judge, judge_events
 from rtamt_gym.recorded.ruled import read_ruled
@@ -80,11 +80,11 @@ def test_samples_hold_the_last_message_at_each_multiple_of_the_period(
     with tempfile.TemporaryDirectory() as folder:
         path = written(folder, extension, commands, speeds)
         known_columns = Columns(start="known")
-        trace, used = read_ruled(path, {"": SPEC}, Reading(period=step), known_columns)
+        trace, used = read_ruled(path, {"": SPEC}, EvaluationOptions(period=step), known_columns)
     assert isinstance(trace, Trace)
     if not known:
         with pytest.raises(rtamt.InputError, match="expected a sample with a value of"):
-            judge(SPEC, trace, used, Reading(period=step, align="nearest"))
+            judge(SPEC, trace, used, EvaluationOptions(period=step, align="nearest"))
         return
     expected = {
         "cmd.linear.x": [held(commands, place) for place in known],
@@ -95,7 +95,7 @@ def test_samples_hold_the_last_message_at_each_multiple_of_the_period(
     assert trace.samples == len(places)
     assert (used, trace.period()) == (step, step if len(places) > 1 else None)
     assert (trace.start, trace.epoch) == (0.0, START + begin)
-    found = judge(SPEC, trace, used, Reading(period=step, align="nearest"))
+    found = judge(SPEC, trace, used, EvaluationOptions(period=step, align="nearest"))
     judged = rtamt.judge(SPEC, expected, step, "cut", align="nearest")
     assert (found.verdict, found.found.robustness) == (judged.verdict, judged.robustness)
     robustness = rtamt.evaluate(SPEC, expected, step, align="nearest")
@@ -108,7 +108,7 @@ def test_samples_hold_the_last_message_at_each_multiple_of_the_period(
 def test_events_are_at_their_times_and_the_last_values_hold_to_the_end(
     extension: str, commands: Events, speeds: Events
 ) -> None:
-    rules = Reading(dense=True)
+    rules = EvaluationOptions(dense=True)
     with tempfile.TemporaryDirectory() as folder:
         path = written(folder, extension, commands, speeds)
         trace, _ = read_ruled(path, {"": SPEC}, rules, Columns(start="known"))
@@ -123,7 +123,7 @@ def test_events_are_at_their_times_and_the_last_values_hold_to_the_end(
         n: list(zip(*map(np.ndarray.tolist, e), strict=True)) for n, e in trace.signals.items()
     } == signals
     whole = judge_events(SPEC, trace, rules)
-    expected = rtamt.judge_dense(SPEC, signals, "cut")
+    expected = rtamt.dense.judge(SPEC, signals, "cut")
     assert (whole.verdict, whole.found.robustness) == (expected.verdict, expected.robustness)
 
 
@@ -135,7 +135,7 @@ def test_stamps_of_headers_count_where_they_are_asked_for(
     columns = Columns(time="header")
     with tempfile.TemporaryDirectory() as folder:
         path = written(folder, ".mcap", commands, speeds, delay)
-        trace, _ = read_ruled(path, {"": SPEC}, Reading(dense=True), columns)
+        trace, _ = read_ruled(path, {"": SPEC}, EvaluationOptions(dense=True), columns)
     assert isinstance(trace, EventTrace)
     earlier = [(at - delay, value) for at, value in speeds]
     begin = min(commands[0][0], earlier[0][0])
@@ -156,7 +156,7 @@ def test_each_requirement_is_judged_from_when_its_own_topics_are_known(tmp_path:
         "late": rtamt.parse(f"{text} always({SPEED} > cmd.linear.x)"),
         "never": rtamt.parse(f"{text} always({SPEED} > 0)"),
     }
-    rules = Reading(period=Fraction(1, 10))
+    rules = EvaluationOptions(period=Fraction(1, 10))
     trace, period = read_ruled(path, specs, rules, Columns())
     assert isinstance(trace, Trace)
     assert (trace.samples, trace.start, trace.known_from) == (40, 0.0, {SPEED: 21})
@@ -171,15 +171,15 @@ def test_each_requirement_is_judged_from_when_its_own_topics_are_known(tmp_path:
     alone, _ = read_ruled(path, {"late": specs["late"]}, rules, Columns())
     assert isinstance(alone, Trace)
     assert (alone.start, alone.samples, alone.known_from) == (0.0, 40, {SPEED: 21})
-    dense, _ = read_ruled(path, specs, Reading(dense=True), Columns())
+    dense, _ = read_ruled(path, specs, EvaluationOptions(dense=True), Columns())
     assert isinstance(dense, EventTrace)
     events = {name: judge_events(spec, dense, rules).verdict for name, spec in specs.items()}
     assert events == {name: each.verdict for name, each in found.items()}
-    coarse = Reading(period=Fraction(3))
+    coarse = EvaluationOptions(period=Fraction(3))
     trace, period = read_ruled(path, specs, coarse, Columns())
     assert isinstance(trace, Trace)
     assert trace.samples == 2
-    coarse = Reading(period=Fraction(5))
+    coarse = EvaluationOptions(period=Fraction(5))
     trace, period = read_ruled(path, specs, coarse, Columns())
     assert isinstance(trace, Trace)
     with pytest.raises(rtamt.InputError) as caught:
@@ -197,10 +197,10 @@ def test_of_messages_at_one_time_the_last_counts(tmp_path: Path) -> None:
         "from geometry_msgs.msg import Twist; input Twist cmd; @ topic(cmd, robot0/cmd_vel);"
         "cmd.linear.x > 0"
     )
-    trace, _ = read_ruled(path, {"": spec}, Reading(period=Fraction(1)), Columns())
+    trace, _ = read_ruled(path, {"": spec}, EvaluationOptions(period=Fraction(1)), Columns())
     assert isinstance(trace, Trace)
     assert trace.columns["cmd.linear.x"].tolist() == [1.0, 3.0, 4.0]
-    dense, _ = read_ruled(path, {"": spec}, Reading(dense=True), Columns())
+    dense, _ = read_ruled(path, {"": spec}, EvaluationOptions(dense=True), Columns())
     assert isinstance(dense, EventTrace)
     assert dense.tables["cmd.linear.x"].tolist() == [[0.0, 1.0], [1.0, 3.0], [2.0, 4.0]]
 
@@ -222,7 +222,7 @@ ODOM = rtamt.parse(
 
 def test_a_message_that_comes_late_is_left_out_and_counted(tmp_path: Path) -> None:
     path = stamped(tmp_path, [0.0, 0.2, 0.1, 0.3, 0.25, 0.4])
-    trace, _ = read_ruled(path, {"": ODOM}, Reading(dense=True), Columns(time="header"))
+    trace, _ = read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), Columns(time="header"))
     assert isinstance(trace, EventTrace)
     assert trace.tables[SPEED].tolist() == [[0.0, 0.0], [0.2, 1.0], [0.3, 3.0], [0.4, 5.0]]
     assert [*trace.notes] == ["/robot0/odom: 2 messages older than the one before left out"]
@@ -231,7 +231,7 @@ def test_a_message_that_comes_late_is_left_out_and_counted(tmp_path: Path) -> No
 def test_a_clock_that_begins_anew_is_refused(tmp_path: Path) -> None:
     path = stamped(tmp_path, [5.0, 5.1, 5.2, 0.0, 0.1])
     with pytest.raises(rtamt.InputError) as caught:
-        read_ruled(path, {"": ODOM}, Reading(dense=True), Columns(time="header"))
+        read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), Columns(time="header"))
     assert str(caught.value) == (
         f"{path}: expected stamps of /robot0/odom that increase, got one that is 5.2 s older than "
         "the one before it, in message 4 of 5: a clock that began anew; cut the bag there, or give "
@@ -243,7 +243,7 @@ def test_stamps_of_simulated_time_are_judged_but_not_mixed_with_times_of_recordi
     tmp_path: Path,
 ) -> None:
     path = stamped(tmp_path, [i / 8 for i in range(9)], since=0)
-    trace, _ = read_ruled(path, {"": ODOM}, Reading(dense=True), Columns(time="header"))
+    trace, _ = read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), Columns(time="header"))
     assert isinstance(trace, EventTrace)
     assert trace.tables[SPEED].tolist()[:3] == [[0.0, 0.0], [0.125, 1.0], [0.25, 2.0]]
     assert abs(trace.epoch - START) < 10**9
@@ -252,7 +252,7 @@ def test_stamps_of_simulated_time_are_judged_but_not_mixed_with_times_of_recordi
         [twist(START, 1.0), odometry(START + 1, 1.0, 10**9), odometry(START + 2, 1.0, 2 * 10**9)],
     )
     with pytest.raises(rtamt.InputError) as caught:
-        read_ruled(str(both), {"": SPEC}, Reading(dense=True), Columns(time="header"))
+        read_ruled(str(both), {"": SPEC}, EvaluationOptions(dense=True), Columns(time="header"))
     assert str(caught.value) == (
         f"{both}: expected times of one clock, got /robot0/cmd_vel and /robot0/odom, which are "
         "1.7e+09 s apart; give --time log"
@@ -263,10 +263,10 @@ def test_what_was_held_for_long_is_said(tmp_path: Path) -> None:
     said = [twist(START + i * 10**8, 1.0) for i in range(10, 100)]
     said += [odometry(START + i * 10**8, 1.0, START) for i in [*range(20), *range(50, 60)]]
     path = str(write_bag(tmp_path / "run.bag", sorted(said, key=lambda each: each.time)))
-    trace, _ = read_ruled(path, {"": SPEC}, Reading(period=Fraction(1, 10)), Columns())
+    trace, _ = read_ruled(path, {"": SPEC}, EvaluationOptions(period=Fraction(1, 10)), Columns())
     assert [*trace.notes] == [
         "/robot0/odom: the message at 5.9 s is held for 4 s, to the end",
     ]
     path = str(write_bag(tmp_path / "gap.bag", [*said[:90], odometry(START + 10**9, 1.0, START)]))
-    trace, _ = read_ruled(path, {"": SPEC}, Reading(period=Fraction(1, 10)), Columns())
+    trace, _ = read_ruled(path, {"": SPEC}, EvaluationOptions(period=Fraction(1, 10)), Columns())
     assert [*trace.notes] == ["/robot0/odom: the message at 0 s is held for 8.9 s, to the end"]

@@ -235,7 +235,7 @@ def test_dense_takes_rows_as_events_wide_or_one_by_one(trace: str, capsys: Outpu
     }
     signals = {name: [e for e in line if e[0] <= end] for name, line in signals.items()}
     for name, spec in {"out.out": SPEC, "calm": "always(req < 9)"}.items():
-        expected = rtamt.evaluate_dense(spec, {v: signals[v] for v in rtamt.parse(spec).variables})
+        expected = rtamt.dense.evaluate(spec, {v: signals[v] for v in rtamt.parse(spec).variables})
         assert [[float(t), float(v)] for t, v in events[name]] == [list(e) for e in expected]
     # It is a trace like any other.
     assert main(["monitor", "--dense", "always(calm > 3)", "r.csv"]) == 0

@@ -21,7 +21,7 @@ from scipy.io import savemat
 from ulogs import Topic, Ulog
 
 import rtamt
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.recorded import csv_reader
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
@@ -148,7 +148,9 @@ def ruled(path: Path, variables: Sequence[str], *, dense: bool = False) -> Trace
     spec = rtamt.parse(" and ".join(f"{name} < 9" for name in variables))
     fields = {name: f"run.{name}" for name in variables} if path.suffix in LOGS else {}
     columns = Columns(signals=fields)
-    trace, _ = read_ruled(str(path), {"": spec}, Reading(period=period, dense=dense), columns)
+    trace, _ = read_ruled(
+        str(path), {"": spec}, EvaluationOptions(period=period, dense=dense), columns
+    )
     return trace
 
 

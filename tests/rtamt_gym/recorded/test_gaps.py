@@ -19,7 +19,7 @@ from profiles import examples
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym import Reading, simulate
+from rtamt_gym import EvaluationOptions, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns, read_seconds
 from rtamt_gym.recorded.judge import extent_of, judge, judge_events
@@ -51,7 +51,7 @@ def write(
 
 
 def read(path: str | Path, columns: Columns, text: str = "always(x > 0)") -> Trace:
-    trace, _ = read_ruled(str(path), {"": rtamt.parse(text)}, Reading(), columns)
+    trace, _ = read_ruled(str(path), {"": rtamt.parse(text)}, EvaluationOptions(), columns)
     assert isinstance(trace, Trace)
     return trace
 
@@ -74,7 +74,7 @@ def test_the_head_counts_what_a_reader_counts_by_hand(
     with tempfile.TemporaryDirectory() as folder:
         path = write([(float(t), 1.0) for t in times], Path(folder) / "run.csv", "time_s,x")
         specs = {"": rtamt.parse("always(x > 0)")}
-        trace, _ = read_ruled(path, specs, Reading(dense=True), Columns())
+        trace, _ = read_ruled(path, specs, EvaluationOptions(dense=True), Columns())
         found = extent_of(trace)
     gaps = [b - a for a, b in itertools.pairwise(times)]
     assert found.events == len(kept)
@@ -321,7 +321,7 @@ def test_files_name_the_traces_that_are_too_short(capsys: Output) -> None:
     data=st.data(),
 )
 def test_every_filling_of_the_holes_lies_within_the_bounds(
-    count: int, text: str, end: rtamt.End, data: st.DataObject
+    count: int, text: str, end: rtamt.typing.End, data: st.DataObject
 ) -> None:
     cell = st.integers(-2, 3)
     rows = data.draw(st.lists(st.tuples(cell, cell), min_size=count, max_size=count))
@@ -334,12 +334,12 @@ def test_every_filling_of_the_holes_lies_within_the_bounds(
         path = Path(folder) / "run.csv"
         write([(k / 2, *rows[k]) for k in kept], path, "time,x,y")
         columns = Columns(max_gap=Fraction(1, 2))
-        trace, period = read_ruled(str(path), {"": spec}, Reading(end=end), columns)
+        trace, period = read_ruled(str(path), {"": spec}, EvaluationOptions(end=end), columns)
     assert isinstance(trace, Trace)
     assert (trace.samples, period) == (count, Fraction(1, 2))
     for name, values in trace.columns.items():
         assert np.flatnonzero(np.isnan(values)).tolist() == sorted(removed), name
-    found = judge(spec, trace, period, Reading(end=end)).found
+    found = judge(spec, trace, period, EvaluationOptions(end=end)).found
     for _ in range(4):
         filled = [
             row if k not in removed else data.draw(st.tuples(cell, cell))
@@ -360,7 +360,7 @@ def test_every_filling_of_the_holes_lies_within_the_bounds(
     data=st.data(),
 )
 def test_every_filling_of_the_holes_lies_within_the_bounds_in_dense_time(
-    count: int, text: str, end: rtamt.End, data: st.DataObject
+    count: int, text: str, end: rtamt.typing.End, data: st.DataObject
 ) -> None:
     cell = st.integers(-2, 3)
     rows = data.draw(st.lists(st.tuples(cell, cell), min_size=count, max_size=count))
@@ -370,16 +370,16 @@ def test_every_filling_of_the_holes_lies_within_the_bounds_in_dense_time(
         kept = [(k / 2, *row) for k, row in enumerate(rows) if k not in removed]
         path = write(kept, Path(folder) / "run.csv", "time_s,x,y")
         columns = Columns(max_gap=Fraction(1, 2))
-        trace, _ = read_ruled(path, {"": spec}, Reading(dense=True), columns)
+        trace, _ = read_ruled(path, {"": spec}, EvaluationOptions(dense=True), columns)
     assert isinstance(trace, EventTrace)
-    found = judge_events(spec, trace, Reading(dense=True, end=end)).found
+    found = judge_events(spec, trace, EvaluationOptions(dense=True, end=end)).found
     for _ in range(3):
         drawn = {k: data.draw(st.tuples(cell, cell)) for k in sorted(removed)}
         filled = {
             name: [(k / 2, float(drawn.get(k, row)[i])) for k, row in enumerate(rows)]
             for i, name in enumerate("xy")
         }
-        whole = rtamt.judge_dense(spec, filled, end)
+        whole = rtamt.dense.judge(spec, filled, end)
         assert found.lower <= whole.lower
         assert whole.upper <= found.upper
         assert found.verdict in (whole.verdict, rtamt.Verdict.UNDECIDED)
@@ -519,7 +519,7 @@ def test_a_topic_that_falls_silent_is_unknown_after_the_gap(folder: Path, capsys
     assert "is held for" not in out
     columns = Columns({"speed": "/robot0/cmd_vel.linear.x"}, max_gap=Fraction(1))
     spec = rtamt.parse(text)
-    trace, _ = read_ruled(path, {"": spec}, Reading(period=Fraction(1, 10)), columns)
+    trace, _ = read_ruled(path, {"": spec}, EvaluationOptions(period=Fraction(1, 10)), columns)
     assert isinstance(trace, Trace)
     assert np.flatnonzero(np.isnan(trace.columns["speed"])).tolist() == list(range(20, 60))
     assert main(["monitor", text, path, "--dense", *words[4:], "--max-gap", "1s"]) == 3
@@ -533,7 +533,7 @@ def test_a_topic_with_one_message_has_no_hole(folder: Path) -> None:
     signals = {"speed": "/robot0/cmd_vel.linear.x", "v": "/v.data"}
     columns = Columns(signals, max_gap=Fraction(1))
     spec = rtamt.parse("always(speed < v)")
-    trace, _ = read_ruled(path, {"": spec}, Reading(period=Fraction(1, 10)), columns)
+    trace, _ = read_ruled(path, {"": spec}, EvaluationOptions(period=Fraction(1, 10)), columns)
     assert isinstance(trace, Trace)
     known = trace.known(spec.variables).columns
     assert {name: values.tolist() for name, values in known.items()} == {"speed": [0.5], "v": [1.0]}

@@ -256,7 +256,7 @@ def test_cells_worst_and_exit_code_are_those_of_the_judgements(
                 at = judgement.decided_at
                 decided = cell["decided_at"]
                 assert decided == (at if at is None else {"sample": at, "seconds": at / 2})
-                assert cell.get("not_recorded", []) == [str(u) for u in judgement.untested]
+                assert cell.get("not_recorded", []) == [str(u) for u in judgement.unrecorded]
 
         def badness(judgements: list[rtamt.Judgement]) -> tuple[int, int, float]:
             names = [j.verdict.name for j in judgements]
@@ -361,7 +361,7 @@ def test_cells_of_events_are_those_of_dense_judgements(
             paths.append(f"dense{case}_{trace}.csv")
             (folder / paths[-1]).write_text("\n".join(["time,x,y", *rows]))
             expected[paths[-1]] = {
-                name: rtamt.judge_dense(
+                name: rtamt.dense.judge(
                     text, {v: signals[v] for v in rtamt.parse(text).variables}, end
                 )
                 for name, text in formulas.items()
@@ -377,4 +377,4 @@ def test_cells_of_events_are_those_of_dense_judgements(
                 at = judgement.decided_at
                 decided = cell["decided_at"]
                 assert decided == (at if at is None else {"sample": None, "seconds": at})
-                assert cell.get("not_recorded", []) == [str(u) for u in judgement.untested]
+                assert cell.get("not_recorded", []) == [str(u) for u in judgement.unrecorded]

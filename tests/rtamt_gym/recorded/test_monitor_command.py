@@ -16,7 +16,7 @@ import pytest
 from command_line import write_files
 
 import rtamt
-from rtamt import SemanticsName
+from rtamt.typing import SemanticsName
 from rtamt_gym.__main__ import main
 from rtamt_gym.commands import judging
 from rtamt_gym.results.trial import Trial

@@ -167,7 +167,7 @@ def test_what_nothing_has_asked_fails_in_junit_and_markdown_where_that_is_asked_
     assert main([*words, "--", *traces]) == 2
     assert failures_in(folder / "out.xml") == alone
     assert (folder / "out.md").read_text().startswith("# ERROR\n")
-    assert main([*words, "--require-asked", "--", *traces]) == 2
+    assert main([*words, "--require-triggered", "--", *traces]) == 2
     asked = {(trace, "rare"): ("failure", "never asked") for trace in traces[:3]}
     assert failures_in(folder / "out.xml") == alone | asked
     assert (folder / "out.md").read_text().startswith("# ERROR, never asked: rare\n")
@@ -178,7 +178,8 @@ def test_what_nothing_has_asked_fails_in_junit_and_markdown_where_that_is_asked_
     assert f"\n\n{message}\nSATISFIED, robustness 5" in str(found.text)
     # One trace that asks is enough.
     assert (
-        main(["monitor", "req.stl", *files, "--require-asked", "--", "near.csv", "good.csv"]) == 1
+        main(["monitor", "req.stl", *files, "--require-triggered", "--", "near.csv", "good.csv"])
+        == 1
     )
     assert failures_in(folder / "out.xml") == {("near.csv", "near"): ("failure", "violation")}
     assert (folder / "out.md").read_text().startswith("# VIOLATED\n")
@@ -196,7 +197,7 @@ def test_a_trace_that_is_too_short_fails_in_junit_and_markdown(folder: Path) -> 
     assert found.get("message") == "shorter than 5 s: good.csv (1 s)"
     heading = (folder / "out.md").read_text().partition("\n")[0]
     assert heading == "# SATISFIED, shorter than 5 s: good.csv (1 s)"
-    assert main([*words, *files, "--require-asked", "--", "long.csv", "good.csv"]) == 3
+    assert main([*words, *files, "--require-triggered", "--", "long.csv", "good.csv"]) == 3
     never = {(trace, "answered"): ("failure", "never asked") for trace in ("long.csv", "good.csv")}
     assert failures_in(folder / "out.xml") == short | never
     heading = (folder / "out.md").read_text().partition("\n")[0]

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import rtamt
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded import output
 from rtamt_gym.recorded.judge import judge, judge_events, signals_of
@@ -44,7 +44,7 @@ def test_values_come_back_bit_by_bit(
     monkeypatch.setattr(output, "_PIECE", 7)
     samples = trace()
     period = samples.period()
-    judgements = {name: judge(s, samples, period, Reading()) for name, s in SPECS.items()}
+    judgements = {name: judge(s, samples, period, EvaluationOptions()) for name, s in SPECS.items()}
     save(judgements, path, dense=False)
     with open_recording(str(path)) as recording:
         assert [*recording.names] == ["time", "near.close", "near.near", "far, but"]
@@ -66,7 +66,9 @@ def test_events_come_back_in_the_order_of_their_times(
     times = np.arange(8) / 8
     x = times, np.nan_to_num(X, posinf=9, neginf=-9)
     events = EventTrace("made", {"x": x}, (times[0], times[-1]), len(times))
-    judgements = {name: judge_events(s, events, Reading(dense=True)) for name, s in SPECS.items()}
+    judgements = {
+        name: judge_events(s, events, EvaluationOptions(dense=True)) for name, s in SPECS.items()
+    }
     save(judgements, path, dense=True)
     with open_recording(str(path)) as recording:
         assert [*recording.names] == ["time", "variable", "value"]
@@ -98,13 +100,13 @@ SIGNALS = {f"v{i}": np.full(N, float(i)) for i in range(15)}
 
 
 def drawn(
-    texts: dict[str, str], *, everything: bool = False, reading: Reading | None = None
+    texts: dict[str, str], *, everything: bool = False, reading: EvaluationOptions | None = None
 ) -> Figure:
     times = TimeAxis("time", np.arange(N) / 10, 0.0, 1e-12, certain=True)
     specs = {name: rtamt.parse(text) for name, text in texts.items()}
     names = dict.fromkeys(v for spec in specs.values() for v in spec.variables)
     trace = Trace("made", {name: SIGNALS[name] for name in names}, N, times, str)
-    rules = reading or Reading()
+    rules = reading or EvaluationOptions()
     judgements = {name: judge(s, trace, trace.period(), rules) for name, s in specs.items()}
     reads = {name: spec.variables for name, spec in specs.items()}
     signals = signals_of(trace, trace.period())
@@ -142,7 +144,7 @@ def test_of_many_requirements_the_worst_are_drawn_and_the_others_counted() -> No
 
 def test_a_curve_says_how_it_reads_the_end_where_that_is_another_verdict() -> None:
     texts = {"late": "eventually[50:90](true) or v3 > 5", "now": "always(v3 < 5)"}
-    axes = drawn(texts, reading=Reading(end="cut")).axes
+    axes = drawn(texts, reading=EvaluationOptions(end="cut")).axes
     assert [ax.get_xlabel() for ax in axes] == [
         "",
         "SATISFIED, inf (curve: --end complete)",

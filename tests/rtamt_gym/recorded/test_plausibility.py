@@ -12,7 +12,7 @@ import pytest
 from asammdf import MDF, Signal
 
 import rtamt
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns, Missing
 from rtamt_gym.recorded.ruled import read_ruled
@@ -309,11 +309,13 @@ def test_a_marked_sample_is_an_empty_cell(
     missing: Missing, values: list[float | None], tmp_path: Path
 ) -> None:
     path, spec = write(tmp_path / "run.mf4", MARKED), rtamt.parse("always(x > 0)")
-    trace, _ = read_ruled(path, {"": spec}, Reading(), Columns(missing=missing))
+    trace, _ = read_ruled(path, {"": spec}, EvaluationOptions(), Columns(missing=missing))
     assert isinstance(trace, Trace)
     found = [None if np.isnan(value) else value for value in trace.columns["x"]]
     assert found == values
-    events, _ = read_ruled(path, {"": spec}, Reading(dense=True), Columns(missing=missing))
+    events, _ = read_ruled(
+        path, {"": spec}, EvaluationOptions(dense=True), Columns(missing=missing)
+    )
     assert isinstance(events, EventTrace)
     at, kept = events.signals["x"]
     if missing == "unknown":
@@ -330,9 +332,9 @@ def test_channels_of_other_times_are_no_invalid_samples(tmp_path: Path) -> None:
     spec = rtamt.parse("always(x > y)")
     columns = Columns(missing="unknown")
     path = str(tmp_path / "run.mf4")
-    trace, _ = read_ruled(path, {"": spec}, Reading(dense=True), columns)
+    trace, _ = read_ruled(path, {"": spec}, EvaluationOptions(dense=True), columns)
     assert not trace.unknown
-    trace, _ = read_ruled(path, {"": spec}, Reading(dense=True), Columns())
+    trace, _ = read_ruled(path, {"": spec}, EvaluationOptions(dense=True), Columns())
     assert isinstance(trace, EventTrace)
     assert [len(at) for at, _ in trace.signals.values()] == [3, 5]
     assert not any("milliseconds" in note for note in trace.notes)

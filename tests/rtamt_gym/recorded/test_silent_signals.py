@@ -18,7 +18,7 @@ from ulogs import Topic, Ulog
 
 import rtamt
 from rtamt import Verdict
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import TraceJudgement, judge, judge_events, noticed
@@ -113,14 +113,14 @@ def write(path: Path, lines: Lines) -> None:
 def read(path: Path, spec: rtamt.Specification, columns: Columns) -> EventTrace:
     fields = {v: f"{v}.v" for v in spec.variables} if path.suffix == ".ulg" else {}
     columns = Columns(fields, max_gap=columns.max_gap, start=columns.start)
-    trace, _ = read_ruled(str(path), {"": spec}, Reading(dense=True), columns)
+    trace, _ = read_ruled(str(path), {"": spec}, EvaluationOptions(dense=True), columns)
     assert isinstance(trace, EventTrace)
     return trace
 
 
 def judged(path: Path, text: str, columns: Columns | None = None) -> TraceJudgement:
     spec = rtamt.parse(text)
-    return judge_events(spec, read(path, spec, columns or Columns()), Reading(dense=True))
+    return judge_events(spec, read(path, spec, columns or Columns()), EvaluationOptions(dense=True))
 
 
 @pytest.mark.parametrize(
@@ -183,18 +183,21 @@ def test_late_start_reports_the_worse_verdict(
     assert " ".join(each.verdict.name for each in found) == verdicts
     # The definition of the library, on the same events.
     before = {"a": [*a, (4, a[-1][1])], "b": B}
-    assert found[1].verdict is rtamt.judge_dense(text, before).verdict
+    assert found[1].verdict is rtamt.dense.judge(text, before).verdict
     unknown = {**before, "b": [(0.0, np.nan), *B]}
-    with_beginning = rtamt.judge_dense(text, unknown, nan="unknown").verdict
+    with_beginning = rtamt.dense.judge(text, unknown, nan="unknown").verdict
     assert found[0].verdict is min(found[1].verdict, with_beginning)
 
 
 def test_other_requirements_keep_their_own_start(tmp_path: Path) -> None:
     path = csv(tmp_path / "late.csv", a=[(0, 1), (1, -5), (3, 1)], b=B)
     specs = {"a": rtamt.parse("always(a > -9)"), "b": rtamt.parse("always(b > 0)")}
-    trace, _ = read_ruled(str(path), specs, Reading(dense=True), Columns())
+    trace, _ = read_ruled(str(path), specs, EvaluationOptions(dense=True), Columns())
     assert isinstance(trace, EventTrace)
-    found = {name: judge_events(spec, trace, Reading(dense=True)) for name, spec in specs.items()}
+    found = {
+        name: judge_events(spec, trace, EvaluationOptions(dense=True))
+        for name, spec in specs.items()
+    }
     assert [each.late_start and each.late_start.text for each in found.values()] == [
         None,
         "judged from 2 s on, with its first event",
@@ -234,7 +237,7 @@ def test_mutants_are_judged_on_the_extent_of_their_requirement(tmp_path: Path) -
     for columns in (Columns(start="known"), Columns()):
         trace = read(path, spec, columns)
         # Without b, the trace of the mutant would start at 0 s and violate it.
-        assert noticed([mutant], trace, None, Reading(dense=True)) == (False,)
+        assert noticed([mutant], trace, None, EvaluationOptions(dense=True)) == (False,)
 
 
 def test_samples_of_a_bag_start_late_too(tmp_path: Path) -> None:
@@ -242,7 +245,7 @@ def test_samples_of_a_bag_start_late_too(tmp_path: Path) -> None:
     spec, period = rtamt.parse("always(a > 0 and b > 0)"), Fraction(1, 10)
     found = []
     for columns in (Columns(), Columns(start="known")):
-        reading = Reading(period=period)
+        reading = EvaluationOptions(period=period)
         trace, used = read_ruled(str(tmp_path / "run.mcap"), {"": spec}, reading, columns)
         assert isinstance(trace, Trace)
         found.append(judge(spec, trace, used, reading))
@@ -302,7 +305,7 @@ def test_stamps_of_unread_topics_extend_a_recording(ending: str, tmp_path: Path)
         said = [odometry(START + k * 10**9, 1.0, "/read", START - 10**12) for k in range(2)]
         said += [odometry(START + k * 10**9, 1.0, "/other", since) for k in range(6)]
         path = str(write_bag(tmp_path / f"{end}{ending}", sorted(said, key=lambda s: s.time)))
-        rules = Reading(dense=True)
+        rules = EvaluationOptions(dense=True)
         trace, _ = read_ruled(path, {"": spec}, rules, Columns(time="header"))
         assert isinstance(trace, EventTrace)
         # The other clock, 1,010 s behind, is left aside.

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 import rtamt
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns, Missing
 from rtamt_gym.recorded.ruled import read_ruled
@@ -49,7 +49,7 @@ def test_a_default_counts_where_a_table_has_no_value_yet(
     tmp_path: Path, text: str, missing: Missing, limits: list[float], notes: list[str]
 ) -> None:
     columns = Columns(missing=missing, time_unit="s")
-    trace, _ = read_ruled(table(tmp_path, text), {"": SPEC}, Reading(), columns)
+    trace, _ = read_ruled(table(tmp_path, text), {"": SPEC}, EvaluationOptions(), columns)
     assert isinstance(trace, Trace)
     assert trace.columns["limit"].tolist() == limits
     assert trace.notes == notes
@@ -100,7 +100,7 @@ def test_a_default_is_an_event_at_the_first_row(
     tmp_path: Path, text: str, limits: list[list[float]], notes: list[str]
 ) -> None:
     trace, _ = read_ruled(
-        table(tmp_path, text), {"": SPEC}, Reading(dense=True), Columns(time_unit="s")
+        table(tmp_path, text), {"": SPEC}, EvaluationOptions(dense=True), Columns(time_unit="s")
     )
     assert isinstance(trace, EventTrace)
     assert list(trace.signals) == ["x", "limit"]
@@ -111,7 +111,7 @@ def test_a_default_is_an_event_at_the_first_row(
 def test_a_column_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
     path = table(tmp_path, ABSENT)
     with pytest.raises(rtamt.InputError) as caught:
-        read_ruled(path, {"": SPEC}, Reading(), Columns({"limit": "lim"}))
+        read_ruled(path, {"": SPEC}, EvaluationOptions(), Columns({"limit": "lim"}))
     assert str(caught.value) == (
         f"{path}: no column 'lim', which the specification reads; the columns are time, x"
     )
@@ -122,7 +122,7 @@ NEAR = """\
 {variable} to take the default 0.5"""
 
 
-@pytest.mark.parametrize("reading", [Reading(), Reading(dense=True)])
+@pytest.mark.parametrize("reading", [EvaluationOptions(), EvaluationOptions(dense=True)])
 @pytest.mark.parametrize(
     ("variable", "near"),
     [
@@ -132,7 +132,7 @@ NEAR = """\
     ],
 )
 def test_a_default_beside_a_column_of_nearly_the_same_name_is_refused(
-    variable: str, near: str, reading: Reading, tmp_path: Path
+    variable: str, near: str, reading: EvaluationOptions, tmp_path: Path
 ) -> None:
     path = table(tmp_path, f"time,x,{near}\n1,0.25,1\n2,0.125,1\n")
     specs = {"": rtamt.parse(TEXT.replace("limit", variable))}
@@ -152,27 +152,27 @@ def test_a_default_beside_a_column_of_nearly_the_same_name_is_refused(
 @pytest.mark.parametrize("other", ["x1", "delimiter", "limit2", "speed", "li"])
 def test_a_column_of_another_name_is_no_slip(other: str, tmp_path: Path) -> None:
     path = table(tmp_path, f"time,x,{other}\n1,0.25,1\n2,0.125,1\n")
-    trace, _ = read_ruled(path, {"": SPEC}, Reading(), Columns())
+    trace, _ = read_ruled(path, {"": SPEC}, EvaluationOptions(), Columns())
     assert trace.defaults == {"limit": 0.5}
 
 
 def test_a_column_that_another_variable_reads_is_no_slip(tmp_path: Path) -> None:
     text = "input float64 limit = 0.5; input float64 limits; always(limits < limit)"
     path = table(tmp_path, "time,limits\n1,0.25\n2,0.125\n")
-    trace, _ = read_ruled(path, {"": rtamt.parse(text)}, Reading(), Columns())
+    trace, _ = read_ruled(path, {"": rtamt.parse(text)}, EvaluationOptions(), Columns())
     assert trace.defaults == {"limit": 0.5}
 
 
 def test_an_event_of_nearly_the_same_name_is_refused(tmp_path: Path) -> None:
     path = table(tmp_path, "time,variable,value\n1,x,0.25\n2,x,0.125\n2,Limit,0.75\n")
     with pytest.raises(rtamt.InputError, match="but 'Limit'; give --signal limit=Limit"):
-        read_ruled(path, {"": SPEC}, Reading(dense=True), Columns())
+        read_ruled(path, {"": SPEC}, EvaluationOptions(dense=True), Columns())
 
 
-@pytest.mark.parametrize("reading", [Reading(), Reading(dense=True)])
+@pytest.mark.parametrize("reading", [EvaluationOptions(), EvaluationOptions(dense=True)])
 @pytest.mark.parametrize(("text", "missing"), [(ABSENT, "raise"), (LATE, "hold")])
 def test_defaults_are_refused_where_that_is_asked_for(
-    text: str, missing: Missing, reading: Reading, tmp_path: Path
+    text: str, missing: Missing, reading: EvaluationOptions, tmp_path: Path
 ) -> None:
     path = table(tmp_path, text)
     columns = Columns(missing=missing, no_defaults=True)
@@ -291,7 +291,9 @@ def test_a_default_is_kept_with_the_outcomes(
     assert cell["robustness"] == 0.25
     # The formula of the outcomes has lost its declarations.
     again = rtamt.parse(outcomes["requirements"]["out"])
-    trace, _ = read_ruled(path, {"": again}, Reading(), Columns(**outcomes["reading"]["columns"]))
+    trace, _ = read_ruled(
+        path, {"": again}, EvaluationOptions(), Columns(**outcomes["reading"]["columns"])
+    )
     assert "'limit' is 0.5, its default: there is no such column" in trace.notes
 
 

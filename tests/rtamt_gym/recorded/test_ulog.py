@@ -16,7 +16,7 @@ from pyulog import ULog
 from ulogs import Topic, Ulog
 
 import rtamt
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import open_recording
@@ -51,7 +51,7 @@ def events(
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Times and values of the recorded events of every variable, whose neighbours differ."""
     found, _ = read_ruled(
-        str(path), {"": rtamt.parse(text)}, Reading(dense=True), Columns(signals=signals)
+        str(path), {"": rtamt.parse(text)}, EvaluationOptions(dense=True), Columns(signals=signals)
     )
     assert isinstance(found, EventTrace)
     ends = {
@@ -189,7 +189,7 @@ def test_records_without_a_time_of_their_own_are_left_out_and_counted(tmp_path: 
     log.records(POSITION, rows)
     path = log.save(tmp_path / "twice.ulg")
     text = "vehicle_local_position.x > 0"
-    trace, _ = read_ruled(str(path), {"": rtamt.parse(text)}, Reading(), Columns())
+    trace, _ = read_ruled(str(path), {"": rtamt.parse(text)}, EvaluationOptions(), Columns())
     assert isinstance(trace, Trace)
     assert trace.columns["vehicle_local_position.x"].tolist() == [1, 3, 4]
     assert [*trace.notes] == [
@@ -229,7 +229,7 @@ def test_a_log_that_ends_within_a_message_is_read_up_to_there_and_it_is_said(
         path.write_bytes(whole[:size])
         try:
             trace, _ = read_ruled(
-                str(path), {"": rtamt.parse(text)}, Reading(dense=True), Columns()
+                str(path), {"": rtamt.parse(text)}, EvaluationOptions(dense=True), Columns()
             )
         except rtamt.InputError as error:
             refused[size] = str(error)

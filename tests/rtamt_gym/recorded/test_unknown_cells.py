@@ -16,7 +16,7 @@ from profiles import examples
 
 import rtamt
 from rtamt import Verdict
-from rtamt_gym import Reading
+from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import judge, judge_events
@@ -61,16 +61,16 @@ def columns() -> st.SearchStrategy[list[tuple[int | None, int | None]]]:
     fills=st.lists(st.integers(-4, 4), min_size=12, max_size=12),
 )
 def test_every_filling_of_the_cells_lies_within_the_bounds(
-    rows: list[tuple[int | None, int | None]], text: str, end: rtamt.End, fills: list[int]
+    rows: list[tuple[int | None, int | None]], text: str, end: rtamt.typing.End, fills: list[int]
 ) -> None:
     cells = [",".join("" if each is None else str(each) for each in row) for row in rows]
     spec = rtamt.parse(text)
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "run.csv"
         path.write_text("\n".join(["x,y", *(cell if cell != "," else '"",' for cell in cells)]))
-        trace, period = read_ruled(str(path), {"": spec}, Reading(), UNKNOWN)
+        trace, period = read_ruled(str(path), {"": spec}, EvaluationOptions(), UNKNOWN)
     assert isinstance(trace, Trace)
-    found = judge(spec, trace, period, Reading(end=end))
+    found = judge(spec, trace, period, EvaluationOptions(end=end))
     names = tuple(
         name
         for i, name in enumerate("xy")
@@ -150,11 +150,11 @@ def test_an_unknown_value_stays_so_until_the_next_row_where_rows_are_resampled(
     path.write_text("time,x\n0,1\n1,\n2,3\n4,4\n5,5\n6,\n8,6\n9,7\n")
     spec = rtamt.parse("always(x > 0)")
     sampled = Columns(missing="unknown", jitter=0.05)
-    trace, period = read_ruled(str(path), {"": spec}, Reading(), sampled)
+    trace, period = read_ruled(str(path), {"": spec}, EvaluationOptions(), sampled)
     assert isinstance(trace, Trace)
     values = [None if math.isnan(x) else x for x in trace.columns["x"].tolist()]
     assert values == [1, None, 3, 3, 4, 5, None, None, 6, 7]
-    found = judge(spec, trace, period, Reading())
+    found = judge(spec, trace, period, EvaluationOptions())
     assert (found.found.lower, found.found.upper) == (-math.inf, 1.0)
 
 
@@ -220,7 +220,7 @@ def test_what_is_known_is_explained_and_the_rest_says_why_not(folder: Path, caps
     fills=st.lists(st.integers(-4, 4), min_size=12, max_size=12),
 )
 def test_every_filling_of_the_cells_lies_within_the_bounds_in_dense_time(
-    rows: list[tuple[int | None, int | None]], text: str, end: rtamt.End, fills: list[int]
+    rows: list[tuple[int | None, int | None]], text: str, end: rtamt.typing.End, fills: list[int]
 ) -> None:
     rows = [(0, 0), *rows, (0, 0)]
     cells = (["" if cell is None else str(cell) for cell in row] for row in rows)
@@ -229,14 +229,14 @@ def test_every_filling_of_the_cells_lies_within_the_bounds_in_dense_time(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.csv"
         path.write_text("\n".join(["time_s,x,y", *lines]))
-        trace, _ = read_ruled(str(path), {"": spec}, Reading(dense=True), UNKNOWN)
+        trace, _ = read_ruled(str(path), {"": spec}, EvaluationOptions(dense=True), UNKNOWN)
     assert isinstance(trace, EventTrace)
     assert {*trace.unknown} == {
         name
         for i, name in enumerate("xy")
         if name in spec.variables and any(row[i] is None for row in rows)
     }
-    found = judge_events(spec, trace, Reading(dense=True, end=end)).found
+    found = judge_events(spec, trace, EvaluationOptions(dense=True, end=end)).found
     left = iter(fills)
     filled = {
         name: [
@@ -245,7 +245,7 @@ def test_every_filling_of_the_cells_lies_within_the_bounds_in_dense_time(
         ]
         for i, name in enumerate("xy")
     }
-    whole = rtamt.judge_dense(spec, filled, end)
+    whole = rtamt.dense.judge(spec, filled, end)
     assert found.lower <= whole.lower
     assert whole.upper <= found.upper
     assert found.verdict in (whole.verdict, Verdict.UNDECIDED)
@@ -271,7 +271,7 @@ def test_a_message_without_a_number_leaves_the_value_unknown_until_the_next(
     speeds = {0: math.nan, 2: 2.0, 5: math.nan, 7: 1.0, 8: 3.0}
     said = [twist(START + second * 10**9, x) for second, x in speeds.items()]
     path = str(write_bag(tmp_path / "run.mcap", said))
-    rules = Reading(period=Fraction(1))
+    rules = EvaluationOptions(period=Fraction(1))
     trace, period = read_ruled(path, {"": spec}, rules, UNKNOWN)
     assert isinstance(trace, Trace)
     values = trace.columns["cmd.linear.x"].tolist()

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from made_results import SPECS, evaluation, figures, row, tank, wave
 
-from rtamt_gym import Parameter, Record, Run, compare, simulate, sweep
+from rtamt_gym import Parameter, compare, simulate, sweep
 from rtamt_gym.reports.evaluations import of_evaluation
 from rtamt_gym.reports.figures import episode_figure
 from rtamt_gym.reports.html import render
@@ -20,6 +20,7 @@ from rtamt_gym.reports.model import Figure, Section
 from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.reports.records import of_record
 from rtamt_gym.reports.write import report_of, section_of
+from rtamt_gym.results import Record, Run
 
 INFLOW, LEAK = Parameter("inflow", 0.1, 0.3), Parameter("leak", 0.1, 0.2)
 

@@ -58,7 +58,7 @@ def read(shown: object) -> _Read:
 
 
 @pytest.mark.parametrize("end", ["cut", "complete"])
-def test_a_judgement_shows_what_it_prints(end: rtamt.End) -> None:
+def test_a_judgement_shows_what_it_prints(end: rtamt.typing.End) -> None:
     trace = {"req": [0, 4, 0, 0, 4], "gnt": [0, 0, 5, 0, 0]}
     spec = "always(req >= 3 implies eventually[0:2](gnt >= 3))"
     judgement = rtamt.judge(spec, trace, period=1, end=end)
@@ -74,7 +74,7 @@ def test_a_run_shows_every_specification_with_its_curve() -> None:
     run = simulate(levels, specs, period=0.5, stop="end")
     page = read(run)
     assert page.tags.count("svg") == page.tags.count("code") == len(specs)
-    for name, course in run.courses.items():
+    for name, course in run.histories.items():
         assert name in page.text
         assert course.formula in page.text
         assert course.verdict.name in page.text

@@ -59,7 +59,7 @@ def test_an_episode_has_its_signals_predicates_and_the_samples_that_decided() ->
     assert episode.samples == len(episode.times) == 50
     np.testing.assert_allclose(episode.times, run.times)
     np.testing.assert_allclose(episode.signals["x1"], run.signals["x1"])
-    np.testing.assert_allclose(episode.upper, run.courses["low"].upper, rtol=1e-5)
+    np.testing.assert_allclose(episode.upper, run.histories["low"].upper, rtol=1e-5)
     margins = evaluate("x0 < 5", run.signals, 0.1)
     np.testing.assert_allclose(episode.predicates["x0 < 5"], margins, rtol=1e-5)
     (decision,) = episode.deciding

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from made_results import figures, row, searched, swept
 
-from rtamt_gym import Parameter, Record, SavedCase, Signal, Sweep, Waveform, falsify
+from rtamt_gym import Parameter, Signal, Waveform, falsify
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.reports.records import of_record
@@ -19,6 +19,7 @@ from rtamt_gym.reports.requirements import cases_of
 from rtamt_gym.reports.searches import convergence_of, of_case, of_search
 from rtamt_gym.reports.standing import standing_of
 from rtamt_gym.reports.write import Access, section_of
+from rtamt_gym.results import Record, SavedCase, Sweep
 
 PLAY = Access(play=True)
 

@@ -12,14 +12,16 @@ from hypothesis import strategies as st
 from report_example import EXAMPLE
 
 import rtamt
-from rtamt import Answer, Example, ExampleTrace, InputError, RequirementExamples, Verdict
-from rtamt_gym import Parameter, Sweep, sweep, write_report
+from rtamt import InputError, Verdict
+from rtamt.checking import Answer, Example, ExampleTrace, RequirementExamples
+from rtamt_gym import Parameter, sweep, write_report
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports import examples
 from rtamt_gym.reports.examples import with_examples
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
 from rtamt_gym.reports.write import report_of
+from rtamt_gym.results import Sweep
 
 TEXT = "always(level < 2 or eventually[0:3](inflow <= 0.25))"
 FORM = "rtamt examples --json"

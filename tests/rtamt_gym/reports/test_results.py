@@ -11,13 +11,14 @@ from made_results import SPACE, evaluation, figures, row, searched, swept, tank,
 
 import rtamt_gym
 from rtamt import InputError, InputTypeError
-from rtamt_gym import Evaluation, compare, compare_methods, write_report
+from rtamt_gym import compare, compare_methods, write_report
 from rtamt_gym.__main__ import main
 from rtamt_gym.play.summaries import record_json
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Cell, Table, Text
 from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.reports.write import report_of, section_of
+from rtamt_gym.results import Evaluation
 
 KINDS = (
     "holds no result: expected a file that rtamt run --json, rtamt monitor --json, rtamt sweep "

@@ -14,11 +14,12 @@ from paths import ROOT
 from profiles import examples
 
 from rtamt import Verdict
-from rtamt_gym import Case, Evaluation, Run, Waveform, compare, compare_methods, simulate
+from rtamt_gym import Case, Waveform, compare, compare_methods, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.model import Facts
 from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.reports.write import SECTIONS, section_of
+from rtamt_gym.results import Evaluation, Run
 from rtamt_gym.results.codec import KINDS, plain, read, trial_of
 from rtamt_gym.results.outcome import Failure, Moment, Outcome
 from rtamt_gym.results.trial import Trial
@@ -159,7 +160,7 @@ def test_one_verdict_is_decided_at_one_moment_in_each_file(written: dict[str, Pa
     assert at == [each["outcomes"]["upright"]["decided_at"] for each in evaluation["trials"]]
     assert at[0] == {"sample": 8, "seconds": 0.16}
     worst = Evaluation.load(written["evaluation"]).worst_runs["upright"]
-    assert {run.seed: run.courses["upright"].decided_at for run in worst}[0] == 8
+    assert {run.seed: run.histories["upright"].decided_at for run in worst}[0] == 8
     section = section_of(written["evaluation"], ROOM)
     assert {each.violated_at for each in section.requirements[0].trials} >= {Moment(8, 0.16)}
 

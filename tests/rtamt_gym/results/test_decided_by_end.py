@@ -16,22 +16,14 @@ from replay import Replay
 
 import rtamt
 from rtamt import Verdict
-from rtamt_gym import (
-    Case,
-    Evaluation,
-    Run,
-    StlMonitor,
-    StlReward,
-    VectorStlMonitor,
-    evaluate_policy,
-    simulate,
-)
+from rtamt_gym import Case, StlMonitor, StlReward, VectorStlMonitor, evaluate_policy, simulate
 from rtamt_gym.learners.metrics import Satisfaction, ended_episodes, evaluation_metrics, metrics_of
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.run_files import plain_run, run_fields
 from rtamt_gym.play.summaries import run_table
 from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.reports.write import section_of
+from rtamt_gym.results import Evaluation, Run
 from rtamt_gym.results.codec import outcome_of, plain_outcome
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.table import together
@@ -96,7 +88,7 @@ def test_judgements_infos_and_runs_have_one_definition() -> None:
     info = last_info(env)
     assert read(info["stl_episode"]) == EXPECTED
     assert read(env.stl_episodes[-1]["specs"]) == EXPECTED
-    courses = run_of(SPECS).courses
+    courses = run_of(SPECS).histories
     found = {name: (c.verdict.name, c.decided_at, c.ended_at) for name, c in courses.items()}
     assert found == EXPECTED
 
@@ -205,7 +197,7 @@ def test_tables_and_pages_name_the_end(tmp_path: Path) -> None:
         "up": ["0.5", "s"],
         "low": ["0.5", "s"],
     }
-    assert "VIOLATED at the end" in repr(run.courses["goal"])
+    assert "VIOLATED at the end" in repr(run.histories["goal"])
     assert "the end" in run._repr_html_()
     evaluation().save(tmp_path / "e.json")
     pages = {each.name: each for each in section_of(tmp_path / "e.json", ROOM).requirements}
@@ -242,8 +234,8 @@ def test_a_record_keeps_both_moments(tmp_path: Path, period: float | None) -> No
     assert columns["decided_at(goal)"] == [None, scale]
     assert columns["ended_at(goal)"] == [LAST * scale, None]
     assert columns["ended_sample(goal)"] == [LAST, None]
-    assert record.timed is (period is not None)
-    assert Record(list(record)[:1], GOAL).timed is (period is not None)
+    assert record.has_times is (period is not None)
+    assert Record(list(record)[:1], GOAL).has_times is (period is not None)
     assert record.results()["goal"].first_violations.tolist() == [LAST * scale]
     record.save(tmp_path / "record.parquet")
     assert list(Record.load(tmp_path / "record.parquet")) == list(record)

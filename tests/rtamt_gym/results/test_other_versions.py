@@ -8,9 +8,9 @@ import pytest
 from paths import ROOT
 
 from rtamt import InputError
-from rtamt_gym import Run, SavedCase, Sweep
 from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.reports.write import section_of
+from rtamt_gym.results import Run, SavedCase, Sweep
 from rtamt_gym.results.codec import read
 
 FILES = ROOT / "tests" / "golden" / "results_v1"
@@ -31,7 +31,7 @@ def test_sweep_of_version_0_5() -> None:
 
 def test_run_of_version_0_5() -> None:
     run = Run.load(FILES / "run.parquet")
-    (course,) = run.courses.values()
+    (course,) = run.histories.values()
     assert course.verdict.name == "VIOLATED"
     assert course.decided_at == run.violated_at
     assert math.copysign(1.0, course.final) < 0

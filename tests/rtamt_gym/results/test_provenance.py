@@ -12,12 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
-from rtamt import RequirementId
-from rtamt_gym import Comparison, Evaluation, Parameter, compare, evaluate_policy, sweep
+from rtamt.language import RequirementId
+from rtamt_gym import Parameter, compare, evaluate_policy, sweep
 from rtamt_gym.__main__ import main
 from rtamt_gym.play.record import Record
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.write import report_of
+from rtamt_gym.results import Comparison, Evaluation
 from rtamt_gym.results.codec import read
 from rtamt_gym.results.provenance import (
     Provenance,

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
-from rtamt import Asked, Verdict
+from rtamt import Verdict
+from rtamt.monitors import TriggerCount
 from rtamt_gym import Case
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.statistics import STATISTICS, expected_shortfall, mean_progress, result_of
@@ -100,8 +101,8 @@ def test_what_an_early_stop_saves_is_the_time_to_the_limit(
 
 def test_trials_that_ask_are_told_among_those_that_were_judged() -> None:
     (asked,) = (each for each in STATISTICS if each.key == "asked")
-    never = Asked("req > 0 implies gnt > 0", 50, 0, None, vacuous=True)
-    outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, Moment(50, 5.0), asked=(never,))
+    never = TriggerCount("req > 0 implies gnt > 0", 50, 0, None, vacuous=True)
+    outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, Moment(50, 5.0), triggers=(never,))
     trials = [Trial(Case({}), seed, {}, "truncated", 5.0, 0.0) for seed in range(3)]
     found = result_of("near", "req > 0 implies gnt > 0", trials, [outcome, outcome, None])
     assert asked.cell(found) == "0 of 2"

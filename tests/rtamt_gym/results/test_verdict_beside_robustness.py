@@ -23,11 +23,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt_gym import (
-    Evaluation,
-    Falsification,
-    Record,
     RobustnessOverlay,
-    Run,
     StlMonitor,
     VectorStlMonitor,
     evaluate_policy,
@@ -41,6 +37,7 @@ from rtamt_gym.play.run_files import plain_run
 from rtamt_gym.play.summaries import record_table, runs_json
 from rtamt_gym.reports.episodes import episode_of_run
 from rtamt_gym.reports.figures import episode_figure
+from rtamt_gym.results import Evaluation, Falsification, Record, Run
 from rtamt_gym.wrappers.overlay import OverlayPanel
 
 NAMED = (
@@ -301,7 +298,7 @@ def on_the_command_line(made: Made, capsys: pytest.CaptureFixture[str]) -> str:
 
 
 OUTPUTS: dict[str, Callable[..., object]] = {
-    "course": lambda made: repr(made.run().courses["upright"]),
+    "course": lambda made: repr(made.run().histories["upright"]),
     "outcome": lambda made: repr(made.run().outcomes["upright"]).replace("<Verdict.", ""),
     "runs.json": lambda made: json.loads(runs_json([made.run()], {})),
     "run.parquet": lambda made: plain_run(made.run(), arrays=False),
@@ -411,7 +408,7 @@ def events(spec: str, values: list[float], options: Mapping[str, Any]) -> str:
     pairs = [(float(at), value) for at, value in enumerate([*values, values[-1]])]
     known = [(at, value) for at, value in pairs if not math.isnan(value)]
     dense = re.sub(r"s?_?next\(s?_?prev\((.*)\)\)", r"eventually[2:2](once[2:2](\1))", spec)
-    found = rtamt.judge_dense(dense, {"x": known}, options.get("end", "cut"), **given)
+    found = rtamt.dense.judge(dense, {"x": known}, options.get("end", "cut"), **given)
     return f"{found}\n{found!r}"
 
 

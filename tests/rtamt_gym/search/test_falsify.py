@@ -10,7 +10,8 @@ import pytest
 import rtamt_envs  # noqa: F401 - registers the scenarios
 
 import rtamt
-from rtamt_gym import Falsification, Parameter, Signal, falsify, simulate
+from rtamt_gym import Parameter, Signal, falsify, simulate
+from rtamt_gym.results import Falsification
 from rtamt_gym.search.falsification.optimizers import OPTIMIZERS, OptimizerLike
 from rtamt_gym.search.falsification.protocol import Evaluate
 
@@ -36,7 +37,7 @@ def test_every_optimizer_finds_a_violation_that_fills_an_eighth_of_the_space(
     assert found.simulations == len(found.record) <= 300
     assert [row.outcomes["spec"].verdict.name for row in found.record].count("VIOLATED") == 1
     run = found.replay()
-    assert run.courses["spec"].verdict is rtamt.Verdict.VIOLATED
+    assert run.histories["spec"].verdict is rtamt.Verdict.VIOLATED
     levels = [sample["level"] for sample in tank(**found.input)]  # type: ignore[arg-type]
     assert max(levels) >= 2
 
@@ -48,9 +49,9 @@ def test_what_is_found_violates_in_a_simulation_and_on_the_recorded_trace(requir
     assert found.falsified
     env = gym.make(TRANSMISSION)
     spec = env.unwrapped.requirements[requirement]  # type: ignore[attr-defined]
-    for case in (found.input, found.found):
+    for case in (found.input, found.unreduced):
         run = simulate(env, spec, case=case, stop="end", seed=found.row.seed)
-        assert run.courses[requirement].verdict is rtamt.Verdict.VIOLATED
+        assert run.histories[requirement].verdict is rtamt.Verdict.VIOLATED
         height = rtamt.evaluate(spec, run.signals, run.period)[0]
         assert np.signbit(height)
         judged = rtamt.judge(spec, run.signals, run.period, end="cut")

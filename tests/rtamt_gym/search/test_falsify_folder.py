@@ -13,10 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rtamt import InputError
-from rtamt_gym import Falsification, Parameter, Record, Signal, Sweep, falsify
+from rtamt_gym import Parameter, Signal, falsify
 from rtamt_gym.__main__ import main
 from rtamt_gym.play.record_files import PARTS
 from rtamt_gym.play.record_files import RECORD as WHOLE
+from rtamt_gym.results import Falsification, Record, Sweep
 from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.search.falsification.protocol import Evaluate
 from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
@@ -79,7 +80,7 @@ def sober(found: Falsification | None) -> Any:  # noqa: ANN401
     lines = reuse_lines(found.record.provenance, "simulation")
     text = str(found).replace("\n".join(["", "", *lines]), "") if lines else str(found)
     texts = (text, found.requirement, found.falsified, found.interrupted)
-    values = (found.found, found.row, found.record, dict(found.scales), found.coverage)
+    values = (found.unreduced, found.row, found.record, dict(found.scales), found.coverage)
     return (*texts, *values, found.reductions, found.simulations)
 
 

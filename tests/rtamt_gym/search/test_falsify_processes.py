@@ -8,9 +8,10 @@ import pytest
 from campaign_systems import rest
 
 from rtamt import InputError
-from rtamt_gym import Falsification, Parameter, falsify
+from rtamt_gym import Parameter, falsify
 from rtamt_gym.__main__ import main
 from rtamt_gym.play import process as campaign_process
+from rtamt_gym.results import Falsification
 from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 
 TRANSMISSION = "rtamt/AutomaticTransmission-v0"
@@ -26,7 +27,14 @@ def tank(inflow: float) -> Iterator[Mapping[str, float]]:
 
 def sober(found: Falsification) -> Any:  # noqa: ANN401
     """All of a result that is no wall time."""
-    return (str(found), found.found, found.row, found.record, dict(found.scales), found.simulations)
+    return (
+        str(found),
+        found.unreduced,
+        found.row,
+        found.record,
+        dict(found.scales),
+        found.simulations,
+    )
 
 
 @pytest.mark.slow(keep=1)

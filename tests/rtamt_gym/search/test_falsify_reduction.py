@@ -112,13 +112,13 @@ def test_a_search_reduces_what_it_finds_unless_told_not_to() -> None:
     ]
     found = falsify(heater, "always(heat < 8)", space, period=1, optimizer="random")
     assert found.falsified
-    assert len(found.found.columns()) == 5
+    assert len(found.unreduced.columns()) == 5
     assert found.input == {"push": Waveform([0], [found.row.case.columns()["push[0]"]]), "leak": 0}
     assert found.reductions > 0
-    assert found.replay().courses["spec"].verdict is rtamt.Verdict.VIOLATED
-    assert found.robustness == found.replay().courses["spec"].final
+    assert found.replay().histories["spec"].verdict is rtamt.Verdict.VIOLATED
+    assert found.robustness == found.replay().histories["spec"].final
     whole = falsify(heater, "always(heat < 8)", space, period=1, optimizer="random", reduce=False)
-    assert whole.input == whole.found == found.found
+    assert whole.input == whole.unreduced == found.unreduced
     assert (whole.reductions, whole.record) == (0, found.record)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from rtamt import InputError, Verdict
-from rtamt_gym import Parameter, Record, Space, Sweep, sweep
+from rtamt_gym import Parameter, Space, sweep
+from rtamt_gym.results import Record, Sweep
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.sweeps.indices import Indices, indices

@@ -15,7 +15,8 @@ from profiles import examples
 
 import rtamt
 from rtamt import InputError, Verdict
-from rtamt_gym import Mined, mine
+from rtamt_gym import mine
+from rtamt_gym.results import Mined
 
 Floats = NDArray[np.float64]
 Signals = dict[str, Floats]

@@ -12,7 +12,8 @@ import pytest
 
 import rtamt
 from rtamt import InputError, InputTypeError
-from rtamt_gym import Parameter, Sweep, mine, simulate, sweep
+from rtamt_gym import Parameter, mine, simulate, sweep
+from rtamt_gym.results import Sweep
 
 LEVELS = [1.0, 4.0, 2.5, 3.0, 0.5]
 RANGE = {"v": (0, 10)}

@@ -12,18 +12,8 @@ import numpy as np
 import pytest
 
 from rtamt import InputError, InputTypeError, SpecificationError
-from rtamt_gym import (
-    Case,
-    Parameter,
-    Record,
-    Runner,
-    Signal,
-    Space,
-    Sweep,
-    Waveform,
-    simulate,
-    sweep,
-)
+from rtamt_gym import Case, Parameter, Runner, Signal, Space, Waveform, simulate, sweep
+from rtamt_gym.results import Record, Sweep
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.sweeps.heights import map_of
 from rtamt_gym.search.sweeps.pictures import draw_map
@@ -48,7 +38,7 @@ def test_rows_are_the_runs_of_their_cases_in_the_order_of_the_points() -> None:
     ]
     for row in done.record:
         run = simulate(tank, DRY, case=row.case, period=1, stop="end")
-        assert row.outcomes["dry"].robustness == run.courses["dry"].final
+        assert row.outcomes["dry"].robustness == run.histories["dry"].final
         assert (row.ended, row.simulated, row.seed) == ("terminated", 19.0, None)
         assert done.replay(row) == run
 
@@ -124,7 +114,7 @@ def test_a_model_starts_each_run_where_it_stood() -> None:
         sampler="grid",
         duration=0.1,
     )
-    again = [done.replay(row).courses["spec"].final for row in reversed(done.record)][::-1]
+    again = [done.replay(row).histories["spec"].final for row in reversed(done.record)][::-1]
     heights = [row.outcomes["spec"].robustness for row in done.record]
     assert heights == again
     assert np.diff(heights) == pytest.approx([0.5, 0.5])

@@ -24,11 +24,11 @@ from rtamt_gym import (
     StlMonitor,
     VectorStlMonitor,
     VectorStlReward,
-    batched,
     evaluate_policy,
     relabel,
     simulate,
 )
+from rtamt_gym.wrappers import batched
 
 pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
 

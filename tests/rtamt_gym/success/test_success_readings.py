@@ -49,14 +49,14 @@ def _runs(flags: list[int]) -> list[list[int]]:
     return runs
 
 
-def satisfied(formula: rtamt.Formula, trace: dict[str, list[Any]], end: rtamt.End) -> bool:
+def satisfied(formula: rtamt.Formula, trace: dict[str, list[Any]], end: rtamt.typing.End) -> bool:
     return rtamt.judge(formula, trace, period=1, end=end).verdict is rtamt.Verdict.SATISFIED
 
 
 @pytest.mark.parametrize("end", ["complete", "cut"])
 @given(flags=FLAGS, hold=st.integers(1, 5))
 def test_a_reading_is_what_a_count_by_hand_says(
-    end: rtamt.End, flags: list[int], hold: int
+    end: rtamt.typing.End, flags: list[int], hold: int
 ) -> None:
     for name, formula in readings("ok", hold).items():
         expected = by_hand(name, flags, hold)  # type: ignore[arg-type]  # a name of them

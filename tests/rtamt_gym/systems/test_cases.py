@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from input_cases import of_step, waveforms
 
 from rtamt import InputError
-from rtamt_gym import Case, Run, Waveform, simulate
+from rtamt_gym import Case, Waveform, simulate
+from rtamt_gym.results import Run
 
 LOW = "always(abs(x) < 1e9)"
 

@@ -17,10 +17,11 @@ from fmus import write_fmu
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym import Evaluation, Fmus, Parameter, Record, SavedCase, compare, falsify, sweep
+from rtamt_gym import Fmus, Parameter, compare, falsify, sweep
 from rtamt_gym.__main__ import main
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.play.workers import Recipe
+from rtamt_gym.results import Evaluation, Record, SavedCase
 from rtamt_gym.results.fingerprint import Fingerprint
 from rtamt_gym.systems.fingerprints import fingerprint_of
 from rtamt_gym.systems.models import Model

@@ -15,7 +15,8 @@ from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from fmus import library, write_fmu
 
 import rtamt
-from rtamt import EpisodeMonitor, InputError, InputTypeError, RtamtError, StateError, export_fmu
+from rtamt import EpisodeMonitor, InputError, InputTypeError, RtamtError, StateError
+from rtamt.export.fmu import export_fmu
 from rtamt_gym import Fmus, simulate
 from rtamt_gym.systems.fmi_instance import Instance
 
@@ -119,7 +120,7 @@ def test_an_fmu_is_run_again_from_its_start(folder: Path) -> None:
     for twin in (copy.deepcopy(system), pickle.loads(pickle.dumps(system))):
         assert simulate(twin, LOW, duration=1) == first
     ((offline),) = first.replay().values()
-    assert offline[0] == first.courses["spec"].final
+    assert offline[0] == first.histories["spec"].final
 
 
 def test_an_fmu_that_ends_has_a_complete_trace(folder: Path) -> None:

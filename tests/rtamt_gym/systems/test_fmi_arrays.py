@@ -54,7 +54,7 @@ def test_numbers_may_be_read_in_any_order_and_twice(tank: Path) -> None:
 def test_a_formula_reads_a_number_by_a_signal(tank: Path) -> None:
     run = simulate(Fmus(tank), "always(deep < 2.8)", {"deep": "row[2]"}, duration=1)
     assert (run.ended, run.steps) == ("violation", 0)
-    assert run.courses["spec"].final == 2.8 - 3.0
+    assert run.histories["spec"].final == 2.8 - 3.0
 
 
 def test_all_types_are_read_with_what_they_start_with(tank: Path) -> None:

@@ -12,7 +12,8 @@ import pytest
 from fmus import library, write_fmu
 
 from rtamt import InputError, StateError
-from rtamt_gym import Fmus, Run, simulate
+from rtamt_gym import Fmus, simulate
+from rtamt_gym.results import Run
 from rtamt_gym.systems.fmi_instance import Instance
 
 LOW = "always(level < 9)"
@@ -55,7 +56,7 @@ def test_an_fmu_that_fails_leaves_its_samples(tank: Path) -> None:
     assert (run.ended, run.steps) == ("error", 5)
     alone = Fmus(tank, inputs={"inflow": 1.0})
     whole = simulate(alone, LOW, duration=0.5, at_truncation="open")
-    assert run.courses == whole.courses
+    assert run.histories == whole.histories
     assert run.replay()["spec"].tolist() == whole.replay()["spec"].tolist()
 
 
@@ -107,7 +108,7 @@ def test_what_breaks_a_rule_is_taken_where_it_is_not_checked(tank: Path, version
     files = [item for item in gc.get_objects() if isinstance(item, io.FileIO)]
     assert [file for file in files if file.name == str(broken) and not file.closed] == []
     run = simulate(Fmus(broken, validate=False), LOW, duration=1)
-    assert run.courses == simulate(Fmus(tank), LOW, duration=1).courses
+    assert run.histories == simulate(Fmus(tank), LOW, duration=1).histories
 
 
 def test_what_is_no_fmu_is_refused_unchecked_too(tmp_path: Path) -> None:

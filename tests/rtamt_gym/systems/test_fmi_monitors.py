@@ -7,7 +7,8 @@ import pytest
 from bits import identical
 from fmus import library, write_fmu
 
-from rtamt import EpisodeMonitor, export_fmu
+from rtamt import EpisodeMonitor
+from rtamt.export.fmu import export_fmu
 from rtamt_gym import Fmus, simulate
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")

@@ -15,7 +15,7 @@ from replay import Replay, X, run
 
 import rtamt
 from rtamt import InputError, StateError
-from rtamt_gym import Reading, StlMonitor, StlReward, simulate
+from rtamt_gym import EvaluationOptions, StlMonitor, StlReward, simulate
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.options.evaluation import View
 
@@ -43,7 +43,7 @@ def test_an_episode_is_explained_as_the_run_of_its_samples(case: Case) -> None:
     for seed in (7, 8):
         rollout(env, seed=seed, steps=STEPS)
         expected = recorded(case, seed)
-        for name in expected.courses:
+        for name in expected.histories:
             assert env.explain(name) == expected.explain(name)
         assert env.explain() == expected.explain()
         assert max(map(len, str(env.explain()).splitlines())) <= 80
@@ -167,7 +167,7 @@ def test_without_history_nothing_is_kept_and_the_error_names_the_option() -> Non
         assert judge.update == judge._machine.update
     for view in ("episode", "step"):
         spec = rtamt.parse("x > 1" if view == "step" else "always(x > 1)")
-        panel = Panel({"a": spec}, Reading(period=1, view=view), history=True)
+        panel = Panel({"a": spec}, EvaluationOptions(period=1, view=view), history=True)
         ((_, judge),) = panel.monitors.values()
         assert judge.update != judge._machine.update
 

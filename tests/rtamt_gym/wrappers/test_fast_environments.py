@@ -14,14 +14,8 @@ from gymnasium.vector import AutoresetMode
 from vector_environments import ANGLE, TEXT, difference, make_pole, native, sync
 
 from rtamt import InputError, InputTypeError, StateError
-from rtamt_gym import (
-    SharedBuffers,
-    StlMonitor,
-    StlReward,
-    VectorStlMonitor,
-    VectorStlReward,
-    as_vector_env,
-)
+from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
+from rtamt_gym.wrappers import SharedBuffers, as_vector_env
 
 NEXT_STEP = AutoresetMode.NEXT_STEP
 SAFE = "always(abs(theta) < 0.1)"

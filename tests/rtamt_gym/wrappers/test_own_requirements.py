@@ -65,8 +65,8 @@ def test_wrappers_and_simulate_take_names(make: Callable[[Any], Any]) -> None:
 
 def test_simulate_judges_all_of_them_where_none_is_given() -> None:
     run, named = simulate(gym.make(ID), seed=0), simulate(gym.make(ID), "granted", seed=0)
-    assert list(run.courses) == list(OWN)
-    assert run.courses["granted"].final == named.courses["granted"].final
+    assert list(run.histories) == list(OWN)
+    assert run.histories["granted"].final == named.histories["granted"].final
     with pytest.raises(rtamt.InputTypeError, match="expected specifications for CartPole-v1"):
         simulate(gym.make("CartPole-v1"), policy=lambda _: 0)
 
@@ -77,7 +77,7 @@ def test_rtamt_run_takes_names_and_the_baseline(capsys: Output) -> None:
     assert main(["run", ID, "--policy", "baseline", "--spec", "granted"]) == 0
     assert capsys.readouterr().out == every
     assert f"granted: {FULL.formula}" in every
-    final = simulate(gym.make(ID), "granted", seed=0).courses["granted"].final
+    final = simulate(gym.make(ID), "granted", seed=0).histories["granted"].final
     row = every.split("granted ")[-1].split()
     assert row[:2] == [f"{final:+.3g}", "SATISFIED"]
 

@@ -24,10 +24,10 @@ from rtamt_gym import (
     StlReward,
     VectorStlMonitor,
     VectorStlReward,
-    batched,
     evaluate_policy,
     simulate,
 )
+from rtamt_gym.wrappers import batched
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning"),

@@ -72,9 +72,9 @@ def test_a_run_and_its_replay_are_those_of_the_rounded_bounds(align: Any, tmp_pa
         rtamt_gym.simulate(env, {"s": text}, SIGNALS, policy=lambda _: 1, seed=3, **options)
         for text, options in ((MISFIT, {"align": align}), (FITTING[align], {}))
     )
-    np.testing.assert_array_equal(run.courses["s"].robustness, fitting.courses["s"].robustness)
+    np.testing.assert_array_equal(run.histories["s"].robustness, fitting.histories["s"].robustness)
     run.save(tmp_path / "run.parquet")
-    for again in (run, rtamt_gym.Run.load(tmp_path / "run.parquet")):
+    for again in (run, rtamt_gym.results.Run.load(tmp_path / "run.parquet")):
         assert again == run
         assert again.align == align
         np.testing.assert_array_equal(again.replay()["s"], fitting.replay()["s"])
@@ -87,7 +87,7 @@ def test_rollouts_are_evaluated_with_the_rounded_bounds(align: Any) -> None:
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     states = np.random.default_rng(0).uniform(-0.1, 0.1, (2, 20, size))
     found, fitting = (
-        rtamt_gym.evaluate_rollouts(model, text, {"x": "qpos[0]"}, states, **options)["spec"]
+        rtamt_gym.mujoco.evaluate_rollouts(model, text, {"x": "qpos[0]"}, states, **options)["spec"]
         for text, options in ((MISFIT, {"align": align}), (FITTING[align], {}))
     )
     np.testing.assert_array_equal(found, fitting)

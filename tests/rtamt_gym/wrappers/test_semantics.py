@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from vector_environments import difference
 
 import rtamt
-from rtamt import SemanticsName
+from rtamt.typing import SemanticsName
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 from rtamt_gym.options.evaluation import View
 from rtamt_gym.shaping import Mode

@@ -142,8 +142,8 @@ def test_none_makes_the_first_sample_unknown(text: str) -> None:
         lambda _: FIXED, Distances, text, UNKNOWN, episodes=2, at_termination="complete"
     )
     assert [row.outcomes["spec"].verdict.name for row in found.record] == [told["verdict"]] * 2
-    assert found.reading is not None
-    assert found.reading["signals"] == {"u": "action[0], unknown at reset"}
+    assert found.evaluation_options is not None
+    assert found.evaluation_options["signals"] == {"u": "action[0], unknown at reset"}
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)

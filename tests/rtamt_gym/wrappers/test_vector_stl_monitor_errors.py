@@ -15,8 +15,9 @@ from replay import Replay, X
 from vector_environments import Envs, native, sync
 
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, StateError
-from rtamt_gym import VectorStlMonitor, VectorStlReward, batched
+from rtamt_gym import VectorStlMonitor, VectorStlReward
 from rtamt_gym.judging.vector_infos import autoreset_mode
+from rtamt_gym.wrappers import batched
 
 ANGLE = {"theta": "obs[2]"}
 WAY_OUT = (

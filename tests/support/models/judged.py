@@ -48,4 +48,6 @@ def monitored(name: str, actions: Floats) -> dict[str, tuple[str, float]]:
         seed=0,
         stop="end",
     )
-    return {key: (course.verdict.name, float(course.final)) for key, course in run.courses.items()}
+    return {
+        key: (course.verdict.name, float(course.final)) for key, course in run.histories.items()
+    }
