@@ -1,6 +1,8 @@
 """The site: pages of this folder and docstrings, by Sphinx, MyST and the theme of PyData.
 
 `sphinx-build -W -n docs build/site` makes a folder of files that needs no server and no network.
+Sphinx renders docstrings itself, fails on broken links and searches without a server. Material for
+MkDocs, the alternative, leaves docstrings to a plugin and has announced the end of its development.
 """
 
 import json

@@ -2,6 +2,10 @@
 
 A run trains one variant with one seed, and is judged now and then: by the same requirement for all
 variants, on the same episodes, which training does not see and no monitor ends early.
+
+To add an experiment: a script with its ``TASK`` next to this file, its name in
+``tests/support/experiments.py``, its runs in ``examples/results``, and a section with its table in
+``docs/experiments.md``, which a test computes again.
 """
 
 import argparse

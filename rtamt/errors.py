@@ -1,4 +1,17 @@
-"""Errors of the toolkit: what was expected, what came, where, and how to correct it."""
+"""Errors of the toolkit: what was expected, what came, where, and how to correct it.
+
+To add an error message:
+
+- State the wrong value, what was expected and how to fix it.
+  ``tests/rtamt/language/parse_errors.txt`` lists the exact texts of the language,
+  ``tests/rtamt/program/errors.txt`` those for periods, bounds and interfaces. Other tests assert
+  the class and one key word, so that words can change.
+- Pass an argument as a piece, ``InputError("give ", Argument("period"))``: a Python caller reads
+  ``period=``, a command names its own option. Use `Advice` for a part that only helps callers who
+  have the option. `rtamt_gym.commands.errors` lists the options with another name.
+- Quote text from files, such as the name of a column, with `shown`. `Message` does so for all
+  errors; readers, tables, JUnit, Markdown and pages call it for everything else that they print.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""What the walks over a program ask of an array library, beside the operators of its arrays."""
+"""What the walks over a program ask of an array library, beside the operators of its arrays.
+
+To add an array library: a package next to ``jax`` and ``torch`` with a class that has these
+methods, and a group ``tests/arrays/NAME.txt``. ``tests/support/array_contract.py`` tests every
+library, ``array_requirements.py`` the wrappers of environments.
+"""
 
 from __future__ import annotations
 

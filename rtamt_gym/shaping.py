@@ -36,6 +36,9 @@ episode that fails early may earn more than one that succeeds late; ``terminal``
 Functions that take several specifications take a sequence with an element for each: floats, or
 arrays of shape (lanes,), of NumPy, of JAX or of torch. Flags (``ended``, ``terminated``) are 1 or
 0, or True and False where they are no arrays.
+
+To add a mode: its name in `Mode`, one function, one case of `Shaping` and a row of the table above.
+Describe it in the docstring of `StlReward`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,9 @@
 """What a monitor is told as parameters of ROS 2 and as options of the command line.
 
 An option is a parameter with ``-`` for ``_``; `rtamt_ros.command` says which differ.
+
+To add a parameter: a row of `PARAMETERS`, its reading in `read`, and an option of the same name in
+`rtamt_ros.command`. ROS 2 then has it as a parameter of the node.
 """
 
 from __future__ import annotations

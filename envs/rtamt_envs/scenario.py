@@ -1,4 +1,10 @@
-"""`Scenario`: what a file of this package declares of its model; the table of all of them."""
+"""`Scenario`: what a file of this package declares of its model; the table of all of them.
+
+To add a scenario: a file in this folder with its ``SCENARIO``, and a row of `SCENARIOS`, which
+registers it and puts it under ``tests/rtamt_envs/test_contract.py``. Add a test of its own, a
+second model in ``tests/support/models`` that shares no code with it, and a row to both tables of
+``docs/scenarios.md``.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 The Python package itself comes with rtamt, which pip installs: a second copy would hide it. The
 folder ``ros1`` is not installed: ROS 1 finds it where it is, through ``ROS_PACKAGE_PATH``.
+
+To add a file that colcon installs, list it here. ``tests/rtamt_ros/test_colcon_packages.py``
+compares the list with the files that are there.
 """
 
 from setuptools import setup

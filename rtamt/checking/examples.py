@@ -5,6 +5,10 @@ changed in one place, and is a trace on which the formula and this version diffe
 place decides what the trace shows: a trace that satisfies a requirement, and would not with a
 window one sample shorter, is answered at the last moment. Near misses teach a concept (Winston,
 "Learning structural descriptions from examples", 1970).
+
+To add a kind of example: its name in `ExampleKind`, the change of one part that creates it in
+`_changes`, its rank in `_ORDER`, and a row of the table in ``docs/checking.md``. `Plainness` in
+`rtamt.checking.simplify` defines which values are plain.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Names of the columns of a table: times with their unit, and parts of dates."""
+"""Names of the columns of a table: times with their unit, and parts of dates.
+
+To add a name of a column of times, or of a unit in it, change `unit_of_times` and its tables. Files
+and data frames both use them.
+"""
 
 from __future__ import annotations
 

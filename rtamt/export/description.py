@@ -18,6 +18,13 @@ computed from them by functions of `rtamt.program.algebra`; a result that is not
 initialization with an error. A parameter of -0.0 is 0.0, as in a text.
 
 Source: Functional Mock-up Interface 2.0.4 and 3.0.2, Modelica Association.
+
+To add a variable: its name and value reference here, and the value for the reference in
+``rtamt/native/fmu``.
+
+To add a version of FMI: the texts here, a file next to ``rtamt/native/fmu/fmi3.cpp`` that calls
+``Unit``, and a pattern in ``exported.map``. ``tests/support/fmu_calls.py`` calls the exported
+functions.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""`export_fmu`: a monitor as a functional mock-up unit (FMU)."""
+"""`export_fmu`: a monitor as a functional mock-up unit (FMU).
+
+To add a platform, add a row to `_PLATFORMS`.
+"""
 
 from __future__ import annotations
 

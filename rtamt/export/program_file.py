@@ -63,6 +63,9 @@ The library runs the file as follows:
 - With ``stop_on_violation`` a step after which the verdict is -1 ends the simulation: FMI 2 gives
   fmi2Discard and fmi2Terminated, whose fmi2LastSuccessfulTime is t + h; FMI 3 terminateSimulation.
 - Parameters may be set until initialization ends, inputs always (not after terminate).
+
+To add a kind of record: a line of this table, `program_text`, and the reader in
+``rtamt/native/fmu/program.cpp``. ``tests/bench/fmu.py`` measures a step.
 """
 
 from __future__ import annotations

@@ -5,6 +5,37 @@ over a `Builder`: sugar is one line over the core (`map` of a function, a lattic
 of offsets from now). Definitions follow the robust semantics of STL (Fainekos and Pappas 2009;
 Donze and Maler 2010) as used by Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors
 from STL", ATVA 2020.
+
+To add an operator that other operators define, such as a weak next:
+
+1. Add a row to `OPERATORS`. The scanner finds its words there. A symbol, prefix or infix, also
+   needs an alternative of ``SYMBOL`` in ``rtamt/language/grammar/Stl.g4``; then run
+   ``rtamt/language/grammar/generate.py``.
+2. Add the words for sentences: see `rtamt.language.phrases`.
+3. Define the row again in the oracles of the tests: a ``case`` in ``tests/support/oracle.py`` (the
+   value, and the horizon if it looks ahead), in ``boolean_oracle.py``, and in ``dense_oracle.py``
+   unless the row is ``sampled``. Add an operator with an interval to the three errors in
+   ``tests/rtamt/language/parse_errors.txt`` that list such operators.
+4. List the words in the first table of ``docs/language.md``.
+
+Explanations follow from the row (`rtamt.monitors.origins`). A method of `Formula` or `Term` is
+optional: `make` in `rtamt.language.formula` makes the node of any row.
+
+To add a function, such as ``tanh``:
+
+1. Add a row to `OPERATORS`: ``_function("tanh", "hyperbolic tangent")``.
+2. Add a row to `FUNCTIONS` in `rtamt.program.algebra`. It names the rule of
+   `rtamt.program.intervals` for unknown operands; ``everything`` is right for every function.
+3. In C++, add a line to the X-macro in ``rtamt/native/core/functions.hpp``, and the same rule under
+   the same name in ``rtamt/native/core/intervals.hpp``.
+4. For arrays, add a row to `FUNCTIONS` in `rtamt_arrays.functions`. If the row needs a function of
+   the library, add it to `Operations` in `rtamt_arrays.operations` and to ``operations.py`` of both
+   ``rtamt_arrays/jax`` and ``rtamt_arrays/torch``.
+5. Add the words, and list the function in ``docs/language.md``, as for an operator. An error in
+   ``tests/rtamt/language/parse_errors.txt`` lists all functions.
+6. In ``tests/support``, define the function in ``oracle.py``. Add it to ``_GUARDS`` of
+   ``strategies.py`` if it is not defined everywhere, and to ``ROUNDED`` of ``array_cases.py`` if
+   libraries round it differently.
 """
 
 from __future__ import annotations

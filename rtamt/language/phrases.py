@@ -2,6 +2,10 @@
 
 `rtamt.language.words` joins them to sentences. A row of the table of operators has an entry in one
 of the tables here.
+
+To add the words of an operator or a function, add an entry to one of these tables, and the same
+words to ``tests/support/words_reader.py``, which reads sentences back to formulas.
+``tests/rtamt/language/test_words.py`` names a row that has no words.
 """
 
 from __future__ import annotations

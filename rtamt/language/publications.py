@@ -1,4 +1,9 @@
-"""The topics on which the robustness of a specification's formulas is published."""
+"""The topics on which the robustness of a specification's formulas is published.
+
+To change where robustness is published, change `publications`, which nodes and copies of bags both
+use. ``rtamt_ros/core/outputs.py`` and ``rtamt_gym/recorded/bag_output.py`` handle two requirements
+that name the same topic.
+"""
 
 from __future__ import annotations
 

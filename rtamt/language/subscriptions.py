@@ -1,4 +1,8 @@
-"""The topics from which a specification's variables come."""
+"""The topics from which a specification's variables come.
+
+To add a type that a topic without a declared message may have, add the class of ``std_msgs`` to
+`_STD`. Nodes and bags both use `subscriptions`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The table of back-ends, and the choice of one: C++ where it was built, else Python."""
+"""The table of back-ends, and the choice of one: C++ where it was built, else Python.
+
+To add a back-end, write a module next to `rtamt.machines.native`, and add its name to `BackendName`
+and its factories to `BACKENDS`. `rtamt.program.encoding` encodes programs for it.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 A clock knows the values of its operands, late by some samples, and whether its operator is asked at
 an instant; `rtamt.internal.OperatorClocks` says what it counts.
+
+To add the clock of an operator: its class here, and the same clock in
+``rtamt/native/lockstep/clocks.cpp``. `rtamt_gym.judging.obligations` describes the rest.
 """
 
 from __future__ import annotations

@@ -13,6 +13,16 @@ definition: where the two differ, the C++ machine is wrong.
 `EpisodeBank`        many episode machines in lockstep: `rtamt.machines.bank`
 `ClockBank`          clocks of temporal operators in lockstep: `rtamt.machines.clocks`
 ===================  ========================================================================
+
+To add a machine, such as one for another time domain: a protocol here, a Python class that matches
+every kind of instruction and names its changing fields in ``STATE``, and a field of `Factories` in
+`rtamt.machines.backend`.
+
+To add an end mode, such as ``end="cut"``: add its name to `End`, and decide in
+`rtamt.program.instructions.Window` how windows read unseen samples. Then follow an existing name
+through `rtamt.machines` (``bounds``, ``walk``, ``episode`` and ``dense``), ``rtamt/native``
+(``core/end.hpp`` and ``python/encoding.cpp`` first) and the options of `rtamt_gym`.
+``tests/support/end_oracle.py`` defines every end mode again.
 """
 
 from __future__ import annotations

@@ -6,6 +6,9 @@ shows which value it chose, so an operator needs no other code for its explanati
 
 A place is the number of a sample. In dense time the tick t is place 2t, and the open interval up to
 the next tick is place 2t + 1 (`rtamt.program.dense_regions`); at each place everything is constant.
+
+To add an operator, nothing is needed here. `FormulaSignals` in `rtamt.monitors.explainer` follows
+the origins through a formula, over samples and over dense time alike.
 """
 
 from __future__ import annotations

@@ -4,6 +4,10 @@ Mutation testing was proposed by DeMillo, Lipton and Sayward, "Hints on test dat
 Computer 1978; for specifications by Black, Okun and Yesha, "Mutation operators for specifications",
 ASE 2000; for temporal requirements by Trakhtenbrot, "Mutation patterns for temporal requirements of
 reactive systems", ICSTW 2017.
+
+To add a kind of mutant: a row of `MUTATIONS` with a generator of changes over `RequirementText`.
+``tests/rtamt/mutation/test_mutants.py`` lists the mutants of each row, and ``docs/mutants.md``
+describes it in a line.
 """
 
 from __future__ import annotations

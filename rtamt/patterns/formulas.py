@@ -1,4 +1,14 @@
-"""The patterns: functions that return the formulas of common requirements."""
+"""The patterns: functions that return the formulas of common requirements.
+
+To add a pattern, add a function here and an example in `rtamt.patterns.catalogue`, export it in
+``rtamt/patterns/__init__.py``, and add its row to ``docs/patterns.md``, which a test compares.
+Define it again on arrays in ``tests/rtamt/patterns/test_patterns.py``.
+
+To add a reading of success, make its formula with `success` here, add its name to `SuccessReading`
+and its arguments to `reading` in `rtamt_gym.success`, and add a row to the table in
+``docs/success.md``. ``by_hand`` in ``tests/rtamt_gym/success/test_success_readings.py`` defines it
+again.
+"""
 
 from __future__ import annotations
 

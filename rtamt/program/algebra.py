@@ -3,6 +3,29 @@
 The sign bit of a robustness says whether the formula holds: +0.0 does, -0.0 does not. So min and
 max order -0.0 below 0.0, and the margins of predicates choose between the two. The C++ machines
 know the same names.
+
+To add a function, see `rtamt.language.operators`.
+
+To add a fold over a window: a row of `FOLDS`, the same fold in ``rtamt/native/core/folds.hpp``, and
+a row of `rtamt.language.operators` that uses it. `rtamt_arrays` makes its folds from these rows.
+
+What a fold must be: a lattice fold, which chooses among the numbers of the operands by min and max
+alone. ``tests/rtamt/program/test_algebra.py`` checks every row. It must be idempotent, choose one
+of the numbers, act on each threshold by itself, have an identity and be associative; negating the
+operands and taking the dual must negate the result; and the mirror must be the same fold with time
+flipped. Zeros are ordered, -0.0 below 0.0, because the sign bit states whether a formula holds; so
+a row that takes either of two zeros fails.
+
+The machines rely on this. Dense time counts a step once, however long it lasts. Episodes bound the
+robustness by folding the bounds of the operands. Negations move down to the predicates. Unbounded
+futures are folded over the reversed trace. Explanations name the sample whose value was chosen.
+
+Sum, mean and AGM robustness therefore cannot be rows: a sum is not idempotent, and a mean makes
+numbers that no operand has. Such an operator needs a fifth instruction in
+`rtamt.program.instructions`, ``AVERAGE lo hi``, next to ``WINDOW``. mypy then lists every ``match``
+that must run or refuse it. On samples it is a running sum with a count, over dense time an
+integral, in an episode an interval from the bounds of the operand, and in an explanation a share of
+every sample instead of one witness.
 """
 
 from __future__ import annotations

@@ -20,6 +20,10 @@ Source: Ferrere, Nickovic, Donze, Ito and Kapinski, "Interface-Aware Signal Temp
 HSCC 2019; Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors from STL", ATVA 2020.
 
 Under the semantics ``boolean`` every predicate is +inf or -inf, whatever its variables are.
+
+To add a semantics, add its name to `SemanticsName` and the value of its predicates to `Interface`,
+and a row to the table in ``docs/interface.md``. ``tests/support/interface_oracle.py`` defines each
+semantics again.
 """
 
 from __future__ import annotations

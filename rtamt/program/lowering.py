@@ -157,7 +157,7 @@ class ProgramBuilder:
         if fold not in FOLDS:
             msg = (
                 f"'{fold}' is no lattice fold: expected {', '.join(FOLDS)}; for others see "
-                "'What a fold must be' in CONTRIBUTING.md"
+                "'What a fold must be' in rtamt/program/algebra.py"
             )
             raise AssertionError(msg)
         if lo == hi == 0:

@@ -1,4 +1,8 @@
-"""What other packages add to the tables of this one: the entry points of their distributions."""
+"""What other packages add to the tables of this one: the entry points of their distributions.
+
+To add a table that other packages may extend: a function that reads the table with `plugins`, a
+contract in `rtamt_gym.testing` and a section of ``docs/extending.md``.
+"""
 
 from __future__ import annotations
 

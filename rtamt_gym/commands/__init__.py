@@ -1,4 +1,9 @@
-"""The commands of `rtamt`: a row here, and a module of the same name."""
+"""The commands of `rtamt`: a row here, and a module of the same name.
+
+To add a command: a row of `COMMANDS`, a module of the same name here, and a section of
+``docs/commands.md``. Then run ``tests/support/command_options.py``, which writes
+``docs/reference/commands.md``; ``tests/project/test_docs.py`` compares it with the parsers.
+"""
 
 COMMANDS = {
     "demo": "watch a MuJoCo pendulum and a highway with good and bad drivers",

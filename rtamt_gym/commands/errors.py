@@ -1,4 +1,9 @@
-"""Errors in the words of the command line."""
+"""Errors in the words of the command line.
+
+To add an option whose name differs from the argument in Python, add a row to `_CALLED`. If the
+error quotes code, ``Argument("dense", words="...")``, add what a user of commands writes instead to
+`_WRITTEN`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""The inputs of a system, each with the range that a search may choose from."""
+"""The inputs of a system, each with the range that a search may choose from.
+
+To add an interpolation of waveforms: its name in `WaveformInterpolation`, a row of `LEAST_POINTS`,
+and a row of ``_PIECES`` in `rtamt_gym.inputs.waveform`. `Waveform.from_steps` alone decides which
+value a step gets.
+"""
 
 from __future__ import annotations
 

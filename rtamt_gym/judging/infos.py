@@ -3,6 +3,21 @@
 A key of every step is a line in `step_info` or in `_OPTIONAL`; a key of an entry of ``info["stl"]``
 is a line in `spec_state`; a key of the last info of an episode is a line in `last_info`. A key that
 not every environment has gets a `Where`.
+
+To add a key, compute its value for one environment, for a batch and for arrays:
+
+- A key of every info that depends on the options is a row of `_OPTIONAL` and an attribute of that
+  name in `rtamt_gym.judging.panel`, `rtamt_gym.judging.vector_panel` and ``_Optional`` of
+  `rtamt_arrays.requirements`, which is None where the key is absent.
+- Any other key of every info is an argument of `step_info`, with its callers: ``monitor``,
+  ``vector_monitor`` and ``parallel`` in `rtamt_gym.wrappers`, and `rtamt_arrays.requirements`.
+- A key of ``info["stl"]`` is an argument of `spec_state`, a key of ``info["stl_episode"]`` one of
+  `outcome`. Both panels call them; `rtamt_arrays.requirements` calls `spec_state`.
+- A key of the last info is an argument of `last_info`, which ``episode_monitoring`` and
+  ``vector_monitor`` call. If it is a number or a truth value, add it to `end_info`, which
+  `rtamt_arrays.requirements` calls too.
+
+Describe it in the docstring of `StlMonitor` and in ``docs/gymnasium.md``.
 """
 
 from __future__ import annotations

@@ -30,6 +30,11 @@ the operand holds now (``historically``: fails) | longer ago than the window, or
 
 `rtamt.internal.OperatorClocks` defines how each counts. The margin of an operand is its newest
 known robustness, 0 while there is none.
+
+To add a clock or the place of an operator in a formula: the instants here, the clock in
+`rtamt.machines.clocks` and ``rtamt/native/lockstep/clocks.cpp``.
+``tests/support/obligations_oracle.py`` defines obligations again, and
+``tests/rtamt_gym/judging/test_obligations.py`` lists the formulas that the oracle covers.
 """
 
 from __future__ import annotations

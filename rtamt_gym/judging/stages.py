@@ -14,6 +14,9 @@ episode ended now. The share starts at r0, the first finite r, and reaches 1 whe
 ``1 - r / r0``, at least 0, and 1 if r already holds and only certainty is missing. So f depends on
 the unit of a quantity only in the ratio ``r / r0``. The progress stays below ``(k + 1) / n`` until
 the stage is decided, and below 1 until the requirement is satisfied. It never falls.
+
+To change what progress means, change this module, which serves one environment and a batch.
+`rtamt.patterns.stages` finds the stages. ``tests/support/staged.py`` defines progress again.
 """
 
 from __future__ import annotations

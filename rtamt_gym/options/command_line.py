@@ -2,6 +2,10 @@
 
 A command lists its options in `add_options`: by the flags of the rows here, which several commands
 share, and as rows of its own. The evaluation options come from `rtamt_gym.options.evaluation`.
+
+To add an option that several commands share, add a row to `_SHARED`, and its flag to
+``add_options`` of each command. An option of one command is a row in that command. Then run
+``tests/support/command_options.py``, which writes ``docs/reference/commands.md``.
 """
 
 from __future__ import annotations

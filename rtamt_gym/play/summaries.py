@@ -1,4 +1,9 @@
-"""Outcomes of runs and records: tables for the terminal, and JSON."""
+"""Outcomes of runs and records: tables for the terminal, and JSON.
+
+To change how failed simulations are reported, change `failures`. A command that lets some of them
+pass has the option ``--allow-failures`` and calls `failure_warnings` of
+`rtamt_gym.results.warnings`.
+"""
 
 from __future__ import annotations
 

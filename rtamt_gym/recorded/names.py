@@ -1,4 +1,9 @@
-"""The names of columns and the defaults of variables: what is needed, and what is missing."""
+"""The names of columns and the defaults of variables: what is needed, and what is missing.
+
+To change when a variable gets its default, change three places: this module for files and bags, and
+`rtamt.inputs.samples` and `rtamt.inputs.event_reader` for what callers pass.
+`Specification.defaults` lists the variables that have one.
+"""
 
 from __future__ import annotations
 

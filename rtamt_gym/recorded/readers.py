@@ -1,4 +1,16 @@
-"""The formats of recorded traces: one row for each, and one module that reads it."""
+"""The formats of recorded traces: one row for each, and one module that reads it.
+
+To add a format:
+
+1. Add a row to `FORMATS` and write the module that the row names. A reader sets ``Rows.unit`` if
+   the format states the unit of its times, and ``Rows.invalid`` if it marks samples as not valid.
+   It calls the library inside `refusing`. Set ``contained`` if the library can crash. A bag has
+   ``bag`` and a module with ``read_bag``; `rtamt_gym.recorded.bag_trace` reads its messages.
+2. Add a writer to ``tests/rtamt_gym/recorded/test_formats.py``, which runs `check_trace_format` on
+   every format, and a row to ``docs/traces.md``.
+3. If commands write robustness in the format, add a row to ``WRITERS`` of
+   `rtamt_gym.recorded.output`.
+"""
 
 from __future__ import annotations
 

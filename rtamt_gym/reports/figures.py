@@ -1,4 +1,9 @@
-"""The charts of the page: what each shows in a sentence, as a table, and as data for the script."""
+"""The charts of the page: what each shows in a sentence, as a table, and as data for the script.
+
+To add a chart: a function here that makes a `Figure` with a summary, a table and data, and a
+function of ``drawers`` in ``rtamt_gym/reports/page/page.js`` that draws the data. Show it in
+``tests/support/report_example.py``.
+"""
 
 from __future__ import annotations
 

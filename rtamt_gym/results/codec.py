@@ -2,6 +2,11 @@
 
 It is strict JSON. A number that is not finite is one of the texts ``"inf"``, ``"-inf"``, ``"nan"``;
 what there is not is null or left out. Every file says ``"format"``, ``"version"`` and ``"kind"``.
+
+To add a kind of result (the ``--json`` output of a new command): its name and writer in `KINDS`,
+its text by `document`, a function in `rtamt_gym.reports` that makes a `Section` from the blocks of
+`rtamt_gym.reports.model`, and a row of ``SECTIONS`` in `rtamt_gym.reports.write`. List it in
+``docs/results.md``. ``tests/rtamt_gym/results/test_codec.py`` checks the form of every kind.
 """
 
 from __future__ import annotations

@@ -2,6 +2,10 @@
 
 Intervals of rates and quantiles need NumPy alone, all else SciPy, which is imported when a function
 is called.
+
+To add a kind of interval of a rate: its name in `IntervalKind`, its case in `rate_interval`, its
+guarantee in `promise`, and a choice of ``rtamt evaluate --interval``. ``docs/evaluation.md`` states
+its coverage, which ``tests/rtamt_gym/results/test_intervals.py`` computes again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Outcomes as JUnit XML, which CI systems show: a suite for each trace, a case for each formula."""
+"""Outcomes as JUnit XML, which CI systems show: a suite for each trace, a case for each formula.
+
+To add a format of outcomes for CI, write a module next to this one that writes a `Matrix`, and add
+its option to `rtamt_gym.commands.monitor`.
+"""
 
 from __future__ import annotations
 

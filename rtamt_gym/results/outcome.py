@@ -1,4 +1,10 @@
-"""`Outcome`: what one requirement has become in one run or trace, and at which `Moment`."""
+"""`Outcome`: what one requirement has become in one run or trace, and at which `Moment`.
+
+To add a field of `Outcome`: the field with a default here, and its line in `plain_outcome` and
+`outcome_of` of `rtamt_gym.results.codec`. To show it on the page, add it to `Requirement` in
+`rtamt_gym.reports.model`, to `evidence` in `rtamt_gym.reports.requirements`, and to the first line
+of the page in `rtamt_gym.reports.standing`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""`Provenance`: ids of requirements, versions and hashes of files that results were made with."""
+"""`Provenance`: ids of requirements, versions and hashes of files that results were made with.
+
+To add a field of the provenance, such as a version or a hash: the field of `Provenance`, and its
+line in `plain_provenance` and `provenance_of`. All results and all file formats then carry it.
+"""
 
 from __future__ import annotations
 

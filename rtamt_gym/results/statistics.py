@@ -2,6 +2,8 @@
 
 A row of `STATISTICS` is a column on the terminal, a key in JSON, in Parquet and in data frames, and
 a line on the page.
+
+To add a statistic of a requirement over many trials, add a row to `STATISTICS`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""`Trial`: one run or trace, with what each requirement has become in it."""
+"""`Trial`: one run or trace, with what each requirement has become in it.
+
+To add a column of a record: a row of `MEASURES` (for each requirement) or of `OF_TRIAL`, and a
+field of `Outcome` or `Trial` if the value is new.
+"""
 
 from __future__ import annotations
 

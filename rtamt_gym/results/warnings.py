@@ -2,6 +2,10 @@
 
 Commands, JUnit, Markdown and the page read the same list of `VerdictWarning`. Every command imports
 this module, so it imports only what tables need.
+
+To add a warning: a function here that returns `VerdictWarning` objects, with ``fails`` set if an
+option makes the command fail. Add a row to ``docs/hollow.md`` and the command that shows it to
+``tests/rtamt_gym/commands/test_hollow.py``, which checks the output and the exit code of every row.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
 """The first words of selectors, a row for each: its syntax, and the function that binds it.
 
-To add the selectors of a simulator, bind them here or in a file next to `mujoco`, and add a row for
-each word.
+To add a kind of selector, such as ``vehicle.speed``: a row of `SOURCES` with an example and the
+function that binds it, here or in a file next to `rtamt_gym.signals.mujoco`. List it in
+``docs/gymnasium.md`` and at the top of `rtamt_gym.signals.signals`. Vector environments bind the
+same row. `rtamt_gym.signals.offers` lists the selectors of an environment for ``rtamt envs``.
 """
 
 from __future__ import annotations

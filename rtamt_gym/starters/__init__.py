@@ -2,6 +2,11 @@
 
 A folder holds the files of a starter. What is written loses the ``.txt`` of its name, which keeps
 tools from taking a file of a starter for one of ours.
+
+To add a tutorial: a page in ``docs/tutorials``, a folder of the same name here with a
+specification, a test and ``job.yml``, and a row of `STARTERS`. ``tests/project/test_tutorials.py``
+plays the page in an empty folder. Commands must print what the page shows below them; a block after
+"`NAME`:" is that file, and a block ``diff`` changes it.
 """
 
 from collections.abc import Mapping

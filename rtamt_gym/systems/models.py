@@ -1,4 +1,7 @@
-"""`Model`: the policies of a trained model, for one episode or a batch; loading saved models."""
+"""`Model`: the policies of a trained model, for one episode or a batch; loading saved models.
+
+To add an algorithm whose saved models ``rtamt run`` loads, add a row to `ALGORITHMS`.
+"""
 
 from __future__ import annotations
 

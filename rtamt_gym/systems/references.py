@@ -1,4 +1,9 @@
-"""References to systems in files: ids of environments, paths of FMUs, objects of modules."""
+"""References to systems in files: ids of environments, paths of FMUs, objects of modules.
+
+To add a system that a saved case can name, such as ``{"fmus": ...}``: a branch of `system_name` and
+of `named_system`, a text in `system_texts`, and an entry of ``KINDS`` in
+``tests/rtamt_gym/play/test_saved_cases.py``.
+"""
 
 from __future__ import annotations
 

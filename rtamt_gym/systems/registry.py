@@ -1,4 +1,7 @@
-"""Environments by id, and objects of modules by name."""
+"""Environments by id, and objects of modules by name.
+
+To add a namespace of environments, add the package that registers them to `PACKAGES`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The protocol of systems, and what their implementations share."""
+"""The protocol of systems, and what their implementations share.
+
+To add a system that takes cases: a method ``driven`` (see `Drivable`), a row of the table of cases
+in ``docs/simulations.md``, and a property that compares it with a loop written by hand.
+"""
 
 from __future__ import annotations
 

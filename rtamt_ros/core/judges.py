@@ -1,4 +1,11 @@
-"""All requirements of a node: what messages and the clock do to them."""
+"""All requirements of a node: what messages and the clock do to them.
+
+To change what a node does with a message or a tick of the clock, change `Judges.take` or
+`Judges.look`; ``sampled.py`` and ``dense.py`` here judge samples and events.
+
+To add a number or a note about a requirement: a field of `RequirementReport`, an entry of ``_told``
+in ``publishing.py``, and its words in `RequirementReport.text`.
+"""
 
 from __future__ import annotations
 

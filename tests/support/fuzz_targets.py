@@ -1,4 +1,9 @@
-"""What fuzzers call in Python: each function takes any bytes, and raises only for a defect."""
+"""What fuzzers call in Python: each function takes any bytes, and raises only for a defect.
+
+To add a target: a function and a row of `TARGETS` here, or for C++ a file in ``tests/fuzz/native``
+with its name in the ``CMakeLists.txt`` there. Add its name to ``tests/fuzz/fuzzing.py`` and inputs
+to ``tests/fuzz/corpus/NAME``.
+"""
 
 from __future__ import annotations
 

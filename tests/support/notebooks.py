@@ -1,6 +1,9 @@
 """Notebooks as they are played: their cells in order, and what each shows.
 
 Run: python tests/support/notebooks.py docs/notebooks/*.ipynb, which writes what the cells show.
+
+To add a notebook: a file in ``docs/notebooks``, and its entry in ``docs/examples.md``. Run this
+script; ``tests/project/test_notebooks.py`` compares the output of the cells.
 """
 
 import ast

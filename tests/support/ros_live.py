@@ -1,4 +1,8 @@
-"""What holds of the scenario of `ros_scenario`, on ROS 1 and on ROS 2."""
+"""What holds of the scenario of `ros_scenario`, on ROS 1 and on ROS 2.
+
+To add a claim about nodes on real ROS, add a test to `LiveScenario`, which runs on ROS 1 and ROS 2.
+``ros_scenario.py`` creates the events that the tests check.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""The errors of texts that are no specification: what was expected, what came, the way out."""
+"""The errors of texts that are no specification: what was expected, what came, the way out.
+
+To add an error of the parser, write its text once, where `rtamt.language` raises it: here, in
+another module of the grammar, or in the module of the object. Add a block with the exact text to
+``tests/rtamt/language/parse_errors.txt``.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""From statements to a `Specification`: declarations, and what names stand for."""
+"""From statements to a `Specification`: declarations, and what names stand for.
+
+To add an annotation, such as ``@ topic``: add its form to ``annotation`` in ``Stl.g4``, its meaning
+here, and a field of `Specification`, which ``str`` writes and ``_requirement`` passes to the
+requirements of a file. Add its errors to ``tests/rtamt/language/parse_errors.txt``.
+"""
 
 from __future__ import annotations
 

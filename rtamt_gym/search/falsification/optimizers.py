@@ -1,4 +1,9 @@
-"""Optimizers by name: how a search chooses its points."""
+"""Optimizers by name: how a search chooses its points.
+
+To add an optimizer, such as ``"tpe"``: a function and a row of `OPTIMIZERS`. ``rtamt falsify
+--help`` shows the first line of its docstring. The tests run `check_optimizer` on every row. List
+it in the table of ``docs/falsification.md`` and in the docstring of `falsify`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Samplers: which points of a space are run, from their number and a seed."""
+"""Samplers: which points of a space are run, from their number and a seed.
+
+To add a sampler, such as ``"lhs"``: its name in `Sampler`, a row of `_SAMPLERS` here, and its name
+in ``_SAMPLERS`` of `rtamt_gym.commands.sweep`. Describe it in ``docs/sweeps.md``.
+"""
 
 from __future__ import annotations
 

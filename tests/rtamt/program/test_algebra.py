@@ -222,5 +222,5 @@ def test_an_operator_folds_by_a_row_of_the_table() -> None:
         builder.window("mean", 0, 3, 0)
     assert str(refused.value) == (
         "'mean' is no lattice fold: expected min, max, until, release, since, trigger; for others "
-        "see 'What a fold must be' in CONTRIBUTING.md"
+        "see 'What a fold must be' in rtamt/program/algebra.py"
     )
