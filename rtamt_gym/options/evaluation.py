@@ -6,9 +6,7 @@ signatures, docstrings and command-line arguments come from the fields.
 
 To add an evaluation option, such as ``nan=``:
 
-1. Add a field to `EvaluationOptions` with its default, its choices, the calls that take it and its
-   sentence, and its type to `EvaluationKeywords`. Keyword checks, signatures, docstrings and
-   command-line arguments follow from the field.
+1. Add the field to `EvaluationOptions`, and its type to `EvaluationKeywords`.
 2. Write its meaning where samples are evaluated. An option with ``calls="samples"`` is passed on to
    the monitors of `rtamt`.
 3. Run ``tests/support/command_options.py``, which writes ``docs/reference/commands.md``.
