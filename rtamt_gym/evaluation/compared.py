@@ -159,7 +159,7 @@ def effect_sentence(effect: Effect, what: str) -> str:
 
 
 def points(share: float, pairs: int) -> str:
-    """A difference of rates in points of a hundred, in tenths where so many pairs tell them apart.
+    """Return a difference of rates in percentage points, with tenths for 500 pairs or more.
 
     Example:
         >>> points(0.118, 100), points(-0.0043, 2000), points(-0.001, 100)
@@ -171,6 +171,6 @@ def points(share: float, pairs: int) -> str:
 
 
 def counted_points(share: float, pairs: int) -> str:
-    """The same with its unit: ``1 point``, ``12 points``."""
+    """Return the same with its unit: ``1 point``, ``12 points``."""
     text = points(share, pairs)
     return f"{text} {'point' if text in {'1', '-1'} else 'points'}"

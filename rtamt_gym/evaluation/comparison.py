@@ -79,7 +79,7 @@ class Comparison:
         return every if len(every) == 1 else (*every, self.success)
 
     def to_frame(self) -> pd.DataFrame:
-        """A data frame of pandas: a row for each of `results`, by name.
+        """Return a data frame of pandas: a row for each of `results`, by name.
 
         Needs the extra ``pandas``.
         """
@@ -95,7 +95,7 @@ class Comparison:
         return _written(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the text of `to_json` into a file.
+        """Write the text of `to_json` into a file.
 
         Raises:
             InputError: If the name does not end in ``.json``.
@@ -104,7 +104,7 @@ class Comparison:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Comparison:
-        """Reads a file that `save` has written.
+        """Read a file that `save` has written.
 
         Raises:
             InputError: If the file does not hold a comparison.
@@ -113,7 +113,7 @@ class Comparison:
 
     @staticmethod
     def from_saved(kept: Mapping[str, Any]) -> Comparison:
-        """The comparison that a result of the kind ``"comparison"`` holds, read as JSON."""
+        """Return the comparison that a result of the kind ``"comparison"`` holds, read as JSON."""
         return _comparison_of(kept)
 
     def __repr__(self) -> str:
@@ -140,7 +140,7 @@ def compare(
     accept_changed: bool = False,
     **options: Any,  # noqa: ANN401 - as for `evaluate_policy`
 ) -> Comparison:
-    """Compares two policies on the same seeds: how much more often B satisfies each requirement.
+    """Compare two policies on the same seeds: how much more often B satisfies each requirement.
 
     Episodes with the same seed start alike, so they are compared pair by pair, which takes fewer
     episodes than two evaluations apart. Episodes whose seed the other has not are left out.
@@ -209,7 +209,7 @@ def _changes(a: Evaluation, b: Evaluation, *, accept_changed: bool) -> list[str]
 
 
 def _two_names(names: object) -> tuple[str, str]:
-    """The names of A and B, which are two different texts."""
+    """Return the names of A and B, which are two different texts."""
     result = list(names) if isinstance(names, list | tuple) else []
     for item in result:
         check_name_of_policy(item)
@@ -226,7 +226,7 @@ def _told_apart(a: str, b: str) -> tuple[str, str]:
 
 
 def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
-    """Refuses what is neither two evaluations nor two policies with an environment."""
+    """Refuse what is neither two evaluations nor two policies with an environment."""
     evaluations = sum(isinstance(item, Evaluation) for item in (a, b))
     if evaluations == 2:
         if given:
@@ -251,7 +251,7 @@ def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
 def _paired(
     a: Evaluation, b: Evaluation, names: tuple[str, str], changes: Sequence[str]
 ) -> Comparison:
-    """Compares two evaluations, whose policies have these names."""
+    """Compare two evaluations, whose policies have these names."""
     _check_alike(a, b)
     places = [{row.seed: place for place, row in enumerate(item.record)} for item in (a, b)]
     seeds = [seed for seed in places[0] if seed is not None and seed in places[1]]
@@ -289,7 +289,7 @@ def _paired(
 
 
 def _check_alike(a: Evaluation, b: Evaluation) -> None:
-    """Refuses evaluations of other systems, periods or requirements, or that read otherwise."""
+    """Refuse evaluations of other systems, periods or requirements, or that read otherwise."""
     for what, one, two in (
         ("system", a.system, b.system),
         ("period", a.period, b.period),
@@ -315,7 +315,7 @@ def _check_alike(a: Evaluation, b: Evaluation) -> None:
 
 
 def _check_read_alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> None:
-    """Refuses evaluations whose episodes were read differently, as far as that is known."""
+    """Refuse evaluations whose episodes were read differently, as far as that is known."""
     differences = [
         f"{name} is {one!r} of A and {two!r} of B" for name, one, two in _differences(a, b)
     ]
@@ -343,14 +343,14 @@ def _seeds(of: Evaluation) -> str:
 
 
 def _satisfies(row: Trial, names: Collection[str]) -> bool:
-    """Whether an episode satisfies requirements; one that an error has ended does not."""
+    """Return whether an episode satisfies requirements; one that an error has ended does not."""
     return not row.error and all(
         name in row.outcomes and row.outcomes[name].verdict is Verdict.SATISFIED for name in names
     )
 
 
 def _effect(pairs: Sequence[tuple[float, float]]) -> Effect | None:
-    """The effect over the pairs that have no nan."""
+    """Return the effect over the pairs that have no nan."""
     known = [(x, y) for x, y in pairs if not (math.isnan(x) or math.isnan(y))]
     return effect_of([x for x, _ in known], [y for _, y in known])
 
@@ -396,12 +396,12 @@ def _notes(
 
 
 def _by_end(row: Trial) -> bool:
-    """Whether the end alone of an episode violates a requirement."""
+    """Return whether the end alone of an episode violates a requirement."""
     return any(value.by_end for value in row.outcomes.values())
 
 
 def _cells(compared: Compared) -> dict[str, Any]:
-    """The row of a data frame."""
+    """Return the row of a data frame."""
     low, high = compared.interval
     cells = {
         "A": compared.rate_a,
@@ -421,7 +421,7 @@ def _cells(compared: Compared) -> dict[str, Any]:
 
 
 def _written(comparison: Comparison) -> str:
-    """A comparison as a result of the kind ``"comparison"``.
+    """Return a comparison as a result of the kind ``"comparison"``.
 
     What follows from the rest, such as rates and sentences, is there for other programs.
     """

@@ -23,7 +23,7 @@ def draw(
     thresholds: Sequence[float],
     score: str,
 ) -> Figure:
-    """Draws the curves of training if there are any, the score of every run, and the profiles."""
+    """Draw the curves of training if there are any, the score of every run, and the profiles."""
     panels = 2 + bool(steps)
     figure = Figure(figsize=(3.6 * panels + 0.4, 3.3), layout="constrained")
     *first, runs, profiles = figure.subplots(1, panels)
@@ -55,7 +55,7 @@ def draw(
 def _band(
     ax: Axes, places: Sequence[float], estimates: Sequence[Estimate], name: str, colour: str
 ) -> None:
-    """A curve with the intervals of its points."""
+    """Return a curve with the intervals of its points."""
     low, high = np.array([each.interval for each in estimates]).T
     ax.plot(places, [each.value for each in estimates], color=colour, label=name, linewidth=1.6)
     ax.fill_between(places, low, high, color=colour, alpha=0.18, linewidth=0)

@@ -95,7 +95,7 @@ class MethodComparison:
         )
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """Draws the scores of all runs, the profiles, and the curves if there are any.
+        """Draw the scores of all runs, the profiles, and the curves if there are any.
 
         Needs the extra ``plot``.
 
@@ -119,7 +119,7 @@ class MethodComparison:
         return document("methods", own | {"sentence": self.sentence})
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the text of `to_json` into a file.
+        """Write the text of `to_json` into a file.
 
         Raises:
             InputError: If the name does not end in ``.json``.
@@ -128,7 +128,7 @@ class MethodComparison:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> MethodComparison:
-        """Reads a file that `save` has written.
+        """Read a file that `save` has written.
 
         Raises:
             InputError: If the file does not hold a comparison of methods.
@@ -137,7 +137,7 @@ class MethodComparison:
 
     @staticmethod
     def from_saved(kept: Mapping[str, Any]) -> MethodComparison:
-        """The comparison that a result of the kind ``"methods"`` holds, read as JSON."""
+        """Return the comparison that a result of the kind ``"methods"`` holds, read as JSON."""
         return read_fields(MethodComparison, kept)
 
     def __repr__(self) -> str:
@@ -173,7 +173,7 @@ def compare_methods(
     resamples: int = 10_000,
     seed: int = 0,
 ) -> MethodComparison:
-    """Compares methods of learning over runs with different training seeds.
+    """Compare methods of learning over runs with different training seeds.
 
     A run is one policy: its many episodes are no independent trials of the method that made it. So
     every number here counts runs. The definitions are those of Agarwal et al., "Deep Reinforcement
@@ -292,7 +292,7 @@ def _estimates(values: Floats, interval: tuple[Floats, Floats]) -> tuple[Estimat
 
 
 def _scores(runs: object, points: tuple[float, ...] | None) -> dict[str, dict[str, Floats]]:
-    """The curves of each method and task, of shape (runs, points); checked."""
+    """Return the curves of each method and task, of shape (runs, points); checked."""
     if not isinstance(runs, Mapping):
         raise InputTypeError(
             "expected the runs as a mapping, such as {'plain': [0.1, 0.0], 'shaped': [0.9, 1.0]}, "
@@ -313,7 +313,7 @@ def _scores(runs: object, points: tuple[float, ...] | None) -> dict[str, dict[st
 
 
 def _curves(given: Any, points: tuple[float, ...] | None, of: str) -> Floats:  # noqa: ANN401
-    """The curves of the runs of one method on one task; a score is a curve of one point."""
+    """Return the curves of the runs of one method on one task; a score is a curve of one point."""
     listed = [
         item.success.rate if isinstance(item, Evaluation) else item
         for item in (given if isinstance(given, list | tuple) else np.asarray(given))
@@ -339,7 +339,7 @@ def _curves(given: Any, points: tuple[float, ...] | None, of: str) -> Floats:  #
 
 
 def _tasks(scores: Mapping[str, Mapping[str, Floats]]) -> tuple[str, ...]:
-    """The names of the tasks, which all methods have, with as many runs in each."""
+    """Return the names of the tasks, which all methods have, with as many runs in each."""
     (first, tasks), *others = ((name, tuple(of_task)) for name, of_task in scores.items())
     for name, its in others:
         if set(its) != set(tasks):

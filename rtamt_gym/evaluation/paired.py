@@ -39,7 +39,7 @@ class Effect:
 
 
 def effect_of(first: ArrayLike, second: ArrayLike, *, seed: int = 0) -> Effect | None:
-    """How far the second measurements are above the first, pair by pair; None without any pair.
+    """Return how far the second measurements are above the first; None without a pair.
 
     Two equal infinities are no difference. The sign says which way, and swapping both sides turns
     it, up to the random numbers of the bootstrap.
@@ -64,7 +64,7 @@ def effect_of(first: ArrayLike, second: ArrayLike, *, seed: int = 0) -> Effect |
 
 
 def mcnemar(only_a: int, only_b: int) -> float:
-    """The p-value of McNemar's exact test: how likely so uneven a split is if both rates are equal.
+    """Return the p-value of McNemar's exact test: the chance of such a split if rates are equal.
 
     Then A has half of the episodes in which one alone succeeds. Without such an episode it is 1.
 
@@ -78,7 +78,7 @@ def mcnemar(only_a: int, only_b: int) -> float:
 
 
 def tango(only_a: int, only_b: int, pairs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """The interval of a difference of rates on the same episodes: B's rate minus A's.
+    """Return the interval of a difference of rates on the same episodes: B's rate minus A's.
 
     It holds each difference that the score test does not refuse, as the interval of Wilson does for
     one rate (Tango 1998, "Equivalence test and confidence interval for the difference in
@@ -106,7 +106,7 @@ def tango(only_a: int, only_b: int, pairs: int, confidence: float = 0.95) -> tup
 
 
 def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
-    """The greatest difference that the score test does not refuse."""
+    """Return the greatest difference that the score test does not refuse."""
     if only_b == pairs:
         return 1.0
     z = scipy_stats("tango").norm.ppf((1 + confidence) / 2)

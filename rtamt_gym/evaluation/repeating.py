@@ -40,7 +40,7 @@ class UnrepeatedSeedWarning(UserWarning):
 
 
 def repeats(env: Any, seed: int) -> bool | None:  # noqa: ANN401 - an environment, or many
-    """Whether two resets with a seed show the same observation; None if a reset fails.
+    """Return whether two resets with a seed show the same observation; None if a reset fails.
 
     It costs two resets, and leaves the environment reset.
     """
@@ -55,7 +55,7 @@ def repeats(env: Any, seed: int) -> bool | None:  # noqa: ANN401 - an environmen
 
 
 def tell_unrepeated(name: str, seed: int) -> None:
-    """Warns that seeds do not repeat episodes of an environment."""
+    """Warn that seeds do not repeat episodes of an environment."""
     warnings.warn(
         f"two resets of {name} with seed {seed} begin differently: the same call plays other "
         f"episodes, none is played again, and compare refuses to pair them; {HOW_TO_REPEAT}",
@@ -94,7 +94,7 @@ def warn_of_difference(name: str, seed: int, differing: str) -> None:
 
 
 def refuse_unrepeated(name: str) -> NoReturn:
-    """Refuses to pair episodes of an environment by seeds that do not repeat them."""
+    """Refuse to pair episodes of an environment by seeds that do not repeat them."""
     raise InputError(
         f"cannot pair episodes of {name} by their seeds: two resets with one seed begin "
         f"differently; {HOW_TO_REPEAT}"
@@ -102,7 +102,7 @@ def refuse_unrepeated(name: str) -> NoReturn:
 
 
 def alike(a: Any, b: Any) -> bool:  # noqa: ANN401 - observations of any space
-    """Whether two observations are the same; nan is the same as nan.
+    """Return whether two observations are the same; nan is the same as nan.
 
     Example:
         >>> alike({"x": np.array([1.0, np.nan])}, {"x": np.array([1.0, np.nan])})

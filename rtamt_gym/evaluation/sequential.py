@@ -32,7 +32,7 @@ class Rule(Protocol):
     episodes: int
 
     def add(self, satisfied: bool) -> None:  # noqa: FBT001 - the outcome itself, not a switch
-        """Takes the outcome of the next episode; after the answer nothing changes any more."""
+        """Take the outcome of the next episode; after the answer nothing changes any more."""
 
 
 class Width:
@@ -75,7 +75,7 @@ class Width:
         self.satisfied = 0
 
     def add(self, satisfied: bool) -> None:  # noqa: FBT001 - the outcome itself, not a switch
-        """Takes the outcome of the next episode; after the answer nothing changes any more."""
+        """Take the outcome of the next episode; after the answer nothing changes any more."""
         if self.decision is not None:
             return
         self.episodes += 1
@@ -145,7 +145,7 @@ class RatioTest:
         self.satisfied = 0
 
     def add(self, satisfied: bool) -> None:  # noqa: FBT001 - the outcome itself, not a switch
-        """Takes the outcome of the next episode; after the answer nothing changes any more."""
+        """Take the outcome of the next episode; after the answer nothing changes any more."""
         if self.decision is not None:
             return
         self.episodes += 1
@@ -181,7 +181,7 @@ class Stopping:
         self.episodes = 0
 
     def add(self, satisfied: Mapping[str, bool]) -> None:
-        """Takes the outcomes of the next episode, of every requirement by its name."""
+        """Take the outcomes of the next episode, of every requirement by its name."""
         self.episodes += 1
         for name, rule in self._rules.items():
             rule.add(satisfied[name])
@@ -208,7 +208,7 @@ def stopping_of(
     margin: float = MARGIN,
     interval: IntervalKind = "exact",
 ) -> Stopping | None:
-    """The stopping that arguments of an evaluation ask for; None if they ask for none.
+    """Return the stopping that arguments of an evaluation ask for; None if they ask for none.
 
     Raises:
         InputError: If both kinds are asked for, or as `Width` and `RatioTest` do.

@@ -29,13 +29,13 @@ _LEAST_NAME: Final = 11
 
 
 def evaluation_table(evaluation: Any, terminal: Terminal | None = None) -> str:  # noqa: ANN401 - an `Evaluation`, which prints itself so
-    """The table of an evaluation as text; without a terminal plain, of 80 columns."""
+    """Return the table of an evaluation as text; without a terminal plain, of 80 columns."""
     lines = _of_evaluation(evaluation, terminal or Terminal())
     return "\n".join([*lines, *evidence_lines(evaluation.record, "episode")])
 
 
 def show(evaluation: Any) -> None:  # noqa: ANN401 - an `Evaluation`
-    """Prints the table of an evaluation: on a terminal with colours, and as wide as it is.
+    """Print the table of an evaluation: on a terminal with colours, and as wide as it is.
 
     What nothing has put to the test is left to the command, which says it at its end.
     """
@@ -48,7 +48,7 @@ def comparison_table(
     returns: Effect | None,
     notes: Sequence[str],
 ) -> str:
-    """The table of a comparison as plain text of 80 columns.
+    """Return the table of a comparison as plain text of 80 columns.
 
     Args:
         heads: The lines above the table.
@@ -138,7 +138,7 @@ def _heading(evaluation: Any) -> list[str]:  # noqa: ANN401
 
 
 def _width(columns: Sequence[Statistic], results: Sequence[RequirementResult]) -> int:
-    """How wide the columns are beside the names."""
+    """Return how wide the columns are beside the names."""
     return sum(
         2 + max(len(column.heading), *(len(column.cell(result)) for result in results))
         for column in columns
@@ -146,7 +146,7 @@ def _width(columns: Sequence[Statistic], results: Sequence[RequirementResult]) -
 
 
 def _worst(result: RequirementResult, unit: str) -> Iterator[str]:
-    """The worst episodes of a requirement that is not satisfied in all, and when it is violated."""
+    """Yield the worst episodes of a requirement, and when it is violated."""
     if result.satisfied == result.episodes or not result.worst:
         return
     worst = ", ".join(f"{seed} ({short(height)})" for seed, height in result.worst[:_NAMED])
@@ -162,7 +162,7 @@ def _worst(result: RequirementResult, unit: str) -> Iterator[str]:
 
 
 def _around(evaluation: Any) -> str:  # noqa: ANN401
-    """The returns, the lengths, and what stopping has saved."""
+    """Return the returns, the lengths, and what stopping has saved."""
     unit = "s" if evaluation.period is not None else "steps"
     parts = [f"length {short(float(np.mean(evaluation.lengths)))} {unit} on average"]
     known = evaluation.returns[~np.isnan(evaluation.returns)]
@@ -208,7 +208,7 @@ def _of_comparison(
 
 
 def _cells(compared: Compared) -> list[str]:
-    """The cells of a requirement."""
+    """Return the cells of a requirement."""
     pairs = compared.pairs
     rates = (f"{points(rate, pairs)}%" for rate in (compared.rate_a, compared.rate_b))
     gap, *ends = (
@@ -219,7 +219,7 @@ def _cells(compared: Compared) -> list[str]:
 
 
 def _effect(effect: Effect | None) -> tuple[str, str]:
-    """The cells of an effect: the difference, and its interval."""
+    """Return the cells of an effect: the difference, and its interval."""
     if effect is None:
         return "-", "-"
     low, high = effect.interval

@@ -52,7 +52,7 @@ class PlayedEpisode:
     first: int = 0
 
     def episode(self, room: int, episodes: int, **also: Any) -> ShownEpisode:  # noqa: ANN401 - fields of an episode
-        """The episode for a page that shows so many, in a room for numbers.
+        """Return the episode for a page that shows several in a room for numbers.
 
         What a signal of a name that no formula reads has for values is shown as it is. A predicate
         whose term has no value somewhere is left out.
@@ -85,7 +85,7 @@ class PlayedEpisode:
         )
 
     def _violated(self) -> Moment | None:
-        """The moment that decided a violation, with its sample, which some files lack."""
+        """Return the moment that decided a violation, with its sample, which some files lack."""
         at = self.outcome.decided
         if at is None or at.time is None or self.outcome.verdict is not Verdict.VIOLATED:
             return None
@@ -118,7 +118,7 @@ class PlayedEpisode:
             return None
 
     def _decisions(self, explanation: Explanation) -> tuple[Decision, ...]:
-        """The predicate and the sample that decided; none if a window outside of the trace did."""
+        """Return the predicate and the sample that decided; none for a window outside the trace."""
         last = explanation.steps[-1]
         if not explanation.causes:
             return ()
@@ -131,7 +131,7 @@ class PlayedEpisode:
 
 
 def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) -> ShownEpisode:
-    """An episode in full from its run."""
+    """Return an episode in full from its run."""
     course = run.histories[name]
     step = run.view == "step"
     spec = course.specification
@@ -152,18 +152,18 @@ def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) ->
 
 
 def rounded_moment(moment: Moment) -> Moment:
-    """The moment with seconds of six digits."""
+    """Return the moment with seconds of six digits."""
     return Moment(moment.sample, None if moment.seconds is None else six(moment.seconds))
 
 
 def case_texts(case: Mapping[str, Any]) -> tuple[str, ...]:
-    """A case, a text for each entry."""
+    """Return a case, a text for each entry."""
     lines = (case_lines(Case({name: entry})) for name, entry in case.items())
     return tuple(" ".join(" ".join(line).split()) for line in lines)
 
 
 def in_words_of(formula: str, period: object, *, unit: str = "s", step: bool = False) -> str:
-    """A requirement of a record in words; without a period bounds count steps."""
+    """Return a requirement of a record in words; without a period bounds count steps."""
     spec = rtamt.parse(formula, unit=unit)
     shown = spec.formula.always() if step else spec.formula
     return shown.in_words(unit="steps" if period is None else unit)

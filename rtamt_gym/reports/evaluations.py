@@ -41,7 +41,7 @@ _ANSWERS: Final[Mapping[str, Word]] = {
 
 
 def of_evaluation(evaluation: Evaluation, room: int) -> Section:
-    """The section of an evaluation.
+    """Return the section of an evaluation.
 
     Args:
         evaluation: The evaluation.
@@ -120,7 +120,7 @@ def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) ->
 
 
 def _episode(evaluation: Evaluation, run: Run, name: str, room: int, episodes: int) -> ShownEpisode:
-    """An episode with its pictures; with fewer, evenly spread, where there is no room for all."""
+    """Return an episode with the pictures for which there is room, evenly spread."""
     episode = episode_of_run(run, name, f"seed {run.seed}", room, episodes)
     when = "at {:g} s" if run.period is not None else "at sample {:g}"
     frames = [
@@ -135,7 +135,7 @@ def _episode(evaluation: Evaluation, run: Run, name: str, room: int, episodes: i
 
 
 def _fitting(frames: Sequence[Picture], letters: int, episode: ShownEpisode) -> tuple[Picture, ...]:
-    """As many pictures as fit into so many letters: evenly spread, with the violation's."""
+    """Return the pictures that fit into a number of letters: evenly spread, with the violation."""
     largest = max((len(frame.source) for frame in frames), default=1)
     places = np.linspace(0, len(frames) - 1, min(len(frames), letters // largest)).round()
     at = None
@@ -148,7 +148,7 @@ def _fitting(frames: Sequence[Picture], letters: int, episode: ShownEpisode) -> 
 
 
 def _success(evaluation: Evaluation) -> Requirement:
-    """All requirements at once."""
+    """Return the requirement that stands for all requirements."""
     result = evaluation.success
     return requirement_of(
         SUCCESS,
@@ -163,7 +163,7 @@ def _success(evaluation: Evaluation) -> Requirement:
 
 
 def _answer(evaluation: Evaluation, name: str) -> Word | None:
-    """What sequential stopping has said of a requirement under a target; None without a target."""
+    """Return the answer of sequential stopping for a requirement; None without a target."""
     decisions = evaluation.decision or {}
     if any(value.startswith("known") for value in decisions.values()):  # they are of widths
         return None

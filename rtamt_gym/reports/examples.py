@@ -48,7 +48,7 @@ class _Known(NamedTuple):
 def with_examples(
     sections: Sequence[Section], several: Iterable[ExamplesLike]
 ) -> tuple[Section, ...]:
-    """The sections with examples beside the requirements that they are of.
+    """Return the sections with examples next to their requirements.
 
     Examples are of a requirement if they are of its formula, whatever it is called.
 
@@ -87,7 +87,7 @@ def _of_others(
     of_one: Sequence[_Known],
     shown: Sequence[Requirement],
 ) -> str:
-    """Why examples are of no requirement of the page, and what to do."""
+    """Return the error for examples of requirements that the page does not show."""
     where = os.fspath(given) if isinstance(given, str | os.PathLike) else "the examples"
     ours = {item.name: item.formula for item in shown}
     for one in of_one:
@@ -101,7 +101,7 @@ def _of_others(
 
 
 def _read(given: ExamplesLike) -> Iterator[_Known]:
-    """The examples of each requirement.
+    """Return the examples of each requirement.
 
     Raises:
         InputError: If a file holds none.
@@ -148,7 +148,7 @@ def _example(kept: Mapping[str, Any]) -> Example:
 
 
 def _chosen(examples: Sequence[Example]) -> list[Example]:
-    """Those that are shown, in their order: some of each verdict."""
+    """Return the examples that are shown, in their order: some of each verdict."""
     left = {Verdict.SATISFIED: _EACH, Verdict.VIOLATED: _EACH}
     chosen = []
     for example in examples:
@@ -184,7 +184,7 @@ def _shown(example: Example, of: _Known) -> ShownExample:
 
 
 def _rows(trace: ExampleTrace) -> Iterator[tuple[str, ...]]:
-    """A row for each run of equal samples."""
+    """Return a row for each run of equal samples."""
     samples = [*zip(*trace.columns.values(), strict=True)]
     runs = [(values, len([*run])) for values, run in itertools.groupby(samples)]
     columns = [aligned(column) for column in zip(*(values for values, _ in runs), strict=True)]
@@ -197,7 +197,7 @@ def _rows(trace: ExampleTrace) -> Iterator[tuple[str, ...]]:
 
 
 def _band(name: str, values: Sequence[float], levels: Sequence[float]) -> Band:
-    """A signal drawn in steps, from the top 0 down."""
+    """Return a signal drawn in steps, from the top 0 down."""
     finite = [value for value in (*values, *levels) if math.isfinite(value)] or [0.0]
     low, high = min(finite), max(finite)
     if low == high:
@@ -230,7 +230,7 @@ def _band(name: str, values: Sequence[float], levels: Sequence[float]) -> Band:
 
 
 def _levels(formula: Formula) -> dict[str, tuple[float, ...]]:
-    """The numbers that each variable is compared with."""
+    """Return the numbers that each variable is compared with."""
     result: dict[str, dict[float, None]] = {}
     for node in formula.nodes():
         if node.op is None or node.op.notation != "infix" or node.op.result == "term":
@@ -246,7 +246,7 @@ def _levels(formula: Formula) -> dict[str, tuple[float, ...]]:
 
 
 def _compared(side: Term) -> tuple[str, tuple[float, ...]]:
-    """The variable that a side is, or is the size of, and the signs that it may have."""
+    """Return the variable of one side, and the signs that it may have."""
     if side.op is not None and side.op.name == "abs":
         name, _ = _compared(cast("Term", side.args[0]))
         return name, (1.0, -1.0) if name else ()

@@ -114,7 +114,7 @@ def render(report: Report) -> str:
 
 
 class _Layout:
-    """Gives the parts of a report their ids on the page, and collects the data of the charts."""
+    """The ids of the parts of a report on the page, and the data of its charts."""
 
     def __init__(self) -> None:
         self.charts: dict[str, Any] = {}
@@ -193,7 +193,7 @@ def _survivors(name: str, score: mutation.MutationScore) -> Table | None:
 
 
 class PageIds:
-    """Makes the ids of a page out of names: short, safe in an address, and each given once.
+    """Ids of a page, made from names: short, safe in an address, and unique.
 
     Example:
         >>> names = PageIds()
@@ -205,7 +205,7 @@ class PageIds:
         self._taken = set(taken)
 
     def add(self, *parts: str) -> str:
-        """Returns an id of the parts that nothing else on the page has."""
+        """Return an id of the parts that is unique on the page."""
         plain = "-".join(_slug(part) for part in parts)
         result, i = plain, 2
         while result in self._taken:
@@ -224,12 +224,12 @@ def _read(name: str) -> str:
 
 
 def _finalized(value: object) -> object:
-    """A value as the page writes it: texts of files without control characters."""
+    """Return a value as the page writes it: texts of files without control characters."""
     return shown_lines(value) if type(value) is str else value
 
 
 def _shown(value: Any) -> Any:  # noqa: ANN401 - what JSON holds
-    """The same with all texts as they may be shown."""
+    """Return a value with all texts as they may be shown."""
     match value:
         case str():
             return shown_lines(value)
@@ -241,6 +241,6 @@ def _shown(value: Any) -> Any:  # noqa: ANN401 - what JSON holds
 
 
 def _json(value: object) -> str:
-    """Strict JSON that no name in it can leave: what HTML would read is written in escapes."""
+    """Return strict JSON in which characters of HTML are escaped, so that no name can leave it."""
     text = json.dumps(_shown(value), allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -28,7 +28,7 @@ FEWEST: Final = 60
 
 
 def points_of(room: int, episodes: int, series: int) -> int:
-    """How many samples of an episode are shown: an equal share of the room for numbers.
+    """Return how many samples of an episode are shown: an equal share of the room for numbers.
 
     Example:
         >>> points_of(60_000, 10, 8), points_of(60_000, 2, 8), points_of(60_000, 100, 40)
@@ -38,7 +38,7 @@ def points_of(room: int, episodes: int, series: int) -> int:
 
 
 def shown(series: Iterable[Floats], count: int, keep: Iterable[int], most: int) -> NDArray[np.intp]:
-    """The samples of a long episode that are shown, increasing.
+    """Return the samples of a long episode that are shown, increasing.
 
     All are shown if there are no more than ``most``. Else the first and the last, those to keep,
     where each series is least and where it is greatest are shown; and from each of about
@@ -75,14 +75,14 @@ def shown(series: Iterable[Floats], count: int, keep: Iterable[int], most: int) 
 
 
 def _farthest(column: Floats) -> int:
-    """The place that is farthest from the line between the ends."""
+    """Return the place that is farthest from the line between the ends."""
     finite = np.clip(column, -1e300, 1e300)
     line = np.linspace(finite[0], finite[-1], len(finite))
     return int(np.abs(finite - line).argmax())
 
 
 def evenly(ordered: Sequence[float], most: int) -> tuple[float, ...]:
-    """The numbers of evenly spaced ranks, the first and the last among them.
+    """Return the numbers at evenly spaced ranks, including the first and the last.
 
     Example:
         >>> evenly([1.0, 2.0, 3.0, 4.0, 5.0], 3)
@@ -92,7 +92,7 @@ def evenly(ordered: Sequence[float], most: int) -> tuple[float, ...]:
 
 
 def spaced(ordered: Sequence[T], most: int) -> tuple[T, ...]:
-    """What stands at evenly spaced ranks, the first and the last among it."""
+    """Return the items at evenly spaced ranks, including the first and the last."""
     if len(ordered) <= most:
         return tuple(ordered)
     places = np.linspace(0, len(ordered) - 1, most).round().astype(int)
@@ -100,12 +100,12 @@ def spaced(ordered: Sequence[T], most: int) -> tuple[T, ...]:
 
 
 def rounded(values: Iterable[float]) -> tuple[float, ...]:
-    """Numbers of six digits."""
+    """Return numbers of six digits."""
     return tuple(map(six, values))
 
 
 def six(value: float) -> float:
-    """The number of six digits that is nearest; zeros have no sign, as the verdict has it.
+    """Return the nearest number of six digits; zeros have no sign, because the verdict has it.
 
     Example:
         >>> six(1.23456789), six(-0.0), six(float("-inf"))
@@ -116,7 +116,7 @@ def six(value: float) -> float:
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Writes a number in a few digits, with a true minus sign; nothing for None.
+    """Write a number in a few digits, with a true minus sign; nothing for None.
 
     Example:
         >>> number(-0.25), number(math.inf), number(12345.6), number(None)
@@ -133,7 +133,7 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def aligned(values: Sequence[float | None]) -> list[str]:
-    """Writes the numbers of a column with equally many decimals, so that their points align.
+    """Write the numbers of a column with equally many decimals, so that their points align.
 
     A number that these decimals would change by a twentieth is written in digits of its own.
 
@@ -162,7 +162,7 @@ def _fixed(value: float | None, decimals: int) -> str:
 
 
 def percent(share: float) -> str:
-    """Writes a share as a percentage, in full percents but near 0 and 1.
+    """Write a share as a percentage, in full percents but near 0 and 1.
 
     Example:
         >>> percent(0.85), percent(0.9965), percent(1), percent(0.0004)
@@ -179,7 +179,7 @@ def percent(share: float) -> str:
 
 
 def time(value: float | None, unit: str) -> str:
-    """Writes a time with its unit.
+    """Write a time with its unit.
 
     Example:
         >>> time(1.5, "s"), time(3, "steps"), time(None, "s")

@@ -103,7 +103,7 @@ def of_record(
 
 
 def unit_of(runs: Mapping[str, list[Run]]) -> str:
-    """The unit of times in runs; seconds if there are no runs."""
+    """Return the unit of times in runs; seconds if there are no runs."""
     every = [run for some in runs.values() for run in some]
     return "steps" if every and every[0].period is None else "s"
 
@@ -118,7 +118,7 @@ def requirements_of(
     space: Space | None = None,
     figures: Mapping[str, Figure] = MappingProxyType({}),
 ) -> tuple[Requirement, ...]:
-    """The requirements of a record, with some runs in full.
+    """Return the requirements of a record, with some runs in full.
 
     Rates are of records in which nothing was chosen but the seed: elsewhere they say more of the
     sampler than of the system.
@@ -156,7 +156,7 @@ def requirements_of(
 
 
 def _episode(record: Record, run: Run, name: str, room: int, episodes: int) -> ShownEpisode:
-    """The run of a row, under the label of the row."""
+    """Return the run of a row, under the label of the row."""
     numbers = (i for i, row in enumerate(record) if row.case == run.case and row.seed == run.seed)
     number = next(numbers, None)
     label = "the case found" if number is None else labelled(number, record[number])
@@ -203,7 +203,7 @@ def maps_of(record: Record, space: Space | None) -> dict[str, list[Figure]]:
 def _words_of(
     record: Record, name: str, at: tuple[Floats, Floats], heights: RobustnessMap
 ) -> tuple[tuple[Word, ...], ...]:
-    """The worst word of each cell of a map; where something is known, what failed counts least."""
+    """Return the worst word of each cell of a map; a failure counts only without other words."""
     worst: dict[tuple[float, float], Word] = {}
     order = get_args(Word)[1:]
     for x, y, outcome in zip(*(item.tolist() for item in at), judged(record, name), strict=True):
@@ -213,7 +213,7 @@ def _words_of(
 
 
 def of_runs(kept: Mapping[str, Any], room: int) -> Section:
-    """The section of episodes that ``rtamt run --json`` has written.
+    """Return the section of episodes that ``rtamt run --json`` has written.
 
     Args:
         kept: The result, of the kind ``"runs"``.
@@ -229,7 +229,7 @@ def of_runs(kept: Mapping[str, Any], room: int) -> Section:
 
 
 def of_run(run: Run, room: int) -> Section:
-    """The section of one run with its samples, such as `Run.save` keeps it."""
+    """Return the section of one run with its samples, such as `Run.save` keeps it."""
     trial, label = run.trial(), run.label or labelled(0, run.trial())
     unit = "s" if run.period is not None else "steps"
     requirements = []

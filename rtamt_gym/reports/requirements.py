@@ -59,7 +59,7 @@ Label = Callable[[int, Trial], str]
 
 
 def labelled(number: int, row: Trial) -> str:
-    """What tells a simulation from others: its seed, if it has no case; else its number, from 1."""
+    """Return the name of a simulation: its seed if it has no case; otherwise its number, from 1."""
     return f"simulation {number + 1}" if row.case or row.seed is None else f"seed {row.seed}"
 
 
@@ -110,7 +110,7 @@ def with_outcome(trial: TrialRow, outcome: Outcome) -> TrialRow:
 
 
 def _text_of(row: Trial, outcome: Outcome | None) -> str:
-    """Why a requirement has no outcome, or what would decide it."""
+    """Return why a requirement has no outcome, or what would decide it."""
     if outcome is not None:
         return f"violated {BY_END}" if outcome.by_end else outcome.way_out
     return next((value.message for value in row.failures.values()), "")
@@ -313,7 +313,7 @@ def _by_end(trial: TrialRow) -> bool:
 
 
 def at_stop(record: Record, name: str, noun: str) -> str:
-    """A sentence on simulations that were stopped early and left open; empty if there are none."""
+    """Return a sentence on undecided simulations that were stopped early; may be empty."""
     count = len(open_at_stop(record, name))
     if not count:
         return ""

@@ -35,7 +35,7 @@ from rtamt_gym.tables import counted, number
 
 
 def of_search(found: Falsification, room: int) -> Section:
-    """The section of a search; the case that it found, or the closest, is played again.
+    """Return the section of a search; the case that it found, or the closest, is played again.
 
     Args:
         found: What the search has found.
@@ -107,7 +107,7 @@ def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Figure:
 
 
 def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
-    """The section of a saved case.
+    """Return the section of a saved case.
 
     Args:
         saved: The case.
@@ -165,13 +165,13 @@ def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
 
 
 def _unplayed(saved: SavedCase) -> str:
-    """Why a case is shown without a run where nobody has asked for one."""
+    """Return why a case is shown without a run."""
     code = ", ".join(saved.imports) or "nothing"
     return f"a report only reads; --play runs the case, which imports {code}"
 
 
 def _played(saved: SavedCase) -> tuple[Run | None, str]:
-    """The run of a case, and what is to be said about it; None, and the error that came."""
+    """Return the run of a case and a note; None and the error if it cannot be replayed."""
     try:
         run = saved.replay()
     except ChangedModelError as error:
@@ -186,14 +186,14 @@ def _played(saved: SavedCase) -> tuple[Run | None, str]:
 
 
 def _system_text(system: Any) -> str:  # noqa: ANN401 - an object of JSON
-    """What names a system, for a title."""
+    """Return the name of a system, for a title."""
     if "environment" in system or "object" in system:
         return str(system.get("environment", system.get("object")))
     return ", ".join(system.get("fmus", {})) or json.dumps(system)
 
 
 def of_search_json(kept: Mapping[str, Any]) -> Section:
-    """The section of what ``rtamt falsify --json`` has written: the course of the search.
+    """Return the section of a result of ``rtamt falsify --json``: the course of the search.
 
     Args:
         kept: The result, of the kind ``"search"``.

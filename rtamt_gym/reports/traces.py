@@ -64,7 +64,7 @@ _RULES: Final = ("period", "time", "end", "view", "semantics", "align")
 def of_matrix(
     kept: Mapping[str, Any], folder: Path, room: int, *, traces: Sequence[Path] = ()
 ) -> Section:
-    """The section of recorded traces; the worst of each requirement is read again, if it is there.
+    """Return the section of recorded traces, with the worst of each requirement in full.
 
     Args:
         kept: A result of the kind ``"traces"``, as ``rtamt monitor --json`` writes it.
@@ -104,7 +104,7 @@ def of_matrix(
 
 
 def _period(matrix: Matrix) -> object:
-    """None if bounds count samples, as the descriptions of the traces say."""
+    """Return None if bounds count samples, according to the descriptions of the traces."""
     return None if any(row.described.endswith("bounds count samples") for row in matrix) else 1
 
 
@@ -137,7 +137,7 @@ def _row(row: Trial, names: Iterable[str]) -> Row:
 def _requirement(
     matrix: Matrix, reading: Mapping[str, Any], name: str, below: TraceFolders, room: int
 ) -> Requirement:
-    """A requirement with its worst trace in full, or a note that says why it has none."""
+    """Return a requirement with its worst trace in full, or a note that says why it has none."""
     formula, outcomes = matrix.requirements[name], judged(matrix, name)
     trials = trials_of(matrix.rows, outcomes, lambda _, row: row.name)
     known = [trial.label for trial in trials if trial.robustness is not None]
@@ -165,7 +165,7 @@ def _episode(
     path: Path,
     room: int,
 ) -> ShownEpisode:
-    """A trace in full.
+    """Return a trace in full.
 
     Raises:
         NotShownError: If it cannot be read again, or is of another kind.
@@ -208,7 +208,7 @@ def _episode(
 def _curves(
     spec: rtamt.Specification, trace: Trace, period: Fraction | None, reading: EvaluationOptions
 ) -> dict[str, Any]:
-    """Robustness and bounds at every sample; nothing of a long trace."""
+    """Return robustness and bounds at every sample; an empty mapping for a long trace."""
     if trace.samples > _LONGEST:
         return {}
     monitor = EpisodeMonitor(spec, period, semantics=reading.semantics, align=reading.align)
@@ -221,7 +221,7 @@ def _curves(
 
 
 def of_mined(kept: Mapping[str, Any]) -> Section:
-    """The section of what ``rtamt mine --json`` has written.
+    """Return the section of a result of ``rtamt mine --json``.
 
     Args:
         kept: The result, of the kind ``"mined"``.
@@ -281,7 +281,7 @@ class TraceFolders:
     traces: tuple[Path, ...] = ()
 
     def found(self, name: str, sha256: str) -> Path:
-        """The file of a trace.
+        """Return the file of a trace.
 
         Args:
             name: The path of the trace, as it was judged.
@@ -316,7 +316,7 @@ class TraceFolders:
 
 
 def _is_below(path: Path, roots: list[Path]) -> bool:
-    """Whether a path is a regular file below a folder, links followed, or a folder of such."""
+    """Return whether a path, after links, is a regular file or a folder of them below a folder."""
     try:
         whole = path.resolve(strict=True)
         if not any(whole.is_relative_to(root) for root in roots):
@@ -330,6 +330,6 @@ def _is_below(path: Path, roots: list[Path]) -> bool:
 
 
 def _holds_regular_files(folder: Path) -> bool:
-    """Whether a folder holds regular files alone, as a bag does; a link in it may lead anywhere."""
+    """Return whether a folder holds only regular files, as a bag does; a link may lead anywhere."""
     with os.scandir(folder) as entries:
         return all(entry.is_file(follow_symlinks=False) for entry in entries)

@@ -53,7 +53,7 @@ Result = (
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """What a section may do beside reading the file of its result.
+    """What a section may do in addition to reading the file of its result.
 
     Attributes:
         play: Whether a saved case is played again, which runs the code that it names.
@@ -75,7 +75,7 @@ def write_report(
     play: bool = False,
     traces: Sequence[str | os.PathLike[str]] = (),
 ) -> None:
-    """Writes results as one page of HTML, which needs no network and no other file.
+    """Write results as one page of HTML, which needs no network and no other file.
 
     Each result is a section, in their order: every requirement in words, what became of it, the
     worst episodes as plots. The simulation that a `Falsification` has found, and the worst of a
@@ -143,7 +143,7 @@ def report_of(
     examples: Sequence[ExamplesLike] = (),
     access: Access = Access(),
 ) -> Report:
-    """What the page of results shows; arguments are those of `write_report`, examples several."""
+    """Return the report of `write_report`, with the same arguments but several examples."""
     if not results:
         raise InputError(
             "expected one result at least, such as an Evaluation or its file, got none"
@@ -159,7 +159,7 @@ def report_of(
 
 
 def _section(result: Result, room: int, access: Access) -> Section:
-    """The section of a result, and of a file with its hash."""
+    """Return the section of a result; the section of a file has its hash."""
     section = section_of(result, room, access)
     if not isinstance(result, str | os.PathLike):
         return section
@@ -169,7 +169,7 @@ def _section(result: Result, room: int, access: Access) -> Section:
 def _named(
     sections: Sequence[Section], results: Sequence[Result], names: Sequence[str] | None
 ) -> tuple[Section, ...]:
-    """The sections with titles that tell them apart."""
+    """Return the sections with different titles."""
     if names is not None:
         every: object = names
         known = [] if isinstance(every, str) or not isinstance(every, Sequence) else list(every)
@@ -201,7 +201,7 @@ def _named(
 
 
 def _date(date: datetime | None) -> str:
-    """The date of a page in UTC, to the minute."""
+    """Return the date of a page in UTC, to the minute."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     if date is None and epoch is not None:
         try:
@@ -214,13 +214,13 @@ def _date(date: datetime | None) -> str:
 
 
 def check_page(path: str | os.PathLike[str]) -> None:
-    """Refuses the name of a page that does not end in ``.html``."""
+    """Refuse the name of a page that does not end in ``.html``."""
     if Path(path).suffix.lower() != ".html":
         raise InputError(f"cannot write {os.fspath(path)}: expected a name that ends in .html")
 
 
 def section_of(result: Result, room: int, access: Access = Access()) -> Section:
-    """The section of a result, or of the file of one.
+    """Return the section of a result, or of the file of one.
 
     Args:
         result: The result, or the path of its file or folder.
@@ -264,7 +264,7 @@ def _of_file(path: Path, room: int, access: Access) -> Section:
 
 
 def _of_table(path: Path, room: int) -> Section:
-    """The section of a Parquet file, or of the folder of a campaign."""
+    """Return the section of a Parquet file, or of the folder of a campaign."""
     if not path.is_dir() and holds_run(path):
         return of_run(Run.load(path), room)
     record, also = Record.read(path, "a report")

@@ -65,7 +65,7 @@ T = TypeVar("T")
 
 
 def document(kind: str, fields: Mapping[str, Any]) -> str:
-    """The text of a result: its head, and its fields as `plain` makes them.
+    """Return the text of a result: its head, and its fields as `plain` makes them.
 
     Lists of numbers or texts stand on one line, and so does each of the trials.
     """
@@ -74,7 +74,7 @@ def document(kind: str, fields: Mapping[str, Any]) -> str:
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
-    """A value as dicts, lists, numbers and texts, which strict JSON can say."""
+    """Return a value as dicts, lists, numbers and texts, which strict JSON can say."""
     if type(value) in _AS_IT_IS:  # most are
         return value
     for kind, make in _PLAIN:
@@ -112,7 +112,7 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
 
 
 def plain_trial(trial: Trial) -> dict[str, Any]:
-    """A trial as JSON holds it; what it does not have is left out."""
+    """Return a trial as JSON holds it; what it does not have is left out."""
     recorded = trial.ended == "recorded"
     stored = {
         "name": trial.name or None,
@@ -135,7 +135,7 @@ def plain_trial(trial: Trial) -> dict[str, Any]:
 
 
 def plain_result(result: RequirementResult, *, rates: bool = True) -> dict[str, Any]:
-    """The statistics of a requirement; rates where trials differ by chance alone."""
+    """Return the statistics of a requirement; rates where trials differ by chance alone."""
     statistics = [each for each in STATISTICS if rates or each.key not in _RATES]
     stored = {statistic.key: statistic.of(result) for statistic in statistics}
     stored |= {"interval_kind": result.kind} if rates else {}
@@ -145,7 +145,7 @@ def plain_result(result: RequirementResult, *, rates: bool = True) -> dict[str, 
 
 
 def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
-    """The keys that all results of trials have: system, requirements, results, trials and others.
+    """Return the keys that all results of trials have: system, requirements, trials and others.
 
     Args:
         results: The trials.
@@ -220,7 +220,7 @@ def _read_value(hint: Any, value: Any) -> Any:  # noqa: ANN401 - any type of a f
 
 
 def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
-    """Reads what `plain_outcome` has made."""
+    """Read what `plain_outcome` has made."""
     if kept["verdict"] == "ERROR":
         return Failure(kept["error"])
     late = kept.get("late_start")
@@ -249,7 +249,7 @@ def _moment(kept: Mapping[str, Any] | None) -> Moment | None:
 
 
 def trial_of(kept: Mapping[str, Any]) -> Trial:
-    """Reads what `plain_trial` has made."""
+    """Read what `plain_trial` has made."""
     cells = {name: outcome_of(value) for name, value in kept["outcomes"].items()}
     return Trial(
         Case.from_json(json.dumps(kept.get("case", {}))),
@@ -270,22 +270,22 @@ def trial_of(kept: Mapping[str, Any]) -> Trial:
 
 
 def trials_of(kept: Mapping[str, Any]) -> list[Trial]:
-    """The trials of a result."""
+    """Return the trials of a result."""
     return [trial_of(item) for item in kept["trials"]]
 
 
 def number_of(kept: float | str | None) -> Any:  # noqa: ANN401 - a float, or None
-    """A number that `plain` has written; None of None."""
+    """Return a number that `plain` has written; None of None."""
     return None if kept is None else float(kept)
 
 
 def fraction_of(kept: str | None) -> Fraction | None:
-    """A fraction that `plain` has written; None of None."""
+    """Return a fraction that `plain` has written; None of None."""
     return None if kept is None else Fraction(kept)
 
 
 def save(text: str, path: str | os.PathLike[str]) -> None:
-    """Writes the text of a result into a file.
+    """Write the text of a result into a file.
 
     Raises:
         InputError: If the name does not end in ``.json``.
@@ -295,7 +295,7 @@ def save(text: str, path: str | os.PathLike[str]) -> None:
 
 
 def check_name(path: str | os.PathLike[str]) -> None:
-    """Refuses the name of a file that does not end in ``.json``."""
+    """Refuse the name of a file that does not end in ``.json``."""
     if Path(path).suffix.lower() != ".json":
         raise InputError(f"cannot write {os.fspath(path)}: expected a name that ends in .json")
 
@@ -344,7 +344,7 @@ def read(
 
 
 def read_as(path: str | os.PathLike[str], kind: str, make: Callable[[Mapping[str, Any]], T]) -> T:
-    """Reads a result of one kind, and makes what it holds.
+    """Read a result of one kind, and return its object.
 
     Raises:
         InputError: As `read` does, and if the file lacks something or holds something else.
@@ -355,7 +355,7 @@ def read_as(path: str | os.PathLike[str], kind: str, make: Callable[[Mapping[str
 def made(
     path: str | os.PathLike[str], kept: Mapping[str, Any], make: Callable[[Mapping[str, Any]], T]
 ) -> T:
-    """Makes what a result holds, read from a file.
+    """Return the object of a result that was read from a file.
 
     Raises:
         InputError: If it lacks something or holds something else.
@@ -378,7 +378,7 @@ def _no_number(text: str) -> float:
 
 
 def _indented(kept: Mapping[str, Any]) -> str:
-    """JSON over several lines, in which a list of plain values, and each trial, is one line."""
+    """Return JSON over several lines; a list of plain values is one line, and so is each trial."""
     lines = dict(kept)
     trials: Sequence[Any] = lines.get("trials", ())
     if trials:

@@ -134,7 +134,7 @@ class Extent:
         return None if self.begin is None or self.end is None else self.end - self.begin
 
     def starting(self, time: float) -> Self:
-        """The extent from a time on, of a trace with times."""
+        """Return the extent from a time on, of a trace with times."""
         if self.begin is None or time <= self.begin:
             return self
         samples = self.samples
@@ -143,11 +143,11 @@ class Extent:
         return replace(self, samples=samples, begin=time)
 
     def shorter(self, least: Fraction) -> bool:
-        """Whether it is shorter than so many seconds, by more than the rounding of its times."""
+        """Return whether it is shorter than ``least`` seconds, by more than rounding."""
         return self.length is not None and self.length < float(least) * (1 - 1e-9)
 
     def written(self) -> dict[str, Any]:
-        """It as JSON holds it; what nobody knows is left out."""
+        """Return the fields as JSON holds them; unknown ones are left out."""
         gap = self.gap
         stored = {
             "samples": self.samples,
@@ -169,7 +169,7 @@ class Extent:
 
     @classmethod
     def read(cls, kept: Mapping[str, Any]) -> Self:
-        """Reads what `written` has made."""
+        """Read what `written` has made."""
         period, gap = kept.get("period"), kept.get("gap")
         return cls(
             kept.get("samples"),
@@ -187,7 +187,7 @@ class Extent:
         return ", ".join(filter(None, (self._times, self._length)))
 
     def lines(self, source: str) -> list[str]:
-        """It in lines of a terminal: one if it fits in 80 columns, else two.
+        """Return the text in lines of a terminal: one if it fits in 80 columns; otherwise two.
 
         Args:
             source: The name of the trace.
@@ -220,12 +220,12 @@ class Extent:
 
 
 def length_text(seconds: float | Fraction | None) -> str:
-    """A length of time as a cell of a table; empty if nobody knows it."""
+    """Return a length of time as a cell of a table; empty if nobody knows it."""
     return "" if seconds is None else f"{number(float(seconds))} s"
 
 
 def short_text(extents: Mapping[str, Extent], least: Fraction) -> str:
-    """Says which traces are shorter than asked for; empty if none is.
+    """Return which traces are shorter than asked for; empty if none is.
 
     Args:
         extents: The extent of each trace, by its name.
@@ -240,7 +240,7 @@ def short_text(extents: Mapping[str, Extent], least: Fraction) -> str:
 
 
 def gap_summary(extents: Mapping[str, Extent]) -> str:
-    """Says how many traces have a long gap, and which is the longest; empty if none has one.
+    """Return how many traces have a long gap, and which is the longest; empty if none has one.
 
     Args:
         extents: The extent of each trace, by its name.

@@ -39,7 +39,7 @@ IntervalKind = Literal["exact", "wilson"]
 def rate_interval(
     count: int, total: int, kind: IntervalKind = "exact", confidence: float = 0.95
 ) -> tuple[float, float]:
-    """The interval of a kind for the rate of which ``count`` of ``total`` is a sample.
+    """Return the interval of a kind for the rate of which ``count`` of ``total`` is a sample.
 
     Raises:
         InputError: If there is no such kind, or a number is out of its range.
@@ -61,7 +61,7 @@ def promise(kind: IntervalKind) -> str:
 
 
 def clopper_pearson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
-    """The exact interval of Clopper and Pearson (1934) for a rate.
+    """Return the exact interval of Clopper and Pearson (1934) for a rate.
 
     It covers the true rate at least as often as ``confidence`` says, whatever the rate is: its ends
     are the rates at which as many as were counted, or as few, have a chance of half of what is
@@ -90,7 +90,7 @@ def clopper_pearson(count: int, total: int, confidence: float = 0.95) -> tuple[f
 
 
 def _least_rate(count: int, total: int, chance: float) -> float:
-    """The rate at which ``count`` or more of ``total`` have a chance; 0 for a count of 0.
+    """Return the rate at which ``count`` or more of ``total`` have a chance; 0 for a count of 0.
 
     Newton's method on the logarithms of rate and chance, between bounds that it narrows.
     """
@@ -116,7 +116,7 @@ def _least_rate(count: int, total: int, chance: float) -> float:
 
 
 def _tail(count: int, total: int, rate: float) -> tuple[float, float]:
-    """The chance of ``count`` or more of ``total`` at a rate below theirs, and of ``count``."""
+    """Return the chance of ``count`` or more of ``total`` at a smaller rate, and of ``count``."""
     ways = math.lgamma(total + 1) - math.lgamma(count + 1) - math.lgamma(total - count + 1)
     first = math.exp(ways + count * math.log(rate) + (total - count) * math.log1p(-rate))
     odds = rate / (1 - rate)
@@ -130,7 +130,7 @@ def _tail(count: int, total: int, rate: float) -> tuple[float, float]:
 
 
 def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
-    """The interval of Wilson (1927) for the rate of which ``count`` of ``total`` is a sample.
+    """Return the interval of Wilson (1927) for a rate of which ``count`` of ``total`` is a sample.
 
     It lies within 0 and 1, also where few were counted: of none its low end is exactly 0, of all
     its high end exactly 1. Over all rates it covers the true one about as often as ``confidence``
@@ -162,7 +162,7 @@ def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, flo
 
 
 def quantiles(values: ArrayLike, shares: Sequence[float] = QUANTILES) -> Mapping[float, float]:
-    """The quantiles of robustness, which may be infinite: by share, in the order of ``shares``.
+    """Return the quantiles of robustness, which may be infinite, by share, in their order.
 
     The quantile of a share is the least of the values that at least this share of them does not
     exceed. It is one of the values and no mean of two, so infinities make no nan; the median of an
@@ -189,7 +189,7 @@ def quantiles(values: ArrayLike, shares: Sequence[float] = QUANTILES) -> Mapping
 
 
 def median(values: ArrayLike) -> float:
-    """The median as `quantiles` defines it; nan of no values.
+    """Return the median as `quantiles` defines it; nan of no values.
 
     Example:
         >>> median([float("-inf"), 1.0, 2.0, float("inf")])
@@ -199,7 +199,7 @@ def median(values: ArrayLike) -> float:
 
 
 def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float, float]:
-    """The interval of the median, between two of the values: it assumes nothing about them.
+    """Return the interval of the median, between two of the values: it assumes nothing about them.
 
     If values are independent, with any distribution, infinities and ties included, it covers the
     median at least as often as ``confidence`` says: how many lie below the median is binomial. It
@@ -230,7 +230,7 @@ def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float,
 def bootstrap(
     values: ArrayLike, confidence: float = 0.95, *, seed: int = 0, resamples: int = _RESAMPLES
 ) -> tuple[float, float]:
-    """The interval of the mean by the bootstrap of Efron (1987), BCa.
+    """Return the interval of the mean by the bootstrap of Efron (1987), BCa.
 
     It is for independent values whose distribution is not known. It knows no values but these: the
     interval lies between the least and the greatest of them, where all are equal it is that value
@@ -281,7 +281,7 @@ def bootstrap(
 
 
 def differences(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
-    """The second values less the first, pair by pair; of two equal infinities it is 0, not nan.
+    """Return the second values minus the first, pair by pair; 0 for two equal infinities, not nan.
 
     Raises:
         InputError: If the numbers of values differ, or one is nan.
@@ -305,7 +305,7 @@ def _check_counts(count: int, total: int, confidence: float) -> None:
 
 
 def check_confidence(confidence: float) -> None:
-    """Refuses a confidence that is not between 0 and 1.
+    """Refuse a confidence that is not between 0 and 1.
 
     Raises:
         InputError: If it is not.
@@ -325,7 +325,7 @@ def _checked(values: ArrayLike) -> NDArray[np.float64]:
 
 
 def scipy_stats(what: str) -> Any:  # noqa: ANN401 - a module without types
-    """The module `scipy.stats`, which a function needs; names the extra if SciPy is missing."""
+    """Return the module `scipy.stats`; the error names the extra if SciPy is missing."""
     try:
         from scipy import stats
     except ModuleNotFoundError as error:

@@ -33,7 +33,7 @@ def to_junit(
     *,
     least: Fraction | None = None,
 ) -> bytes:
-    """The outcomes as a file of JUnit XML.
+    """Return the outcomes as a file of JUnit XML.
 
     A violation is a failure, what is undecided is skipped, and what could not be judged is an
     error. A failure is also what a switch asks for and the traces do not have: those who read the
@@ -105,7 +105,7 @@ def _suite(
 
 
 def _properties(cell: Outcome | Failure, identity: RequirementId | None) -> dict[str, str]:
-    """The id of a requirement, the link to it, and what the verdict on it stands on."""
+    """Return the id of a requirement, the link to it, and what the verdict on it stands on."""
     properties = {}
     if identity is not None:
         properties = {"id": identity.id, "link": identity.link}
@@ -124,7 +124,7 @@ def _properties(cell: Outcome | Failure, identity: RequirementId | None) -> dict
 def _say(
     case: ET.Element, cell: Outcome | Failure, formula: str, failing: tuple[str, str] | None
 ) -> None:
-    """Adds what is to say of a requirement that is not satisfied, or not as was asked for."""
+    """Add a failure, an error or a skip for a requirement that is not satisfied as required."""
     if isinstance(cell, Failure):
         entry = ET.SubElement(case, "error", message=_xml(cell.message), type="error")
         entry.text = _xml(cell.traceback or cell.message)
@@ -144,7 +144,7 @@ def _say(
 
 
 def _word(row: Trial, name: str, warnings: Sequence[VerdictWarning]) -> Word:
-    """What a test case counts as."""
+    """Return what a test case counts as."""
     cell = row.cell(name)
     return word(cell) if failing_cell(warnings, row.name, name, cell) is None else "violated"
 

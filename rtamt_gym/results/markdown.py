@@ -24,7 +24,7 @@ def to_markdown(
     warnings: Sequence[VerdictWarning] = (),
     constants: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """The table of outcomes, and below it why a requirement is violated, undecided or in error.
+    """Return the table of outcomes, and why requirements are violated, undecided or in error.
 
     The first 50 are explained.
 
@@ -85,7 +85,7 @@ def _why(cell: Outcome, formula: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    r"""Keeps what Markdown would read as its own: ``a_b|c`` becomes ``a\_b\|c``."""
+    r"""Escape the characters of Markdown: ``a_b|c`` becomes ``a\_b\|c``."""
     return "".join(f"\\{c}" if c in "\\`*_{}[]<>#|~" else c for c in shown(text))
 
 

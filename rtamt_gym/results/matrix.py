@@ -26,7 +26,7 @@ class Matrix(Results):
     """Recorded traces under requirements, a row for each trace, at least one."""
 
     def counts(self) -> dict[Word, int]:
-        """The number of outcomes with each word, those with 0 too."""
+        """Return the number of outcomes with each word, those with 0 too."""
         words = [word(row.cell(name)) for row in self.rows for name in self.requirements]
         return {item: words.count(item) for item in get_args(Word)}
 
@@ -36,12 +36,12 @@ class Matrix(Results):
         return next(value for value, count in self.counts().items() if count)
 
     def shorter(self, least: Fraction) -> list[str]:
-        """The traces that last less than so many seconds."""
+        """Return the traces that last less than so many seconds."""
         extents = {row.name: row.judged_extent for row in self.rows}
         return [name for name, extent in extents.items() if extent and extent.shorter(least)]
 
     def failures(self) -> dict[str, tuple[Failure, list[str]]]:
-        """For each message of an error the error and the traces that have it."""
+        """Return the error and its traces for each message of an error."""
         result: dict[str, tuple[Failure, list[str]]] = {}
         for row in self.rows:
             for failure in row.failures.values():
@@ -51,7 +51,7 @@ class Matrix(Results):
         return result
 
     def worst_requirement(self) -> tuple[str, str] | None:
-        """The name of the requirement that most traces violate, and why; None if none was judged.
+        """Return the name of the requirement that most traces violate, and why; None without one.
 
         Among several it names the one that most traces leave undecided, then the one with the least
         robustness, then the first.
@@ -70,7 +70,7 @@ class Matrix(Results):
         return name, ", ".join(words)
 
     def worst_trace(self) -> tuple[str, str] | None:
-        """The name of the trace that violates most requirements, and why; None if none was judged.
+        """Return the name of the trace that violates most requirements, and why; None without one.
 
         Among several it names the one that leaves most undecided, then the one with the least
         robustness.
@@ -89,7 +89,7 @@ class Matrix(Results):
 def _worst(
     lines: Mapping[str, Mapping[str, Outcome]],
 ) -> tuple[str, list[tuple[str, int]], str] | None:
-    """The worst row or column: its name, its open and violated verdicts, and where it is least."""
+    """Return the worst row or column: name, undecided and violated verdicts, minimum."""
     best: tuple[int, int, float] | None = None
     found = None
     for name, line in lines.items():
@@ -107,12 +107,12 @@ def _worst(
 
 
 def label(found: Word) -> str:
-    """The word as the table has it: the name of a verdict, or ``"ERROR"``."""
+    """Return the word of the table: the name of a verdict, or ``"ERROR"``."""
     return "ERROR" if found == "failed" else found.upper()
 
 
 def matrix_lines(matrix: Matrix) -> list[str]:
-    """Writes a table with a row for each trace, and in words what is worst and what is open.
+    """Write a table with a row for each trace, and in words what is worst and what is open.
 
     Requirements that do not fit beside each other stand in further tables below.
     """
@@ -133,7 +133,7 @@ def matrix_lines(matrix: Matrix) -> list[str]:
 
 
 def _column(matrix: Matrix, name: str, *, on_defaults: bool) -> list[str]:
-    """The head and the cells of a requirement, with a second column if it could be asked."""
+    """Return the head and the cells of a requirement, with a column of triggers if it has any."""
     cells = [cell_text(row.cell(name), on_defaults=on_defaults) for row in matrix.rows]
     column = [f"{shorten(name, 16)}  {' ' * on_defaults}", *cells]
     if triggered_in(matrix, name) is None:
@@ -144,7 +144,7 @@ def _column(matrix: Matrix, name: str, *, on_defaults: bool) -> list[str]:
 
 
 def _lengths(matrix: Matrix) -> list[list[str]]:
-    """The columns of the lengths of the traces and of their periods, those that have cells."""
+    """Return the columns of lengths and periods of the traces, if they have cells."""
     extents = [row.extent for row in matrix.rows]
     lengths = [length_text(item.length if item else None) for item in extents]
     periods = [length_text(item.period if item else None) for item in extents]
@@ -153,7 +153,7 @@ def _lengths(matrix: Matrix) -> list[list[str]]:
 
 
 def summary(matrix: Matrix) -> Iterator[str]:
-    """Counts the outcomes in words, names what is worst, and says if traces were read otherwise."""
+    """Yield the counts of the outcomes, the worst requirement and trace, and notes on reading."""
     counts = [
         counted(count, "error") if value == "failed" else f"{count} {value}"
         for value, count in matrix.counts().items()
@@ -175,12 +175,12 @@ def summary(matrix: Matrix) -> Iterator[str]:
 
 
 def note_lines(matrix: Matrix) -> list[str]:
-    """What was read otherwise than it is written, in lines for a terminal."""
+    """Return the notes on reading, in lines for a terminal."""
     return [line for note in _notes(matrix) for line in indented(note, "")]
 
 
 def _notes(matrix: Matrix) -> Iterator[str]:
-    """What was read otherwise than it is written; what many traces share is said of the first."""
+    """Yield the notes on reading; a note that many traces share is shown for the first."""
     noted: dict[str, list[tuple[str, str]]] = {}
     for row in matrix.rows:
         for note in row.notes:
@@ -191,7 +191,7 @@ def _notes(matrix: Matrix) -> Iterator[str]:
 
 
 def _shape(note: str, trace: str) -> str:
-    """A note without the numbers and the name of its trace: notes of one shape say one thing."""
+    """Return a note without numbers and the name of its trace, so that equal notes are one."""
     return re.sub(r"[\d.]+(?:e[+-]?\d+)?", "", note.replace(trace, ""))
 
 
@@ -205,7 +205,7 @@ def _on_defaults(matrix: Matrix) -> bool:
 
 
 def cell_text(cell: Outcome | Failure, *, on_defaults: bool = False) -> str:
-    """A robustness with the letter of its verdict, which is a blank if that is satisfied.
+    """Return a robustness with the letter of its verdict, which is a blank if that is satisfied.
 
     Args:
         cell: What became of a requirement.
@@ -219,7 +219,7 @@ def cell_text(cell: Outcome | Failure, *, on_defaults: bool = False) -> str:
 
 
 def times_text(cell: Outcome | Failure) -> str:
-    """How many times a requirement was put to the test, as in ``12x``; empty if it cannot be."""
+    """Return how many times a requirement was triggered, as in ``12x``; empty without triggers."""
     times = None if isinstance(cell, Failure) else cell.trigger_count
     return "" if times is None else f"{times}x"
 
@@ -227,7 +227,7 @@ def times_text(cell: Outcome | Failure) -> str:
 def _blocks(
     first: list[list[str]], columns: Sequence[list[str]]
 ) -> Iterator[tuple[list[list[str]], list[list[str]]]]:
-    """Parts of the columns that fit beside the names, the first with lengths and verdicts too."""
+    """Yield the columns that fit next to the names, the first with lengths and verdicts."""
     names, head, part = first[0], first, list[list[str]]()
     room = _WIDTH - sum(2 + max(map(len, column)) for column in head)
     for column in columns:
@@ -242,7 +242,7 @@ def _blocks(
 
 
 def _open(matrix: Matrix, name: str) -> list[str]:
-    """Says why a requirement is undecided, at the first trace where it is."""
+    """Return why a requirement is undecided, at the first trace that leaves it undecided."""
     result = [
         (row.name, cell)
         for row in matrix.rows
@@ -261,12 +261,12 @@ def _more(count: int) -> str:
 
 
 def _cut(text: str, width: int) -> str:
-    """Cuts a text to a width, with three dots in place of its beginning."""
+    """Cut a text to a width, with three dots in place of its beginning."""
     return text if len(text) <= width else "..." + text[3 - width :]
 
 
 def undecided_lines(not_recorded: Iterable[str], way_out: str) -> list[str]:
-    """Says why a verdict is open, indented; no line if it is decided.
+    """Return why a verdict is undecided, indented; no line if it is decided.
 
     Args:
         not_recorded: What the verdict needs and the trace does not have.
@@ -276,7 +276,7 @@ def undecided_lines(not_recorded: Iterable[str], way_out: str) -> list[str]:
 
 
 def indented(text: str, indent: str) -> list[str]:
-    """A text of four lines at most, indented."""
+    """Return a text of four lines at most, indented."""
     return textwrap.wrap(
         text,
         width=80,

@@ -66,7 +66,7 @@ class JudgedMutant:
 
     @property
     def remark(self) -> str:
-        """What is to say of it beside the change."""
+        """A remark on the mutant in addition to the change."""
         if self.says != "unknown":
             return ""
         if self.samples:
@@ -89,7 +89,7 @@ class MutationScore:
     left_out: int = 0
 
     def count(self, says: MutantSays) -> int:
-        """How many became so."""
+        """Return how many mutants have an outcome."""
         return sum(mutant.says == says for mutant in self.mutants)
 
     @property
@@ -108,7 +108,7 @@ class MutationScore:
         return self.count("noticed") / self.different if self.different else None
 
     def written(self) -> dict[str, Any]:
-        """It as JSON holds it."""
+        """Return the score as JSON holds it."""
         counts = {says: self.count(says) for says in ("noticed", "missed", "same", "unknown")}
         return {
             "made": self.made,
@@ -121,7 +121,7 @@ class MutationScore:
 
     @classmethod
     def read(cls, kept: Mapping[str, Any]) -> MutationScore:
-        """Reads what `written` has made."""
+        """Read what `written` has made."""
         mutants = tuple(JudgedMutant(**item) for item in kept["list"])
         return cls(mutants, kept["capped"], kept.get("left_out", 0))
 
@@ -133,7 +133,7 @@ def _written(mutant: JudgedMutant) -> dict[str, Any]:
 
 
 def percent(share: float | None) -> str:
-    """A share in whole per cent, towards 0 unless it is all; a dash if there is none.
+    """Return a share in whole per cent, towards 0 unless it is all; a dash if there is none.
 
     Example:
         >>> percent(0.999), percent(1.0), percent(None)
@@ -150,14 +150,14 @@ def below(scores: Mapping[str, MutationScore], min_share: float | None) -> list[
 
 
 def score_text(name: str, score: MutationScore) -> str:
-    """How many mutants of a requirement are noticed, in words."""
+    """Return how many mutants of a requirement are noticed, in words."""
     text = f"{name}: {score.count('noticed')} of {counted(score.different, 'mutant')} noticed"
     unknown = score.count("unknown")
     return f"{text}; of {unknown} nobody knows whether they differ" if unknown else text
 
 
 def score_lines(scores: Mapping[str, MutationScore], traces: int) -> Iterator[str]:
-    """A table with a row for each requirement, and the mutants that no trace notices."""
+    """Return a table with a row for each requirement, and the mutants that no trace notices."""
     rows = [["mutants", "made", "noticed", "missed", "unknown", "same", "share"]]
     for name, score in scores.items():
         counts = (score.count(item) for item in ("noticed", "missed", "unknown", "same"))

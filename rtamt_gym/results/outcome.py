@@ -47,7 +47,7 @@ class Moment:
 
     @classmethod
     def of(cls, sample: int, period: Fraction | None, start: float = 0.0) -> Self:
-        """The moment of a sample, where the first lies at a time."""
+        """Return the moment of a sample, where the first lies at a time."""
         if period is None:
             return cls(sample, None)
         # As the float of a Fraction, which takes ten times as long to make.
@@ -125,7 +125,7 @@ class Outcome:
         *,
         ended: int | None = None,
     ) -> Self:
-        """The outcome of a run of samples.
+        """Return the outcome of a run of samples.
 
         Args:
             bounds: The robustness, the least and the greatest that was still possible.
@@ -151,7 +151,7 @@ class Outcome:
 
     @classmethod
     def of_height(cls, robustness: float) -> Self:
-        """The outcome of a robustness that is certain: satisfied from 0.0 on."""
+        """Return the outcome of a robustness that is certain: satisfied from 0.0 on."""
         verdict = Verdict.VIOLATED if math.copysign(1.0, robustness) < 0 else Verdict.SATISFIED
         return cls(robustness, robustness, robustness, verdict)
 
@@ -236,7 +236,7 @@ class Failure:
 
 
 def asked_of(kept: Mapping[str, Any]) -> tuple[TriggerCount | rtamt.dense.TriggerCount, ...] | None:
-    """The rows that `Outcome.evidence` has written; None where nobody had counted."""
+    """Return the rows that `Outcome.evidence` has written; None if triggers were not counted."""
     rows = kept.get("asked")
     if rows is None:
         return None
@@ -265,7 +265,7 @@ def word(found: Outcome | Failure | None) -> Word:
 
 
 def violated_by_end(verdict: Verdict, robustness: float) -> bool:
-    """Whether the end alone violates a requirement: its robustness holds.
+    """Return whether the end alone violates a requirement: its robustness holds.
 
     Example:
         >>> violated_by_end(Verdict.VIOLATED, 0.0), violated_by_end(Verdict.VIOLATED, -0.0)
@@ -275,7 +275,7 @@ def violated_by_end(verdict: Verdict, robustness: float) -> bool:
 
 
 def verdict_text(verdict: Verdict, robustness: float) -> str:
-    """The name of a verdict; of a violation by the end alone it says that.
+    """Return the name of a verdict; of a violation by the end alone it says that.
 
     Example:
         >>> verdict_text(Verdict.VIOLATED, -1.0), verdict_text(Verdict.VIOLATED, 1.0)
@@ -285,5 +285,5 @@ def verdict_text(verdict: Verdict, robustness: float) -> str:
 
 
 def order(robustness: float) -> tuple[float, float]:
-    """Orders robustness; -0.0, which violates, comes before 0.0."""
+    """Order robustness; -0.0, which violates, comes before 0.0."""
     return robustness, math.copysign(1.0, robustness)

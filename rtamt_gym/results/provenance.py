@@ -50,22 +50,22 @@ class Provenance:
         fingerprint: Fingerprint | None = None,
         reuse: Reuse | None = None,
     ) -> Self:
-        """The provenance of results that are made here, without files."""
+        """Return the provenance of results that are made here, without files."""
         ids = {name: spec.id for name, spec in specs.items() if spec.id is not None}
         return cls(ids, versions_in_use(), fingerprint=fingerprint, reuse=reuse)
 
     def called(self, name: str) -> str:
-        """The name of a requirement with its id, if it has one: ``slow (SYS-REQ-7)``."""
+        """Return the name of a requirement with its id, if it has one: ``slow (SYS-REQ-7)``."""
         return f"{name} ({self.ids[name].id})" if name in self.ids else name
 
     def with_files(self, paths: Iterable[str | os.PathLike[str]]) -> Self:
-        """The same with the hashes of files; a path that is no file has none."""
+        """Return the provenance with the hashes of files; a path that is not a file has none."""
         known = ((shown(os.fspath(path)), file_hash(path)) for path in paths)
         return replace(self, files={**self.files, **{path: sha for path, sha in known if sha}})
 
 
 def file_hash(path: str | os.PathLike[str]) -> str:
-    """The SHA-256 of a file in hexadecimal digits; empty if it is no file that can be read."""
+    """Return the SHA-256 of a file in hexadecimal digits; empty if it cannot be read."""
     try:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -74,7 +74,7 @@ def file_hash(path: str | os.PathLike[str]) -> str:
 
 
 def versions_in_use() -> dict[str, str]:
-    """The versions of Python and of the packages that are in use."""
+    """Return the versions of Python and of the packages that are in use."""
     used = {name: sys.modules[name] for name in _OF_VERSIONS if name in sys.modules}
     return {"python": platform.python_version()} | {
         name: str(getattr(module, "__version__", "")) for name, module in used.items()
@@ -82,7 +82,7 @@ def versions_in_use() -> dict[str, str]:
 
 
 def ids_lines(found: Provenance) -> list[str]:
-    """The ids of requirements in at most 80 columns; no line if there are none.
+    """Return the ids of requirements in at most 80 columns; no line if there are none.
 
     Example:
         >>> ids_lines(Provenance({"slow": RequirementId("SYS-REQ-7")}))
@@ -115,7 +115,7 @@ def reuse_lines(found: Provenance, trial: str) -> list[str]:
 
 
 def plain_provenance(found: Provenance) -> dict[str, Any]:
-    """The provenance as JSON holds it: what there is nothing of is left out."""
+    """Return the provenance as JSON holds it: what there is nothing of is left out."""
     ids = {
         name: {"id": value.id, "link": value.link} if value.link else {"id": value.id}
         for name, value in found.ids.items()
@@ -131,7 +131,7 @@ def plain_provenance(found: Provenance) -> dict[str, Any]:
 
 
 def provenance_of(kept: Mapping[str, Any]) -> Provenance:
-    """Reads what `plain_provenance` has made."""
+    """Read what `plain_provenance` has made."""
     ids = {name: RequirementId(**value) for name, value in kept.get("ids", {}).items()}
     fingerprint, reuse = Fingerprint.read(kept.get("fingerprint")), Reuse.read(kept.get("reuse"))
     return Provenance(ids, kept.get("versions", {}), kept.get("files", {}), fingerprint, reuse)

@@ -83,7 +83,7 @@ class MethodScores:
 
 
 def mean(scores: Floats) -> Any:  # noqa: ANN401 - a number, or one for each resample
-    """The mean over tasks of the means over runs.
+    """Return the mean over tasks of the means over runs.
 
     Example:
         >>> float(mean(np.array([[0.0, 1.0], [1.0, 1.0]])))
@@ -93,7 +93,7 @@ def mean(scores: Floats) -> Any:  # noqa: ANN401 - a number, or one for each res
 
 
 def interquartile_mean(scores: Floats) -> Any:  # noqa: ANN401 - as `mean`
-    """The mean of the middle half of all scores, runs and tasks together.
+    """Return the mean of the middle half of all scores, runs and tasks together.
 
     Of n scores ``floor(n / 4)`` are left out at either end, as SciPy's ``trim_mean`` does.
 
@@ -107,7 +107,7 @@ def interquartile_mean(scores: Floats) -> Any:  # noqa: ANN401 - as `mean`
 
 
 def profile(scores: Floats, thresholds: Floats) -> Floats:
-    """The performance profile: the share of all scores above each threshold.
+    """Return the performance profile: the share of all scores above each threshold.
 
     Example:
         >>> profile(np.array([[0.2], [0.8], [1.0]]), np.array([0.0, 0.5, 1.0])).round(2).tolist()
@@ -119,7 +119,7 @@ def profile(scores: Floats, thresholds: Floats) -> Floats:
 
 
 def improvement(scores: Floats, other: Floats) -> Any:  # noqa: ANN401 - as `mean`
-    """The chance that a run of one method scores above a run of the other on the same task.
+    """Return the chance that a run of one method scores above a run of the other on the same task.
 
     Equal scores count half, so that it is Mann and Whitney's U as a share of all pairs; the mean
     over tasks.
@@ -141,7 +141,7 @@ def stratified_bootstrap(
     resamples: int = 10_000,
     seed: int = 0,
 ) -> tuple[Any, Any]:
-    """The percentile interval of a statistic: runs are drawn anew within each task.
+    """Return the percentile interval of a statistic: runs are drawn anew within each task.
 
     Args:
         samples: The scores of each method, which are drawn apart.
@@ -181,7 +181,7 @@ def _drawn(scores: Floats, count: int, rng: np.random.Generator) -> Floats:
 
 
 def permutation_p(scores: Floats, other: Floats, *, seed: int = 0) -> float:
-    """The two-sided p-value of a permutation test on the difference of the means.
+    """Return the two-sided p-value of a permutation test on the difference of the means.
 
     If the methods are equal, which of them a run belongs to is arbitrary: p is the share of all
     ways to deal the runs of a task out to both methods for which the means are at least as far
@@ -209,7 +209,7 @@ def permutation_p(scores: Floats, other: Floats, *, seed: int = 0) -> float:
 
 
 def _gaps(sums: Floats, both: Floats, runs: int) -> Floats:
-    """How far the means are apart where the first method's runs of each task have these sums."""
+    """Return the distance of the means if the first method's runs of each task have these sums."""
     rest = both.sum(axis=0) - sums
     gaps: Floats = np.abs((sums / runs - rest / (len(both) - runs)).mean(axis=1))
     return gaps

@@ -125,7 +125,7 @@ class RequirementResult:
 
 
 def expected_shortfall(values: ArrayLike, share: float = 0.05) -> float:
-    """The mean of the worst share of the robustness: its conditional value at risk.
+    """Return the mean of the worst share of the robustness: its conditional value at risk.
 
     The values are sorted, and the share is cut to the part that it has of each: of 30 values 5 %
     are one and a half, so that the least counts whole and the next by half (Rockafellar and Uryasev
@@ -156,7 +156,7 @@ def expected_shortfall(values: ArrayLike, share: float = 0.05) -> float:
 
 
 def mean_progress(values: Sequence[float]) -> float | None:
-    """The mean of the progress of trials, which is 1 only if all are; None of none."""
+    """Return the mean progress of trials, which is 1 only if all are; None without trials."""
     if not values:
         return None
     mean = math.fsum(values) / len(values)
@@ -164,7 +164,7 @@ def mean_progress(values: Sequence[float]) -> float | None:
 
 
 def progress_text(progress: float) -> str:
-    """Two digits, cut and not rounded: 1.00 says that every stage was reached.
+    """Return two digits, cut and not rounded: 1.00 means that every stage was reached.
 
     Example:
         >>> progress_text(0.9999), progress_text(1.0)
@@ -200,7 +200,7 @@ class Statistic(NamedTuple):
     judged: bool = False
 
     def cell(self, result: RequirementResult) -> str:
-        """The value as text, in its colour; ``-`` if there is none."""
+        """Return the value as text, in its colour; ``-`` if there is none."""
         value = self.of(result)
         if value is None:
             return "-"
@@ -209,7 +209,7 @@ class Statistic(NamedTuple):
 
 
 def _height(key: str, heading: str, of: Callable[[Floats], float], **more: Any) -> Statistic:  # noqa: ANN401 - fields
-    """A statistic of the robustness of the trials that have one."""
+    """Return a statistic of the robustness of the trials that have one."""
 
     def value(result: RequirementResult) -> float | None:
         return of(result.robustness_values) if result.robustness_values.size else None
@@ -256,7 +256,7 @@ STATISTICS: Final = (
 
 
 def columns_of(results: Sequence[RequirementResult], *, rates: bool) -> list[Statistic]:
-    """The statistics that a table of results on a terminal has, for rates or for counts."""
+    """Return the statistics that a table of results on a terminal has, for rates or for counts."""
     where = "rates" if rates else "counts"
     return [
         statistic
@@ -275,7 +275,7 @@ def result_of(
     apart: bool = False,
     kind: IntervalKind = "exact",
 ) -> RequirementResult:
-    """The result of a requirement.
+    """Return the result of a requirement.
 
     Args:
         name: The name of the requirement.
@@ -322,7 +322,7 @@ def result_of(
 
 
 def _saved(trial: Trial, outcome: Outcome, limit: float | None) -> float:
-    """The seconds between the stop of a trial and the limit, if this outcome stopped it; else 0."""
+    """Return the seconds between the stop of a trial and the limit; 0 without such a stop."""
     if limit is None or trial.ended not in STOPPED:
         return 0.0
     if trial.ended != "known" and outcome.decided_at != trial.simulated:
@@ -331,5 +331,5 @@ def _saved(trial: Trial, outcome: Outcome, limit: float | None) -> float:
 
 
 def rank(outcome: Outcome, seed: int | None) -> tuple[Any, ...]:
-    """Orders trials by what a requirement has become in them, the worst first."""
+    """Order trials by what a requirement has become in them, the worst first."""
     return outcome.verdict, *order(outcome.robustness), seed or 0

@@ -76,13 +76,13 @@ class Results(Sequence[Trial]):
     __hash__ = None  # type: ignore[assignment]  # it is as large as its rows
 
     def with_files(self, paths: Iterable[str]) -> Self:
-        """The same results with the hashes of files that they were made of."""
+        """Return the results with the hashes of files that they were made of."""
         return type(self)(
             self.rows, self.requirements, self.system, self.provenance.with_files(paths)
         )
 
     def violated(self, requirement: str | None = None) -> Self:
-        """The trials that violate a requirement; None: that violate any.
+        """Return the trials that violate a requirement; None: any requirement.
 
         Raises:
             InputError: If there is no such requirement; names the nearest.
@@ -98,11 +98,11 @@ class Results(Sequence[Trial]):
         )
 
     def failed(self) -> Self:
-        """The trials that an error has ended."""
+        """Return the trials that an error has ended."""
         return self._of(row for row in self.rows if row.error)
 
     def name(self, requirement: str | None) -> str:
-        """The name of a requirement; None: of the only one.
+        """Return the name of a requirement; None: of the only one.
 
         Raises:
             InputError: If there is no such requirement, or there are several and none is named.
@@ -122,7 +122,7 @@ class Results(Sequence[Trial]):
     def results(
         self, limit: float | None = None, kind: IntervalKind = "exact"
     ) -> dict[str, RequirementResult]:
-        """The result of every requirement, by name.
+        """Return the result of every requirement, by name.
 
         Args:
             limit: The time limit of a trial in seconds (steps without a period), or None.
@@ -139,7 +139,7 @@ class Results(Sequence[Trial]):
     def success(
         self, limit: float | None = None, kind: IntervalKind = "exact"
     ) -> RequirementResult:
-        """The result of all requirements at once; its robustness is the least of theirs."""
+        """Return the result of all requirements at once; its robustness is the least of theirs."""
         formulas = list(self.requirements.values())
         text = formulas[0]
         if len(formulas) > 1:
@@ -158,7 +158,7 @@ class Results(Sequence[Trial]):
         return False
 
     def together(self) -> list[Outcome | None]:
-        """What all requirements at once have become in each trial; None where one failed."""
+        """Return the outcome of all requirements together in each trial; None where one failed."""
         names = set(self.requirements)
         return [
             together(row.outcomes.values())
@@ -168,7 +168,7 @@ class Results(Sequence[Trial]):
         ]
 
     def statistics(self, kind: IntervalKind = "exact") -> pd.DataFrame:
-        """A data frame of pandas: a row for each requirement, a column for each statistic.
+        """Return a data frame of pandas: a row for each requirement, a column for each statistic.
 
         These are ``rate`` with ``low`` and ``high``, the ends of its 95 % interval, the counts
         ``violated``, ``undecided`` and ``failed``, and of the robustness ``least``, ``cvar``,
@@ -194,7 +194,7 @@ class Results(Sequence[Trial]):
 
 
 def together(outcomes: Iterable[Outcome]) -> Outcome:
-    """The outcome of all requirements at once, whose robustness is the least of theirs."""
+    """Return the outcome of all requirements at once, whose robustness is the least of theirs."""
     outcomes = list(outcomes)
     verdict = min(outcome.verdict for outcome in outcomes)
     settled = [outcome for outcome in outcomes if outcome.verdict is verdict]

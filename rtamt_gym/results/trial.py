@@ -151,7 +151,7 @@ class Trial:
         notes: Sequence[str] = (),
         extent: Extent | None = None,
     ) -> Self:
-        """A recorded trace, with what each requirement came to, or why it came to nothing."""
+        """Return a recorded trace with the outcome of each requirement, or why there is none."""
         return cls(
             Case({}),
             None,
@@ -176,7 +176,7 @@ class Trial:
         timed: bool = True,
         unconditional: Collection[str] = (),
     ) -> Self:
-        """Makes a trial from the cells of its columns; the case is given by itself.
+        """Return the trial with these cells of its columns, and a case.
 
         Args:
             cells: The cells, by name of the column.
@@ -222,7 +222,7 @@ class Trial:
         )
 
     def columns(self) -> dict[str, float | str | None]:
-        """The trial as it stands in a table; a verdict is the name of it."""
+        """Return the cells of the trial in a table; a verdict is its name."""
         columns: dict[str, Any] = dict(self.case.columns())
         for name, outcome in self.outcomes.items():
             columns |= {f"{column.name}({name})": column.of(outcome) for column in MEASURES}
@@ -233,7 +233,7 @@ class Trial:
         return None if self.error else self.outcomes.get(requirement)
 
     def cell(self, requirement: str) -> Outcome | Failure:
-        """What a requirement has become, or why it has become nothing."""
+        """Return what a requirement has become, or why it has no outcome."""
         result = self.judged(requirement)
         return result or self.failures.get(requirement) or Failure(self.error)
 
@@ -254,7 +254,7 @@ class Trial:
 
 
 def end_note(trials: Iterable[Trial]) -> list[str]:
-    """Explains violations beside a robustness that holds, in two lines; none if there are none."""
+    """Explain violations at a robustness that holds, in two lines; none without a violation."""
     if not any(value.by_end for trial in trials for value in trial.outcomes.values()):
         return []
     return [
@@ -264,7 +264,7 @@ def end_note(trials: Iterable[Trial]) -> list[str]:
 
 
 def open_at_stop(trials: Iterable[Trial], requirement: str) -> list[int]:
-    """The places of trials that were stopped early and leave a requirement open.
+    """Return the places of trials that were stopped early and leave a requirement open.
 
     Their robustness counts the samples until the stop: had they gone on, it could be another.
     """
