@@ -79,10 +79,10 @@ if TYPE_CHECKING:  # Old names, which `rtamt.renamed` lists; the next version re
     from rtamt.language import SpecificationTemplate as SpecificationTemplate
     from rtamt.language import SubscribedField as SubscribedField
     from rtamt.language import Subscription as Subscription
-    from rtamt.language.publications import publications as publications
-    from rtamt.language.scaling import predicates as predicates
-    from rtamt.language.scaling import scaled as scaled
-    from rtamt.language.subscriptions import subscriptions as subscriptions
+    from rtamt.language.formula import predicates as predicates
+    from rtamt.language.formula import scaled as scaled
+    from rtamt.language.topics import publications as publications
+    from rtamt.language.topics import subscriptions as subscriptions
     from rtamt.language.words import in_words as in_words
     from rtamt.monitors import Evidence as Evidence
     from rtamt.monitors import Implications as Implications

@@ -107,10 +107,10 @@ NAMES: Final[Mapping[str, Mapping[str, str]]] = {
 FUNCTIONS: Final[Mapping[str, str]] = {
     "rtamt.Specification.export_fmu": "rtamt.export.fmu.export_fmu",
     "rtamt.Specification.in_words": "rtamt.language.words.in_words",
-    "rtamt.Specification.predicates": "rtamt.language.scaling.predicates",
-    "rtamt.Specification.publications": "rtamt.language.publications.publications",
-    "rtamt.Specification.scaled": "rtamt.language.scaling.scaled",
-    "rtamt.Specification.subscriptions": "rtamt.language.subscriptions.subscriptions",
+    "rtamt.Specification.predicates": "rtamt.language.formula.predicates",
+    "rtamt.Specification.publications": "rtamt.language.topics.publications",
+    "rtamt.Specification.scaled": "rtamt.language.formula.scaled",
+    "rtamt.Specification.subscriptions": "rtamt.language.topics.subscriptions",
 }
 """The functions that became methods, which take the specification as an argument."""
 

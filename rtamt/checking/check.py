@@ -11,10 +11,10 @@ from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalenc
 from rtamt.checking.encoding import ValueRange, VariableLimits
 from rtamt.checking.search import Goal, SearchAnswer, WitnessSearch
 from rtamt.errors import Argument, InputError, InputTypeError
+from rtamt.language.declarations import is_whole, range_text
 from rtamt.language.formula import Formula, make, replaced
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification
-from rtamt.language.ranges import is_whole, range_text
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End
 from rtamt.monitors.options import Spec, checked_end

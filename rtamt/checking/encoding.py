@@ -22,7 +22,7 @@ from time import monotonic
 from typing import Final
 
 from rtamt.checking.graph import FALSE, TRUE, Atom, Graph, TermKey, TermTruths, Truth, TruthElement
-from rtamt.language.ranges import range_text
+from rtamt.language.declarations import range_text
 from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Const, Window
 from rtamt.program.placement import positive

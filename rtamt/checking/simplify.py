@@ -14,7 +14,7 @@ from rtamt.checking.graph import Graph, TermKey, Truth, function_of
 from rtamt.checking.search import Goal
 from rtamt.errors import InputError
 from rtamt.language import formula as syntax
-from rtamt.language.scaling import predicates
+from rtamt.language.formula import predicates
 from rtamt.machines.protocols import End
 from rtamt.monitors.monitor import EpisodeMonitor
 

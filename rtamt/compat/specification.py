@@ -13,10 +13,10 @@ from typing import Any, Generic, TypeVar
 
 from rtamt.compat.options import Language, Semantics, StlIOType
 from rtamt.errors import InputError, ParseError, SpecificationError, StateError, nearest
+from rtamt.language.declarations import PRIMITIVES, steps
 from rtamt.language.interval import Exact
-from rtamt.language.names import steps
 from rtamt.language.parser import parse_as
-from rtamt.language.specification import PRIMITIVES, Specification
+from rtamt.language.specification import Specification
 from rtamt.monitors.dense_monitor import DenseMonitor
 from rtamt.monitors.monitor import Monitor
 from rtamt.monitors.options import Options

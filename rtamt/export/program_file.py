@@ -74,7 +74,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rtamt.language.traced import Traced
+from rtamt.language.interval import Traced
 from rtamt.program.encoding import (
     DiscreteRow,
     Encoded,

@@ -13,8 +13,8 @@ from rtamt.export.program_file import (
     RegionFile,
     SampledFile,
 )
+from rtamt.language.interval import Traced
 from rtamt.language.specification import Specification
-from rtamt.language.traced import Traced
 from rtamt.monitors.options import Options, SampleOptions, compiled, compiled_dense
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import compile_regions

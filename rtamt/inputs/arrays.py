@@ -1,4 +1,4 @@
-"""Numbers and arrays of a caller, of any library, as doubles."""
+"""Numbers and arrays of callers, of any library, as doubles."""
 
 from __future__ import annotations
 
@@ -9,17 +9,11 @@ from numpy.typing import NDArray
 
 from rtamt.errors import InputError, InputTypeError, brief
 
-__all__ = ["Floats", "array_of_numbers", "kind_of", "line_of_numbers", "number"]
-
 Floats = NDArray[np.float64]
 
 
 def array_of_numbers(values: object, what: str) -> Floats:
-    """The values as an array of doubles, not copied if they are one; a masked value is nan.
-
-    Raises:
-        InputTypeError: On values that are not real numbers.
-    """
+    """Return the values as an array of doubles, copied only if needed; a masked value is nan."""
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.filled(values.astype(np.float64), np.nan)
     try:
@@ -35,7 +29,7 @@ def array_of_numbers(values: object, what: str) -> Floats:
 
 
 def _array(values: object) -> NDArray[Any]:
-    """The values as an array; a missing number of pandas is nan, as it is of polars and Arrow."""
+    """Return the values as an array; a missing number of pandas is nan, as elsewhere."""
     if hasattr(values, "to_numpy") and hasattr(getattr(values, "dtype", None), "na_value"):
         series = cast("Any", values)
         if series.dtype.kind in "biuf":
@@ -44,12 +38,7 @@ def _array(values: object) -> NDArray[Any]:
 
 
 def line_of_numbers(values: object, what: str) -> Floats:
-    """The values as a contiguous 1-D array of doubles.
-
-    Raises:
-        InputError: On another shape.
-        InputTypeError: On values that are not real numbers.
-    """
+    """Return the values as a contiguous 1-D array of doubles."""
     line = array_of_numbers(values, what)
     if line.ndim != 1:
         raise InputError(f"expected a 1-D array for {what}, got shape {line.shape}")
@@ -57,7 +46,7 @@ def line_of_numbers(values: object, what: str) -> Floats:
 
 
 def number(value: object) -> float | None:
-    """The value as a double; None if it is not a real number."""
+    """Return the value as a double; None if it is not a real number."""
     if type(value) is float:
         return value
     if isinstance(value, str | bytes | complex | np.complexfloating):
@@ -69,5 +58,5 @@ def number(value: object) -> float | None:
 
 
 def kind_of(value: object) -> str:
-    """Type and beginning of a value in one line, for errors."""
+    """Return the type and start of a value in one line, for errors."""
     return f"{type(value).__name__} {brief(value, 40)}"

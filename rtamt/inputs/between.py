@@ -1,4 +1,4 @@
-"""Inputs that are not known, or not exactly."""
+"""Values that are known only within bounds."""
 
 from __future__ import annotations
 
@@ -11,36 +11,31 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.errors import InputError
 from rtamt.inputs.arrays import Floats, array_of_numbers, number
 
-__all__ = ["NO_BOUNDS", "UNKNOWN", "UncertainValue", "identical", "out_of_order"]
-
 NO_BOUNDS: Final = (
     "EpisodeMonitor, VectorEpisodeMonitor and judge give bounds; a nan of others means 'not yet'"
 )
-"""Why the others take no input that is not known."""
+"""Why other monitors refuse uncertain values."""
 
 
 class UncertainValue:
-    """A value that is known only to lie between two numbers, the ends included.
+    """A value that is known only to lie between two numbers, both included.
 
-    It stands where a number stands: in a sample of `EpisodeMonitor`, or, with arrays, in a column
-    of `judge`. ``UncertainValue(-math.inf, math.inf)`` is a value of which nothing is known; a
-    value whose ends are the same is known. -0.0 lies below 0.0.
-
-    The robustness is then known only to lie between ``lower`` and ``upper``: whatever the values
-    are inside their intervals, theirs lies inside these bounds.
+    It can replace a number in a sample of `EpisodeMonitor` or, with arrays, a column of `judge`.
+    ``UncertainValue(-math.inf, math.inf)`` is completely unknown; with equal ends the value is
+    known. -0.0 is smaller than 0.0. The robustness of all possible values lies between ``lower``
+    and ``upper`` of the monitor.
 
     Args:
-        lower: The least value, or an array of them, one for each sample.
-        upper: The greatest value, or an array of the same length.
+        lower: The smallest possible value, or an array with one per sample.
+        upper: The largest possible value, or an array of the same shape.
 
     Attributes:
-        lower: The least value, or a read-only array of doubles.
-        upper: The greatest value, or a read-only array of doubles.
+        lower: The smallest possible value, or a read-only array of doubles.
+        upper: The largest possible value, or a read-only array of doubles.
 
     Raises:
-        InputError: If ``lower`` is above ``upper`` somewhere, or an end is nan; on arrays of
-            different shapes.
-        InputTypeError: On ends that are not real numbers.
+        InputError: If a ``lower`` is above its ``upper``, an end is nan, or the shapes differ.
+        InputTypeError: If an end is not a real number.
 
     Example:
         >>> from rtamt import EpisodeMonitor, UncertainValue, judge
@@ -61,18 +56,18 @@ class UncertainValue:
     upper: float | Floats
 
     def __init__(self, lower: float | ArrayLike, upper: float | ArrayLike) -> None:
-        least: float | Floats | None = None if hasattr(lower, "__len__") else number(lower)
-        greatest: float | Floats | None = None if hasattr(upper, "__len__") else number(upper)
-        if least is None or greatest is None:
-            least, greatest = _arrays(lower, upper)
-            _require_order(least, greatest)
-        elif not least < greatest:  # the most frequent ends need no array
-            _require_order(np.array(least), np.array(greatest))
-        object.__setattr__(self, "lower", least)
-        object.__setattr__(self, "upper", greatest)
+        low: float | Floats | None = None if hasattr(lower, "__len__") else number(lower)
+        high: float | Floats | None = None if hasattr(upper, "__len__") else number(upper)
+        if low is None or high is None:
+            low, high = _arrays(lower, upper)
+            _require_order(low, high)
+        elif not low < high:  # the most frequent ends need no array
+            _require_order(np.array(low), np.array(high))
+        object.__setattr__(self, "lower", low)
+        object.__setattr__(self, "upper", high)
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Refuse to change an interval."""
+        """Refuse to change a value."""
         raise AttributeError(f"an interval does not change, and '{name}' cannot be set")
 
     def __reduce__(self) -> tuple[type[UncertainValue], tuple[object, object]]:
@@ -94,23 +89,23 @@ Between = UncertainValue
 """The name that the C++ code imports."""
 
 UNKNOWN: Final = UncertainValue(-math.inf, math.inf)
-"""A value of which nothing is known."""
+"""A completely unknown value."""
 
 
 def identical(lower: Floats, upper: Floats) -> bool:
-    """Whether two arrays of ends are the same to the bit, so that all values are known."""
+    """Return whether two arrays are the same to the bit, so that all values are known."""
     return bool(np.array_equal(lower.view(np.int64), upper.view(np.int64)))
 
 
 def out_of_order(lower: Floats, upper: Floats) -> NDArray[np.bool_]:
-    """Where a lower end is above the upper one, -0.0 below 0.0, or an end is nan."""
+    """Return where a lower end is above the upper one, with -0.0 below 0.0, or an end is nan."""
     zeros = (lower == upper) & ~np.signbit(lower) & np.signbit(upper)
     wrong: NDArray[np.bool_] = ~(lower <= upper) | zeros
     return wrong
 
 
 def _arrays(lower: object, upper: object) -> tuple[Floats, Floats]:
-    """The ends as arrays of one shape, which nobody can write to."""
+    """Return the ends as read-only arrays of one shape."""
     low, high = (array_of_numbers(end, "an end of Between") for end in (lower, upper))
     if low.ndim and high.ndim and low.shape != high.shape:
         raise InputError(

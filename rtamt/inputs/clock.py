@@ -1,6 +1,6 @@
 """Times as whole ticks of a clock: times of events become integers here, and times again.
 
-`rtamt/native/dense/clock.hpp` is the twin in C++, which reads and writes the frequent times.
+`rtamt/native/dense/clock.hpp` is the C++ twin, which reads and writes the frequent times.
 """
 
 from __future__ import annotations
@@ -17,10 +17,8 @@ from rtamt.errors import Advice, Argument, InputError, Message
 from rtamt.inputs.arrays import Floats
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
 
-__all__ = ["EXACT", "Clock", "Ticks", "Times", "shown"]
-
 Times = NDArray[Any]
-"""Times as they are given: doubles, integers, `numpy.datetime64`, or objects that are rational."""
+"""Times of callers: doubles, integers, `numpy.datetime64`, or rational objects."""
 Ticks = NDArray[np.int64]
 
 EXACT = 2**53
@@ -37,17 +35,17 @@ _UNITS = {
 }
 """The units of `numpy.datetime64` in seconds, except years and months, whose lengths differ."""
 _FINEST_FIRST = ("as", "fs", "ps", "ns", "us", "ms", "s")
-"""Those that dates of ticks have."""
+"""The units of dates from ticks."""
 
 
 class Clock:
-    """Counts times in ticks, and gives the times of ticks.
+    """Converts times to ticks and back.
 
-    A double stands for its shortest decimal text. A time that is no whole number of ticks goes to
-    the nearest one, of two equally near to the even one.
+    A double stands for its shortest decimal text. A time is rounded to the nearest tick, or to the
+    even one of two.
 
     Args:
-        dense: The program, which has the length of a tick.
+        dense: The program with the length of a tick.
     """
 
     __slots__ = ("resolution", "tick")
@@ -59,15 +57,13 @@ class Clock:
         """The length of a tick in seconds."""
 
     def ticks(self, times: Times, name: str) -> Ticks:
-        """The nearest tick of every time; the times are finite.
+        """Return the nearest tick of every time.
 
-        Raises:
-            InputError: On a time that is `MAX_TICKS` ticks or more from 0. It names the event, and
-                a resolution that would do.
+        The error about a time of `MAX_TICKS` ticks or more names a resolution that fits.
         """
         if times.dtype.kind == "f":
             return self.nearest_ones(times, name)
-        tick, given = self.tick, times
+        tick, original = self.tick, times
         if times.dtype.kind == "M":
             self._unit()
             times, unit = _since_1970(times)
@@ -78,15 +74,15 @@ class Clock:
                 return times.astype(np.int64) * np.int64(tick.denominator)
         exact = (_exact(time) / tick for time in times.tolist())
         return np.array(
-            [self._counted(t, given[i], i, name) for i, t in enumerate(exact)], np.int64
+            [self._counted(t, original[i], i, name) for i, t in enumerate(exact)], np.int64
         )
 
     def nearest(self, time: Any) -> int:  # noqa: ANN401 - a float or a rational number
-        """The nearest tick of a time, however far."""
+        """Return the nearest tick of a time, however far."""
         return round(_exact(time) / self.tick)
 
     def on_one_tick(self, first: object, second: object) -> bool:
-        """Whether two times are the same or have the same nearest tick; other objects have none."""
+        """Return whether two times are equal or on one tick; False for other objects."""
         try:
             if isinstance(first, float) and isinstance(second, float):
                 # What is far apart needs no exact arithmetic.
@@ -98,9 +94,9 @@ class Clock:
             return False
 
     def nearest_ones(self, times: Times, name: str) -> Ticks:
-        """The nearest ticks of doubles; errors as of `ticks`."""
-        # The product is off by less than 2^-51 of it, the text of the double included: if it is not
-        # that near to the middle between two ticks, it rounds as the exact number does.
+        """Return the nearest ticks of doubles; errors as in `ticks`."""
+        # The relative error of the product, with the text of the double, is below 2^-51. Unless it
+        # is that close to the middle between two ticks, it rounds as the exact number does.
         with np.errstate(over="ignore", invalid="ignore"):
             products = times * float(1 / self.tick)
             whole = np.rint(products)
@@ -125,14 +121,14 @@ class Clock:
         return ticks
 
     def time(self, tick: int, *, dated: bool = False) -> float:
-        """The time of a tick: the nearest double, or a `numpy.datetime64`, which is exact."""
+        """Return the time of a tick: the nearest double, or an exact `numpy.datetime64`."""
         if dated:
             time: float = self._dates(np.array([tick]))[0]
             return time
         return tick * self.tick.numerator / self.tick.denominator
 
     def times(self, ticks: Ticks, *, dated: bool = False) -> Floats:
-        """The times of ticks, as `time` gives each."""
+        """Return the times of ticks, as `time` does."""
         if dated:
             return self._dates(ticks)
         if (
@@ -147,7 +143,7 @@ class Clock:
         unit, count = self._unit()
         farthest = int(max(-ticks.min(), ticks.max())) if len(ticks) else 0
         if farthest > (2**63 - 1) // count:
-            # Of a unit that is a tick every time has as few ticks as a datetime64 holds.
+            # If a tick is one unit, a datetime64 holds as many ticks as a time can have.
             far = farthest * self.resolution
             would_do = next((u for u in _FINEST_FIRST if far < MAX_TICKS * _UNITS[u]), "s")
             raise InputError(
@@ -158,7 +154,7 @@ class Clock:
         return (ticks * np.int64(count)).astype(f"M8[{unit}]")
 
     def _unit(self) -> tuple[str, int]:
-        """The longest unit of dates of which a tick is a whole number, and that number."""
+        """Return the longest unit of dates that divides a tick, and its number in a tick."""
         for unit in reversed(_FINEST_FIRST):
             count = self.resolution / _UNITS[unit]
             if count.denominator == 1:
@@ -170,9 +166,9 @@ class Clock:
         )
 
     def same_tick(self, before: object, time: object) -> Message:
-        """The end of the error about two times on one tick: a resolution that tells them apart.
+        """Return the end of the error about two times on one tick: a finer resolution.
 
-        It is empty if the time does not come after the one before.
+        It is empty if the second time is not after the first one.
         """
         first, second = (self._seconds(t) for t in (before, time))
         if first >= second:
@@ -203,7 +199,7 @@ def _exact(time: Any) -> Fraction:  # noqa: ANN401 - a float or a rational numbe
 
 
 def _since_1970(dates: Times) -> tuple[Times, Fraction]:
-    """Dates as numbers of a unit, and the unit in seconds."""
+    """Return dates as numbers of a unit, and the unit in seconds."""
     unit, count = np.datetime_data(dates.dtype)
     if unit in ("Y", "M"):
         dates, unit, count = dates.astype("M8[D]"), "D", 1
@@ -211,7 +207,7 @@ def _since_1970(dates: Times) -> tuple[Times, Fraction]:
 
 
 def shown(time: Any) -> str:  # noqa: ANN401 - a date, a float or a rational number
-    """A time in an error: an integer as a double if it is one."""
+    """Return a time in an error: an integer as a double if it is one."""
     if isinstance(time, np.datetime64):
         return str(time)
     return repr(float(time)) if abs(time) < EXACT or isinstance(time, float) else str(time)

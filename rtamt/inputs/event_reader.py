@@ -1,7 +1,7 @@
-"""The reader of the events that a caller hands in.
+"""Reads the events of callers.
 
-Both back-ends use it: the machine in Python for all events, the one in C++ for the argument forms
-that it does not read itself and for every error.
+Both back-ends use it: the machine in Python for all events, the one in C++ for rare argument forms
+and for every error.
 """
 
 from __future__ import annotations
@@ -40,32 +40,28 @@ from rtamt.inputs.samples import (
 )
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
 
-__all__ = ["NO_DENSE_BOUNDS", "Dated", "EventReader", "TimedColumn", "checked_nan"]
-
 NO_DENSE_BOUNDS: Final = (
     "DenseEpisodeMonitor and judge_dense give bounds; others give one number for each time"
 )
-"""Why the others take no event that is not known."""
+"""Why the others refuse uncertain events."""
 
 TimedColumn = tuple[Ticks, Floats]
-"""Times in ticks and values of one variable's events: numbers, or pairs of ends as in `Given`."""
+"""Times in ticks and values of one variable's events: numbers, or pairs as in `Given`."""
 Dated = bool | None
 """Whether times are `numpy.datetime64`; None before the first event."""
 
 
 class EventReader:
-    """Reads the events of a program's variables, and counts their times.
+    """Reads the events of a program's variables, and counts their times in ticks.
 
     Args:
-        dense: The events of its variables are read; its terms are named in errors.
-        nan: ``"raise"`` refuses a nan; ``"unknown"`` takes it for a value of which nothing is
-            known.
-        max_gap: The most ticks between neighbouring events of a variable that leave no hole; None:
-            all of them.
-        bounds: Whether what reads the events gives bounds, so that they need not be known.
+        dense: The events of its variables are read; errors name its terms.
+        nan: ``"raise"`` refuses a nan; ``"unknown"`` means a completely unknown value.
+        max_gap: The most ticks between neighbouring events of a variable without a gap; None: any.
+        bounds: Whether the monitor returns bounds, so that values may be uncertain.
 
     Attributes:
-        unknown: Whether it may give values that are not known.
+        unknown: Whether it may return uncertain values.
     """
 
     __slots__ = (
@@ -98,13 +94,13 @@ class EventReader:
         self._messages = Messages(program.specification, program.variables)
 
     def with_clock(self, clock: Clock) -> EventReader:
-        """The same reader, which counts times with another clock of the same ticks."""
+        """Return the same reader with another clock of the same ticks."""
         reader = copy.copy(self)
         reader.clock = clock
         return reader
 
     def of(self, dense: DenseProgram) -> EventReader:
-        """A reader for another program, with the same options."""
+        """Return a reader for another program, with the same options."""
         reader = EventReader(dense, self.nan, self.max_gap, bounds=self.bounds)
         reader.unknown = self.unknown
         return reader
@@ -112,11 +108,7 @@ class EventReader:
     def given(
         self, events: Sequence[Mapping[str, EventsLike]], named: Mapping[str, EventsLike]
     ) -> Mapping[str, EventsLike]:
-        """The events of ``update(*events, **named)``: one mapping, or events by keyword.
-
-        Raises:
-            InputError: On both, or on several positional arguments.
-        """
+        """Return the events of ``update(*events, **named)``: one mapping, or events by keyword."""
         if len(events) == 1 and not named:
             return events[0]
         if not events:
@@ -133,21 +125,16 @@ class EventReader:
         dated: Dated,
         heard: Sequence[bool] = (),
     ) -> tuple[list[TimedColumn], Dated]:
-        """The new events of every variable, in the order of the variables.
+        """Return the new events of every variable, in the order of the variables.
 
         Args:
-            events: The new events by variable; a variable that is absent has none.
-            last: Tick of every variable's last event; -inf where there was none.
+            events: The new events by variable; a variable without new ones may be absent.
+            last: Tick of every variable's last event; -inf if there was none.
             dated: Whether the times so far are dates.
-            heard: Whether that event was one of its own, not its declared value; empty: none was.
+            heard: Whether that event was the variable's own, not its default; empty: all False.
 
         Returns:
             The events, and whether the times are dates.
-
-        Raises:
-            InputError: On an unknown variable, times that do not increase or are on one tick, times
-                beyond the clock, dates beside numbers, a nan, a wrong shape.
-            InputTypeError: On events that are not a mapping, or values that are not real numbers.
         """
         named = self._named(events)
         for name in named:
@@ -157,46 +144,37 @@ class EventReader:
         return self.counted(given, last, dated, heard)
 
     def whole(self, events: Mapping[str, EventsLike]) -> list[Given]:
-        """All events of every variable, as they were given; other names are ignored.
+        """Return all events of every variable, as they were passed; other names are ignored.
 
-        A variable with a default has it from the first event of all to the first of its own.
-        `counted` counts their times, and refuses what is no signal.
-
-        Raises:
-            InputError: On a variable without events and default, or a wrong shape.
-            InputTypeError: On events that are not a mapping, or values that are not real numbers.
+        A variable with a default has it from the first event of all to its own first one.
+        `counted` counts the times, and refuses wrong signals.
         """
         named = self._named(events)
-        found = {v: _read(named[v], v) if v in named else _NONE for v in self.variables}
+        columns = {v: _read(named[v], v) if v in named else _NONE for v in self.variables}
         defaults = self.program.specification.defaults
-        given = [column.times for column in found.values() if len(column.times)]
-        for name, column in found.items():
-            if not len(column.times) and not (given and name in defaults):
+        times = [column.times for column in columns.values() if len(column.times)]
+        for name, column in columns.items():
+            if not len(column.times) and not (times and name in defaults):
                 if events and name not in named:
                     raise InputError(no_such("signal", name, events))
                 known = listed(self.variables)
                 raise InputError(f"expected events of every variable, got none of '{name}'{known}")
-        if self.bounds and any(column.values.ndim > 1 for column in found.values()):
+        if self.bounds and any(column.values.ndim > 1 for column in columns.values()):
             self.unknown = True
         return [
-            _started(column, defaults[name], given) if name in defaults else column
-            for name, column in found.items()
+            _started(column, defaults[name], times) if name in defaults else column
+            for name, column in columns.items()
         ]
 
     def held(self, given: Sequence[Given], until: object) -> list[Given]:
         """Append an event at a time to each variable that ends before it.
 
-        The event has the last value of the variable; nothing is known of it if it comes more than
-        ``max_gap`` after the last event. A declared value lasts for any time.
+        The event has the last value of the variable, or is unknown if it comes more than
+        ``max_gap`` after the last event. A declared default lasts for any time.
 
         Args:
             given: All events of every variable.
             until: The time, or ``"latest"`` for the time of the last event of all.
-
-        Raises:
-            InputError: If the time is before the last event of every variable, not finite, or not
-                of the kind of the events' times; and as `counted` does.
-            InputTypeError: If it is neither a number, nor a date, nor ``"latest"``.
         """
         columns, dated = self.counted(given, [-math.inf] * len(given), None)
         lasts = [int(ticks[-1]) for ticks, _ in columns]
@@ -219,7 +197,7 @@ class EventReader:
         ]
 
     def _held(self, column: Given, time: object, ticks: int) -> Given:
-        """The events of a variable, with one that comes some ticks after the last."""
+        """Return the events of a variable, with one more some ticks after the last."""
         times, values, declared = column
         own = len(times) > declared
         value = values[-1:]
@@ -233,11 +211,7 @@ class EventReader:
         )
 
     def early_end(self, given: Sequence[Given]) -> str:
-        """Describe how a variable ends the trace before others do; empty if none does.
-
-        Args:
-            given: All events of every variable, which were counted before.
-        """
+        """Describe a variable that ends the trace before others do; empty if none does."""
         columns, dated = self.counted(given, [-math.inf] * len(given), None)
         lasts = [int(ticks[-1]) for ticks, _ in columns]
         end = min(lasts)
@@ -258,10 +232,9 @@ class EventReader:
         dated: Dated,
         heard: Sequence[bool] = (),
     ) -> tuple[list[TimedColumn], Dated]:
-        """The events of every variable with times in ticks; arguments and errors as in `read`.
+        """Return the events of every variable with times in ticks, as `read`.
 
-        Where a variable has a hole, an event of which nothing is known comes one tick after the one
-        before.
+        A gap starts with an unknown event one tick after the previous event.
         """
         columns = []
         own = heard or [False] * len(last)
@@ -284,7 +257,7 @@ class EventReader:
         return columns, dated
 
     def _values(self, times: Times, values: Floats, of_name: str) -> Floats:
-        """Values as the options say; those that must not be as they are are refused."""
+        """Return the values after the nan policy, and refuse those that it does not allow."""
         if self.nan == "unknown":
             ends = values if values.ndim > 1 else values[:, None]
             missing = np.isnan(ends)
@@ -310,35 +283,26 @@ class EventReader:
         raise InputError(error, self.clock.same_tick(_item(before), _item(times[i])))
 
     def time(self, tick: float, dated: Dated) -> float:
-        """The time of a tick; inf and -inf stay what they are."""
+        """Return the time of a tick; inf and -inf stay as they are."""
         return tick if math.isinf(tick) else self.clock.time(int(tick), dated=bool(dated))
 
     def times(self, ticks: Ticks, dated: Dated) -> Floats:
-        """The times of ticks."""
+        """Return the times of ticks."""
         return self.clock.times(ticks, dated=bool(dated))
 
     def refuse(
         self, values: Sequence[float | UncertainValue], place: tuple[float, Dated]
     ) -> NoReturn:
-        """Raise the error that names the first term which is nan.
-
-        Args:
-            values: The values of the variables.
-            place: The tick, and whether times are dates.
-        """
+        """Raise the error about the first term which is nan; the place is a tick and `Dated`."""
         refuse_term(self.program, values, f"time {shown(self.time(*place))}")
 
     def refuse_end(self, first: Sequence[float], last: Sequence[float], dated: Dated) -> NoReturn:
-        """Raise the error of a trace that ends although at no time all variables were known.
+        """Raise the error of a trace that ends with no time at which all variables are known.
 
         Args:
-            first: Tick of every variable's first event; inf where there was none.
-            last: Tick of every variable's last event; -inf where there was none.
+            first: Tick of every variable's first event; inf if there was none.
+            last: Tick of every variable's last event; -inf if there was none.
             dated: Whether the times are dates.
-
-        Raises:
-            StateError: If a variable has no event yet.
-            InputError: If there is no time at which all variables are known.
         """
         defaults = self.program.specification.defaults
         spans = list(zip(self.variables, first, last, strict=True))
@@ -357,14 +321,7 @@ class EventReader:
         )
 
     def refuse_length(self, length: int) -> NoReturn:
-        """Raise the error of a trace whose positions with the formula's bounds are too many.
-
-        Args:
-            length: Its ticks, with the bounds of the formula.
-
-        Raises:
-            InputError: Naming a resolution that would do.
-        """
+        """Raise the error of a trace with too many ticks, with the bounds of the formula."""
         resolution = coarser = self.clock.resolution
         while length * resolution >= MAX_TICKS * coarser:
             coarser *= 10
@@ -375,11 +332,11 @@ class EventReader:
         )
 
     def refuse_update(self) -> NoReturn:
-        """Raise the error that refuses events after the end."""
+        """Raise the error about events after the end."""
         raise StateError("the trace is finished; call reset() before the next update")
 
     def _named(self, events: object) -> Mapping[str, object]:
-        """The events by variable; events of a message become events of its fields."""
+        """Return the events by variable; events of a message become events of its fields."""
         if not isinstance(events, Mapping):
             raise InputTypeError(
                 "expected a mapping of variables to events, as in {'x': [(0.0, 1.5)]}, "
@@ -399,11 +356,7 @@ _NONE = Given(_NOTHING, _NOTHING)
 
 
 def checked_nan(nan: object) -> NanPolicy:
-    """What a nan means among events.
-
-    Raises:
-        InputError: If it is unknown, or ``"hold"``.
-    """
+    """Return the policy for a nan among events."""
     if nan == "raise":
         return "raise"
     if nan == "unknown":
@@ -415,12 +368,7 @@ def checked_nan(nan: object) -> NanPolicy:
 
 
 def _until(until: object, *, dated: bool) -> object:
-    """The time up to which last values hold, as the events have it.
-
-    Raises:
-        InputError: If it is not finite, or a date where the events have numbers, or the reverse.
-        InputTypeError: If it is neither a number nor a date.
-    """
+    """Return the time up to which last values hold, in the kind of the events' times."""
     if isinstance(until, str):
         raise InputError(f"expected until= as a time or 'latest', got {brief(until)}")
     if isinstance(until, np.datetime64):
@@ -438,7 +386,7 @@ def _until(until: object, *, dated: bool) -> object:
 
 
 def _line_of(time: object) -> Times:
-    """One time as an array that keeps it exact."""
+    """Return one time as an array that keeps it exact."""
     if isinstance(time, np.datetime64):
         return np.array([time])
     line: Times = np.empty(1, object)
@@ -447,7 +395,7 @@ def _line_of(time: object) -> Times:
 
 
 def _with_time(times: Times, time: object) -> Times:
-    """Times with another one after them, none of which is rounded."""
+    """Return times with another one after them, none of them rounded."""
     if times.dtype.kind == "M" or isinstance(time, np.datetime64):
         return np.append(times, _line_of(time))
     if times.dtype.kind == "f" and isinstance(time, float):
@@ -459,18 +407,18 @@ def _with_time(times: Times, time: object) -> Times:
 
 
 def _brief_time(time: object) -> str:
-    """A time as the text of a judgement shows it: 4 and not 4.0."""
+    """Return a time as the text of a judgement shows it: 4, not 4.0."""
     return str(time) if isinstance(time, np.datetime64) else f"{time:.15g}"
 
 
 def _with_holes(column: TimedColumn, most: int, before: int | None, declared: int) -> TimedColumn:
-    """The events of a variable, of which nothing is known in holes.
+    """Return the events of a variable with unknown events in its gaps.
 
     Args:
         column: The events.
-        most: The most ticks between two events that leave no hole.
-        before: The tick of the event before; None if there is none.
-        declared: How many of the first events are declared values, which leave no hole.
+        most: The most ticks between two events without a gap.
+        before: The tick of the previous event; None if there is none.
+        declared: How many of the first events are declared defaults, which leave no gap.
     """
     ticks, values = column
     gaps = np.diff(ticks, prepend=ticks[0] if before is None else before)
@@ -486,12 +434,12 @@ def _with_holes(column: TimedColumn, most: int, before: int | None, declared: in
 
 
 def _started(column: Given, default: float, given: Sequence[Times]) -> Given:
-    """The events of a variable, begun by its default, which lasts until its first event.
+    """Return the events of a variable with its default before its first event.
 
     Args:
-        column: The events; perhaps none.
+        column: The events; it may be empty.
         default: The value before.
-        given: The times of every variable that has events.
+        given: The times of every variable with events.
     """
     times, values, _ = column
     alike = [each for each in given if are_dates(each) == are_dates(given[0])]
@@ -505,39 +453,39 @@ def _started(column: Given, default: float, given: Sequence[Times]) -> Given:
     return Given(np.append(np.array([first]), times), np.concatenate([before, values]), 1)
 
 
-def _read(given: object, name: str) -> Given:
-    """The events of a variable, as arrays of times and values."""
-    if isinstance(given, Events):
-        return given.given
+def _read(events: object, name: str) -> Given:
+    """Return the events of a variable, as arrays of times and values."""
+    if isinstance(events, Events):
+        return events.given
     forms = (
         f"events of '{name}' as a sequence of (time, value), an array of shape (n, 2) or "
         "Events(times, values)"
     )
-    if isinstance(given, np.ndarray):
-        table = array_of_numbers(given, f"the events of '{name}'")
+    if isinstance(events, np.ndarray):
+        table = array_of_numbers(events, f"the events of '{name}'")
         if not table.size:
             return _NONE
-        times: Times = given if type(given) is np.ndarray and given.dtype.kind in "iu" else table
+        times: Times = events if type(events) is np.ndarray and events.dtype.kind in "iu" else table
     else:
-        events = _listed(given, forms)
+        pairs = _listed(events, forms)
         try:
-            table = np.array(events)
+            table = np.array(pairs)
         except (ValueError, TypeError, OverflowError):  # pairs and others
             table = _NOTHING
         if table.dtype.kind not in "biuf" or table.ndim != 2:
-            return _pairs(events, name)
+            return _pairs(pairs, name)
+        if table.shape[1] == 2 and np.any(np.abs(table[:, 0]) >= EXACT):
+            # numpy rounds large integers next to doubles.
+            return _pairs(pairs, name)
         times = table
     if table.ndim != 2 or table.shape[1] != 2:
         raise InputError(f"expected {forms}, got shape {table.shape}")
-    if not isinstance(given, np.ndarray) and np.any(np.abs(table[:, 0]) >= EXACT):
-        # numpy makes doubles of integers beside values that are doubles, which rounds large ones.
-        return _pairs(events, name)
     values = table[:, 1].astype(np.float64, copy=False)
     return Given(np.ascontiguousarray(times[:, 0]), np.ascontiguousarray(values))
 
 
 def _pairs(events: Sequence[object], name: str) -> Given:
-    """The events of a variable one by one, with times of any kind."""
+    """Return the events of a variable one by one, with times of any kind."""
     times, values = [], []
     for i, event in enumerate(events):
         time, value = _pair(event, "value", i, name)
@@ -557,7 +505,7 @@ def _pairs(events: Sequence[object], name: str) -> Given:
 
 
 def _refuse_kind(time: object, i: int, of_name: str) -> NoReturn:
-    """Raises the error of a date among times that are numbers, or of a number among dates."""
+    """Raise the error about a date among numbers as times, or a number among dates."""
     dated = isinstance(time, np.datetime64)
     raise InputError(
         f"expected {'a number' if dated else 'datetime64'} as the time of event {i}{of_name}, "
@@ -566,7 +514,7 @@ def _refuse_kind(time: object, i: int, of_name: str) -> NoReturn:
 
 
 def _messages(given: object, name: str) -> list[list[object]]:
-    """The events of a message, as pairs of time and message."""
+    """Return the events of a message, as pairs of time and message."""
     events = _listed(given, f"events of '{name}' as a sequence of (time, message)")
     return [_pair(event, "message", i, name) for i, event in enumerate(events)]
 
@@ -587,7 +535,7 @@ def _pair(event: object, what: str, i: int, name: str) -> list[object]:
 
 
 def _time(part: object, i: int, name: str) -> object:
-    """A date, a rational number or a float."""
+    """Return a date, a rational number or a float."""
     if isinstance(part, np.datetime64):
         return part
     if isinstance(part, np.integer):
@@ -598,7 +546,7 @@ def _time(part: object, i: int, name: str) -> object:
 
 
 def _ends(part: object, i: int, name: str) -> tuple[float, float]:
-    """The least and the greatest number that a value may be."""
+    """Return the smallest and the largest possible value."""
     if isinstance(part, UncertainValue) and isinstance(part.lower, float):
         return ends_of(part)
     return (_number(part, "value", i, name),) * 2
@@ -614,5 +562,5 @@ def _number(part: object, what: str, i: int, name: str) -> float:
 
 
 def _item(time: object) -> object:
-    """A number of Python, or a date."""
+    """Return a Python number, or a date."""
     return time.item() if isinstance(time, np.floating | np.integer) else time

@@ -15,28 +15,14 @@ from rtamt.inputs.arrays import Floats, line_of_numbers
 from rtamt.inputs.between import UncertainValue, identical
 from rtamt.inputs.clock import Times, shown
 
-__all__ = [
-    "Events",
-    "EventsLike",
-    "Given",
-    "GivenLike",
-    "Until",
-    "are_dates",
-    "as_ends",
-    "check_times",
-    "check_values",
-    "not_after",
-    "not_known",
-]
-
 
 class Given(NamedTuple):
-    """Events of one variable as they were given.
+    """Events of one variable as the caller passed them.
 
     Attributes:
         times: The times.
-        values: n numbers or, if not all are known, n pairs of a least and a greatest one.
-        declared: How many of the first events are the variable's declared value.
+        values: n numbers or, if not all are known, n pairs of smallest and largest ones.
+        declared: How many of the first events are the variable's declared default.
     """
 
     times: Times
@@ -50,17 +36,17 @@ GivenLike = Given | tuple[Times, Floats]
 class Events(Sequence[tuple[float, Any]]):
     """A signal over dense time: each value lasts until the time of the next one.
 
-    It is a sequence of (time, value), equal to any other sequence of the same pairs; a value that
-    is not known is an `UncertainValue`. The last event is the end of the signal.
+    It is a sequence of (time, value), equal to any other sequence of the same pairs; an uncertain
+    value is an `UncertainValue`. The last event is the end of the signal.
 
     Args:
         times: n finite numbers, or n `numpy.datetime64`, that increase.
-        values: n numbers, or an `UncertainValue` of arrays, where they are known only to lie
-            between two; +-inf is legal. ``nan="unknown"`` takes a nan; other policies refuse it.
+        values: n numbers, or an `UncertainValue` of arrays for uncertain values; +-inf is legal.
+            ``nan="unknown"`` takes a nan; other policies refuse it.
 
     Raises:
-        InputError: On times that do not increase, or arrays of different length.
-        InputTypeError: On values that are not real numbers.
+        InputError: If times do not increase, or the arrays have different lengths.
+        InputTypeError: If values are not real numbers.
 
     Example:
         >>> speed = rtamt.dense.Events([0, 1.5, 4], [10, 12, 11])
@@ -86,9 +72,9 @@ class Events(Sequence[tuple[float, Any]]):
 
     @classmethod
     def unchecked(cls, times: Times, values: Floats) -> Self:
-        """The events of arrays that nobody else changes.
+        """Return the events of arrays that nobody else changes.
 
-        The times of a result increase, but doubles may not tell neighbouring ones apart.
+        The times of a result increase, but neighbouring times may be equal as doubles.
         """
         events = cls.__new__(cls)
         cls._hold(events, times, values)
@@ -100,22 +86,22 @@ class Events(Sequence[tuple[float, Any]]):
 
     @property
     def given(self) -> Given:
-        """Times and values as they were given: integers are exact, whatever their size."""
+        """Times and values as they were passed: integers are exact, whatever their size."""
         return Given(self._given, self._values)
 
     @property
     def times(self) -> Floats:
-        """The times of the events, as a read-only array; of dates if dates were given."""
+        """The times of the events, as a read-only array of numbers or dates."""
         return self._times
 
     @property
     def values(self) -> Floats:
-        """The values of the events, as a read-only array; the least ones of what is not known."""
+        """The values of the events, as a read-only array; the smallest of uncertain ones."""
         return self._values if self._values.ndim == 1 else self._values[:, 0]
 
     @property
     def upper(self) -> Floats:
-        """The greatest values of the events; `values` if all are known."""
+        """The largest values of the events; `values` if all are known."""
         return self._values if self._values.ndim == 1 else self._values[:, 1]
 
     def __len__(self) -> int:
@@ -150,7 +136,7 @@ class Events(Sequence[tuple[float, Any]]):
             for mine, pair in zip(self, other, strict=True)
         )
 
-    __hash__ = None  # type: ignore[assignment] # lists, which have no hash, may be equal
+    __hash__ = None  # type: ignore[assignment] # lists without a hash may be equal
 
     def __reduce__(self) -> tuple[Callable[[Times, Floats], Events], tuple[Times, Floats]]:
         return self.unchecked, (self._given, self._values)
@@ -171,11 +157,11 @@ EventsLike = Events | ArrayLike | Iterable[Sequence[object]]
 """Events as a sequence of (time, value), an array of shape (n, 2), or `rtamt.dense.Events`."""
 
 Until = float | np.datetime64 | Literal["latest"]
-"""The time up to which the last values of variables hold, or that of the last event of all."""
+"""The time up to which the last values hold; ``"latest"``: the time of the last event of all."""
 
 
 def _line_of_times(times: ArrayLike) -> Times:
-    """A copy of numbers or dates in one dimension; integers stay integers."""
+    """Return a copy of numbers or dates in one dimension; integers stay integers."""
     if are_dates(array := np.asarray(times)) and array.ndim == 1:
         return array.copy()
     line = line_of_numbers(times, "the times of events")
@@ -183,7 +169,7 @@ def _line_of_times(times: ArrayLike) -> Times:
 
 
 def _line_of_values(values: object) -> Floats:
-    """A copy of numbers in one dimension, or of pairs of ends."""
+    """Return a copy of numbers in one dimension, or of pairs of ends."""
     if isinstance(values, UncertainValue):
         lower, upper = (
             line_of_numbers(end, "the values of events") for end in (values.lower, values.upper)
@@ -193,12 +179,12 @@ def _line_of_values(values: object) -> Floats:
 
 
 def as_ends(lower: Floats, upper: Floats) -> Floats:
-    """The values of events that lie between two arrays: one column if all are known."""
+    """Return the values between two arrays: one column if all are known."""
     return lower.copy() if identical(lower, upper) else np.column_stack([lower, upper])
 
 
 def not_known(values: Floats) -> NDArray[np.bool_]:
-    """Which values of events are not known: those whose ends differ in a bit."""
+    """Return which values are uncertain: those whose ends differ in a bit."""
     if values.ndim == 1:
         return np.zeros(len(values), np.bool_)
     bits = np.ascontiguousarray(values).view(np.int64)
@@ -207,7 +193,7 @@ def not_known(values: Floats) -> NDArray[np.bool_]:
 
 
 def _value(ends: float | list[float]) -> float | UncertainValue:
-    """The value of an event, from a number or two ends; `UncertainValue` where they differ."""
+    """Return the value of an event from a number or two ends."""
     if not isinstance(ends, list):
         return ends
     lower, upper = ends
@@ -222,17 +208,17 @@ def _locked(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def are_dates(times: Times) -> bool:
-    """Whether times are `numpy.datetime64`."""
+    """Return whether times are `numpy.datetime64`."""
     return times.dtype.kind == "M"
 
 
 def _as_doubles(times: Times) -> Times:
-    """Dates stay what they are."""
+    """Return numbers as doubles, and dates as they are."""
     return times if times.dtype.kind in "Mf" else _locked(times.astype(np.float64))
 
 
 def check_times(times: Times, of_name: str) -> None:
-    """Refuse times that are not finite."""
+    """Check that times are finite."""
     if times.dtype.kind not in "fMO":
         return
     finite = (
@@ -246,7 +232,7 @@ def check_times(times: Times, of_name: str) -> None:
 
 
 def not_after(before: object, time: object, i: int, of_name: str) -> InputError:
-    """The error that refuses a time which does not come after the one before it."""
+    """Return the error about a time that is not after the previous one."""
     return InputError(
         f"expected a time after {shown(before)} at event {i}{of_name}, got {shown(time)}"
     )
@@ -255,14 +241,14 @@ def not_after(before: object, time: object, i: int, of_name: str) -> InputError:
 def check_values(
     times: Times, values: Floats, of_name: str, known: Message, *, bounds: bool
 ) -> None:
-    """Refuse values that are nan and, for a reason, those that are not known.
+    """Check that no value is nan and, if there is a reason, that every value is known.
 
     Args:
         times: The times of the events.
         values: Their values.
-        of_name: Whose they are, for errors.
-        known: Why values must be known; empty if they need not.
-        bounds: Whether a nan could be a value that is not known.
+        of_name: The name of the variable, for errors.
+        known: Why values must be known; empty if they may be uncertain.
+        bounds: Whether a nan may be an unknown value.
     """
     missing = np.isnan(values if values.ndim == 1 else values[:, 0])
     if missing.any():

@@ -1,4 +1,4 @@
-"""Data frames and tables of any library, whose columns are read by name and without its import."""
+"""Data frames and tables of any library, whose columns are read by name without importing it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,9 @@ from rtamt.columns import (
 )
 from rtamt.errors import InputError, InputTypeError
 
-__all__ = ["check_roles", "named_columns"]
-
 
 class _Table(Mapping[str, object]):
-    """The columns of a table that is no mapping."""
+    """The columns of a table that is not a mapping."""
 
     __slots__ = ("_names", "_table")
 
@@ -41,11 +39,7 @@ class _Table(Mapping[str, object]):
 
 
 def named_columns(data: object) -> object:
-    """The columns by name of a frame of polars or a table of Arrow; other data as it is.
-
-    Raises:
-        InputTypeError: On a frame of polars that has yet to be read.
-    """
+    """Return a polars frame or an Arrow table as columns by name, and other data as it is."""
     if hasattr(data, "collect") and hasattr(data, "collect_schema"):
         raise InputTypeError(
             f"expected a data frame, got a {type(data).__name__}, which is not read yet; "
@@ -56,7 +50,7 @@ def named_columns(data: object) -> object:
 
 
 def _names(data: object) -> list[Any] | None:
-    """The names of the columns of a frame, which pandas lets be no text; None of what is none."""
+    """Return the names of the columns, which pandas allows to be no texts; None for other data."""
     if isinstance(data, Mapping | np.ndarray) or not hasattr(data, "__getitem__"):
         return None
     names = getattr(data, "column_names", None)  # of Arrow, whose columns are the arrays
@@ -69,16 +63,14 @@ def _names(data: object) -> list[Any] | None:
 
 
 def check_roles(data: object, variables: Sequence[str], *, timed: bool) -> None:
-    """Check that a frame is one trace, and has no times that bounds would ignore.
+    """Check that a frame is a single trace, and has no times that bounds would ignore.
 
     Args:
-        data: What holds the values; only frames are checked.
-        variables: The variables of the formula; a column that it reads is not ignored.
+        data: The values; only frames are checked.
+        variables: The variables of the formula, whose columns are not ignored.
         timed: Whether the formula has bounds and there is no period.
 
-    Raises:
-        InputError: If it has the rows of several objects, or a column or an index of times. The
-            message states the ways out.
+    The errors state the ways out.
     """
     names = _names(data)
     if names is None:
@@ -114,23 +106,24 @@ def _check_objects(
         )
     timed = instants is not None
     looked_at = {
-        n: np.asarray(each)
-        for n, each in cells.items()
+        n: np.asarray(column)
+        for n, column in cells.items()
         if late or may_tell_objects(n, variables, timed=timed, first=n == str(first))
     }
     if not looked_at:
         return
-    given = [name for name in variables if name in map(str, frame.columns)]
-    filled = [_filled(frame[name]) for name in given]
-    found = objects_in(looked_at, instants, filled, variables, str(first))
-    if found is None:
+    present = [name for name in variables if name in map(str, frame.columns)]
+    filled = [_filled(frame[name]) for name in present]
+    objects = objects_in(looked_at, instants, filled, variables, str(first))
+    if objects is None:
         return
     what = "times that repeat or go back while other columns change"
-    if found.row is not None:
-        what = f"a column '{found.column}' by which another trace starts in row {found.row}"
-    elif found.column:
-        values = ", ".join(found.values[:_SHOWN]) + (", ..." if len(found.values) > _SHOWN else "")
-        what = f"a column '{found.column}' with {len(found.values)} values ({values})"
+    if objects.row is not None:
+        what = f"a column '{objects.column}' by which another trace starts in row {objects.row}"
+    elif objects.column:
+        more = ", ..." if len(objects.values) > _SHOWN else ""
+        values = ", ".join(objects.values[:_SHOWN]) + more
+        what = f"a column '{objects.column}' with {len(objects.values)} values ({values})"
     raise InputError(
         f"expected one trace, got a data frame that has {what}, as with several objects or "
         "episodes; pass the rows of one, or only the columns of the formula if all rows are one "
@@ -139,7 +132,7 @@ def _check_objects(
 
 
 def _levels(index: Any) -> dict[str, Any]:  # noqa: ANN401 - of any library
-    """Return the levels of an index; the last of several counts rows if it is not one of times."""
+    """Return the levels of an index; the last of several counts rows unless it has times."""
     names = [*(getattr(index, "names", ()) or ())]
     levels = {}
     for i, name in enumerate(names):
@@ -149,7 +142,7 @@ def _levels(index: Any) -> dict[str, Any]:  # noqa: ANN401 - of any library
 
 
 _SHOWN = 5
-"""The most values that a message lists."""
+"""The most values in a message."""
 
 
 def _filled(values: object) -> NDArray[np.bool_]:
@@ -165,7 +158,7 @@ def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # 
     index: Any = getattr(frame, "index", None)
     if index is not None and _holds_times(index, str(index.name or ""), first=True):
         times: Any = index
-        found, without = "an index of times", "reset_index(drop=True)"
+        what, without = "an index of times", "reset_index(drop=True)"
     else:
         called = [name for name in ignored if _holds_times(frame[name], str(name), name == first)]
         pairs = split_times([*map(str, ignored)])
@@ -173,17 +166,17 @@ def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # 
         if not called:
             return
         times = frame[called[0]]
-        found, without = f"a column of times '{called[0]}'", "drop it"
+        what, without = f"a column of times '{called[0]}'", "drop it"
     values = np.asarray(times)[:2].tolist() if _is_plain(times) else [str(t) for t in times[:2]]
     shown = " and ".join(map(str, values))
     raise InputError(
-        f"expected a period, because the data frame has {found}, which begins with {shown}; "
+        f"expected a period, because the data frame has {what}, which begins with {shown}; "
         f"pass period=, the time between two samples, or {without} to count bounds in samples"
     )
 
 
 def _holds_times(values: Any, name: str, first: bool) -> bool:  # noqa: ANN401, FBT001 - of any library
-    """Whether a column or an index holds times, or the time between samples, that bounds need."""
+    """Return whether a column or an index has times, or the time between samples."""
     if unit_of_times(name) is not None or _dated(values):
         return True
     array = np.asarray(values)
@@ -198,7 +191,7 @@ def _holds_times(values: Any, name: str, first: bool) -> bool:  # noqa: ANN401, 
 
 
 def _rise(seconds: Any, parts: Any) -> bool:  # noqa: ANN401 - of any library
-    """Whether seconds and their parts rise together."""
+    """Return whether seconds and their parts rise together."""
     whole, part = np.asarray(seconds), np.asarray(parts)
     if whole.dtype.kind not in "iuf" or part.dtype.kind not in "iuf":
         return False

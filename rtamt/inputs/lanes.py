@@ -1,4 +1,4 @@
-"""The samples handed to monitors in lockstep, read as an array with a row for each lane."""
+"""The samples of vectorized monitors, read as an array with a row for each batch entry."""
 
 from __future__ import annotations
 
@@ -16,23 +16,21 @@ from rtamt.inputs.samples import NanPolicy, SampleReader, listed, wrong_shape
 from rtamt.program.memory import limit_episode
 from rtamt.program.program import Program
 
-__all__ = ["Floats", "LaneReader", "Lanes"]
-
 Lanes = NDArray[np.bool_]
-"""A mask of lanes."""
+"""A mask of batch entries."""
 
 
 class LaneReader:
-    """Reads samples of many lanes, and masks of the lanes that take them.
+    """Reads samples of many batch entries, and masks of the entries that take them.
 
-    Both back-ends use it, the one in C++ for rare argument forms and for every error.
+    Both back-ends use it; the C++ back-end for rare argument forms and for every error.
 
     Args:
-        program: Its variables are read; its terms are named in errors.
-        num: How many lanes.
-        nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value in that lane;
-            ``"unknown"`` takes it for a value of which nothing is known.
-        bounds: Whether what reads the samples gives bounds, so that they need not be known.
+        program: Its variables are read; errors name its terms.
+        num: The number of batch entries.
+        nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value in that entry;
+            ``"unknown"`` means a completely unknown value.
+        bounds: Whether the monitor returns bounds, so that values may be uncertain.
     """
 
     __slots__ = ("_bounds", "_nan", "_num", "_program", "intervals_fit")
@@ -46,13 +44,7 @@ class LaneReader:
         self.intervals_fit = True
 
     def update(self, bank: Any, /, values: ArrayLike = (), *args: Any, **named: Any) -> Floats:  # noqa: ANN401 - a machine, and what it takes
-        """Have a bank take in a sample by name, or refuse wrong arguments.
-
-        Raises:
-            InputError: On values in both forms, and as `named` does.
-            InputTypeError: As `named` does.
-            TypeError: On more arguments than ``update`` has.
-        """
+        """Update a bank with a sample by name, or refuse wrong arguments."""
         arguments = ("mask", "upper") if self._bounds else ("mask",)
         others = dict(zip(arguments, args, strict=False))
         if len(args) > len(arguments) or others.keys() & named.keys():
@@ -79,7 +71,7 @@ class LaneReader:
         return result
 
     def _held(self, bank: Any, column: int, default: float) -> Floats:  # noqa: ANN401 - a machine
-        """Return the value of an absent variable with a default: its last value in each lane."""
+        """Return the value of an absent variable with a default: its last one in each entry."""
         begun = bank.samples > 0
         if self._bounds and (unknown := begun & bank.unknown[:, column]).any():
             raise InputError(
@@ -90,11 +82,11 @@ class LaneReader:
         return values
 
     def lane(self, lane: int) -> SampleReader:
-        """The reader of one lane, whose errors name the lane."""
+        """Return the reader of one batch entry, whose errors name it."""
         return SampleReader(self._program, self._nan, lane, bounds=self._bounds)
 
     def values(self, values: ArrayLike) -> Floats:
-        """The values as a contiguous array of shape (lanes, variables), copied only if need be."""
+        """Return the values as a contiguous array of shape (entries, variables)."""
         names = self._program.inputs
         self._refuse_named(values, names)
         table = array_of_numbers(values, "the lanes")
@@ -104,12 +96,12 @@ class LaneReader:
         return np.require(table, requirements=["C", "ALIGNED"])
 
     def _refuse_named(self, values: object, names: Sequence[str]) -> None:
-        """Refuse columns with names, which are no order, unless they are those of the variables."""
+        """Refuse named columns, which have no order, unless they match the variables."""
         data: Any = named_columns(values)
         if not hasattr(data, "keys"):
             return
-        given = [name_text(name) for name in data.keys()]  # noqa: SIM118 - of a data frame
-        if isinstance(data, Mapping) or (given != [*names] and {*given} & {*names}):
+        columns = [name_text(name) for name in data.keys()]  # noqa: SIM118 - of a data frame
+        if isinstance(data, Mapping) or (columns != [*names] and {*columns} & {*names}):
             raise InputTypeError(
                 f"expected an array with a row for each lane, got {kind_of(values)}, whose columns "
                 "have names; pass them by name, as in update(**columns)"
@@ -121,21 +113,15 @@ class LaneReader:
         arguments: Sequence[str],
         held: Callable[[int, float], Floats],
     ) -> tuple[Floats, Floats | None]:
-        """The least values as an array of shape (lanes, variables), and the greatest.
+        """Return the smallest and the largest values, of shape (entries, variables).
 
         Args:
-            named: For each variable an array with a number for each lane, or an `UncertainValue` of
-                two.
+            named: For each variable an array with a number per entry, or an `UncertainValue`.
             arguments: The names of the other arguments, which no variable may have.
-            held: Gives what a variable with a default is if it is absent: its column and default.
+            held: Returns the values of an absent variable, from its column and default.
 
         Returns:
             The second array is None if all values are known.
-
-        Raises:
-            InputError: On missing or unknown variables, on a column of another length, and on
-                values that are not known if the monitor gives no bounds.
-            InputTypeError: On values that are not real numbers.
         """
         names = self._program.inputs
         if taken := next((name for name in names if name in arguments), None):
@@ -145,7 +131,7 @@ class LaneReader:
             )
         reader = SampleReader(self._program, self._nan, bounds=self._bounds)
         uncertain = self._bounds and any(
-            isinstance(each, UncertainValue) for each in named.values()
+            isinstance(values, UncertainValue) for values in named.values()
         )
         halves = [_ends(named, "lower"), _ends(named, "upper")] if uncertain else [named]
         tables = []
@@ -163,7 +149,7 @@ class LaneReader:
         return tables[0], tables[1] if uncertain else None
 
     def mask(self, mask: ArrayLike | None) -> Lanes | None:
-        """The mask as a contiguous array with a boolean for each lane; None: all lanes."""
+        """Return the mask as a contiguous array of booleans; None: all entries."""
         return None if mask is None else self._booleans(mask)
 
     def _booleans(self, mask: ArrayLike) -> Lanes:
@@ -183,23 +169,20 @@ class LaneReader:
                 f"expected a mask of {self._num} booleans, one for each lane, "
                 f"got shape {chosen.shape}; without a mask all lanes are meant"
             )
-        # numpy lets the bytes of booleans be other than 0 and 1, and counts them wrongly then.
-        found: Lanes = np.ascontiguousarray(chosen).view(np.uint8) != 0
-        return found
+        # numpy miscounts booleans whose bytes are not 0 or 1.
+        booleans: Lanes = np.ascontiguousarray(chosen).view(np.uint8) != 0
+        return booleans
 
     def without_nan(
         self, table: Floats, chosen: Lanes | None, samples: NDArray[np.int64], inputs: Floats
     ) -> Floats:
-        """The table after the nan policy; rows of lanes that are not chosen may keep their nan.
+        """Return the table after the nan policy; rows outside the mask may keep their nan.
 
         Args:
-            table: A row for each lane.
-            chosen: The lanes that take their sample; None: all.
-            samples: The number of samples that each lane has taken.
-            inputs: The last sample of every lane that has taken any.
-
-        Raises:
-            InputError: On a nan that cannot be held, with the variable, the lane and its sample.
+            table: A row per batch entry.
+            chosen: The entries that take their sample; None: all.
+            samples: The number of samples of each entry.
+            inputs: The last sample of every entry.
         """
         missing = np.isnan(table)
         if chosen is not None:
@@ -223,18 +206,14 @@ class LaneReader:
         samples: NDArray[np.int64],
         inputs: tuple[Floats, Floats],
     ) -> tuple[Floats, Floats]:
-        """The least and the greatest values, after the nan policy; both are one if all are known.
+        """Return the smallest and largest values, after the nan policy; one array if all are known.
 
         Args:
-            table: A row for each lane.
-            upper: The greatest values, if the table has the least; None: they are the same.
-            chosen: The lanes that take their sample; None: all.
-            samples: The number of samples that each lane has taken.
-            inputs: The least and the greatest values of the last sample of every lane.
-
-        Raises:
-            InputError: On a nan that is refused, or an upper end below the lower one, with the
-                variable, the lane and its sample.
+            table: A row per batch entry.
+            upper: The largest values, if the table has the smallest ones; None: they are the same.
+            chosen: The entries that take their sample; None: all.
+            samples: The number of samples of each entry.
+            inputs: The smallest and largest values of the last sample of every entry.
         """
         if upper is not None:
             if not self.intervals_fit:
@@ -267,7 +246,7 @@ class LaneReader:
         )
 
     def refuse(self, values: Sequence[float | UncertainValue], sample: int, lane: int) -> NoReturn:
-        """Raise the error that names the first term which is nan in a lane's sample."""
+        """Raise the error that names the first term which is nan in an entry's sample."""
         self.lane(lane).refuse(values, sample)
 
     def refuse_update(self, lane: int) -> NoReturn:
@@ -286,7 +265,7 @@ class LaneReader:
 
 
 def _ends(named: Mapping[str, object], end: str) -> dict[str, object]:
-    """The columns with one end in place of each value that is not known."""
+    """Return the columns with one end of each uncertain value."""
     return {
         name: getattr(v, end) if isinstance(v, UncertainValue) else v for name, v in named.items()
     }

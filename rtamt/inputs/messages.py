@@ -1,8 +1,8 @@
-"""Variables that are fields of messages: read from the messages of a caller, and written to them.
+"""Variables that are fields of messages: reading from the messages of callers, and writing.
 
 ``cmd.linear.x`` is the field ``x`` of the field ``linear`` of the message ``cmd``, and
-``scan.ranges[0]`` the first element of a field that is a list. A message is any object with
-attributes, or a mapping; the fields of one may be the other.
+``scan.ranges[0]`` the first element of a list. A message is any object with attributes, or a
+mapping; its fields may be either.
 """
 
 from __future__ import annotations
@@ -23,10 +23,8 @@ from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 from rtamt.errors import InputError, InputTypeError, name_text, nearest
-from rtamt.language.names import PathStep, is_field, joined, lineage, steps
+from rtamt.language.declarations import PathStep, is_field, joined, lineage, steps
 from rtamt.language.specification import Specification
-
-__all__ = ["Field", "Messages", "write_fields"]
 
 _T = TypeVar("_T")
 
@@ -39,7 +37,7 @@ class Field:
         variable: Its dotted name.
         message: The first part of the name: the message.
         path: The other parts: the fields and elements that lead to the value.
-        type: The class that the message must have; None: any. A mapping may stand for it.
+        type: The class of the message; None: any. A mapping is accepted instead.
     """
 
     variable: str
@@ -48,21 +46,11 @@ class Field:
     type: type | None
 
     def of(self, message: object, place: object, unit: str = "sample") -> Any:  # noqa: ANN401
-        """The value of the field; errors name the place, the number of a sample or a time.
-
-        Raises:
-            InputError: If the message has no such field.
-            InputTypeError: If the message is of another class.
-        """
+        """Return the value of the field; errors name the place: a sample or a time."""
         return self._follow(message, self.path, f" at {unit} {place}")
 
     def holder(self, message: object) -> object:
-        """The object or mapping in which the field can be set.
-
-        Raises:
-            InputError: If there is no such field; a mapping need not have it.
-            InputTypeError: If the message is of another class.
-        """
+        """Return the object or mapping in which the field can be set; a mapping may lack it."""
         *path, last = self.path
         holder = self._follow(message, path, "")
         if not isinstance(holder, MutableMapping) and not hasattr(holder, str(last)):
@@ -70,13 +58,10 @@ class Field:
         return holder
 
     def column(self, message: Mapping[str, object], sample: int) -> object:
-        """The values of the field in a message whose fields are columns.
+        """Return the values of the field in a message whose fields are columns.
 
-        The column of a list has a list for every sample: an array of shape (n, elements), or n
-        sequences. Errors name the sample; ``sample`` is the number of the first row.
-
-        Raises:
-            InputError: If there is no such field or element.
+        The column of a list has a list per sample: an array of shape (n, elements), or n sequences.
+        Errors name the sample; ``sample`` is the number of the first row.
         """
         at = next((i for i, step in enumerate(self.path) if isinstance(step, int)), len(self.path))
         where = f" at sample {sample}"
@@ -86,8 +71,8 @@ class Field:
         if isinstance(column, str | bytes) or not isinstance(column, Iterable):
             return self._follow(column, self.path[at:], where, at)
         return [
-            self._follow(each, self.path[at:], f" at sample {i}", at)
-            for i, each in enumerate(column, sample)
+            self._follow(elements, self.path[at:], f" at sample {i}", at)
+            for i, elements in enumerate(column, sample)
         ]
 
     def _follow(
@@ -141,8 +126,8 @@ class Messages:
     """The fields of messages among names, such as the variables of a specification.
 
     Attributes:
-        names: The messages that a caller can hand in: ``cmd.linear`` and ``cmd`` for
-            ``cmd.linear.x``, unless they are variables themselves; a list too.
+        names: The messages that a caller can pass: ``cmd.linear`` and ``cmd`` for ``cmd.linear.x``,
+            unless they are variables themselves; a list too.
     """
 
     __slots__ = ("_fields", "names")
@@ -159,12 +144,12 @@ class Messages:
     def spread(
         self, named: Mapping[str, _T], split: Callable[[Field, _T], object]
     ) -> dict[str, object]:
-        """The mapping with the fields of its messages in place of the messages.
+        """Return the mapping with the fields of its messages in place of the messages.
 
         Args:
             named: Values or columns of variables and messages, by name. A field is taken from the
                 innermost of its messages that is present.
-            split: Gives the value or column of a field from the value or column of its message.
+            split: Returns the value or column of a field from that of its message.
         """
         spread: dict[str, object] = {n: v for n, v in named.items() if n not in self.names}
         for variable, fields in self._fields.items():
@@ -176,13 +161,13 @@ class Messages:
         return spread
 
     def under(self, message: str) -> Iterator[Field]:
-        """The fields of a message."""
+        """Yield the fields of a message."""
         for fields in self._fields.values():
             yield from (field for field in fields if field.message == message)
 
 
 def _fields(variable: str, specification: Specification) -> Iterator[Field]:
-    """A variable as a field of each of its messages, innermost first."""
+    """Yield a variable as a field of each of its messages, the innermost first."""
     path = steps(variable)
     for message in itertools.islice(lineage(variable), 1, None):
         declared = specification.declarations.get(message)
@@ -196,9 +181,9 @@ def write_fields(
     messages: Mapping[str, object] | None,
     named: Mapping[str, object],
 ) -> bool:
-    """Set fields of messages to the values of the formulas that are named after them.
+    """Set fields of messages to the values of the formulas with their names.
 
-    Nothing is written if one of the messages is refused.
+    Nothing is written if a message is refused.
 
     Args:
         specification: A specification with formulas of dotted names.
@@ -207,12 +192,7 @@ def write_fields(
         named: More messages to write to, by name.
 
     Returns:
-        Whether every value written is a number.
-
-    Raises:
-        InputError: If no formula names a field of a message, or a message has no such field.
-        InputTypeError: If a message is of another class than declared, or cannot be changed, or if
-            ``messages`` is not a mapping.
+        Whether every written value is a number.
     """
     if not isinstance(messages, Mapping | None):
         raise InputTypeError(

@@ -1,4 +1,4 @@
-"""The rates of change that a program reads: values that readers derive from two samples."""
+"""The rates of change in a program: values that readers derive from two samples."""
 
 from __future__ import annotations
 
@@ -11,13 +11,11 @@ from rtamt.inputs.arrays import Floats
 from rtamt.inputs.between import UncertainValue
 from rtamt.program.program import Program
 
-__all__ = ["Rates"]
-
 
 class Rates:
     """Computes the rates of a program.
 
-    The rate at sample 0 is 0, and so is the rate between two equal values, infinite ones included.
+    The rate is 0 at sample 0 and between two equal values, infinite ones included.
     """
 
     __slots__ = ("_places", "_seconds")
@@ -32,12 +30,7 @@ class Rates:
     def of_sample(
         self, values: Sequence[float | UncertainValue], previous: Sequence[float | UncertainValue]
     ) -> list[float | UncertainValue]:
-        """Return the rates at a sample.
-
-        Args:
-            values: The sample.
-            previous: The sample before; empty if there is none.
-        """
+        """Return the rates at a sample; `previous` is empty for the first one."""
         if not previous:
             return [0.0] * len(self._places)
         return [self._rate(values[place], previous[place]) for place in self._places]
@@ -56,12 +49,7 @@ class Rates:
         return lower if lower == upper != 0 else UncertainValue(lower, upper)
 
     def of_columns(self, columns: Sequence[Floats], previous: Sequence[float] = ()) -> list[Floats]:
-        """Return the rates at each sample of a block; nan where a value is.
-
-        Args:
-            columns: The values of the variables.
-            previous: The sample before the block; empty if there is none.
-        """
+        """Return the rates at each sample of a block; nan if a value is nan."""
         return [self._column(columns[place], previous[place : place + 1]) for place in self._places]
 
     def _column(self, column: Floats, previous: Sequence[float]) -> Floats:
@@ -76,7 +64,7 @@ class Rates:
     def of_bounds(
         self, lower: Sequence[Floats], upper: Sequence[Floats]
     ) -> tuple[list[Floats], list[Floats]]:
-        """Return the least and the greatest rates on a trace whose values lie between columns."""
+        """Return the smallest and largest rates of a trace with values between columns."""
         low_rates: list[Floats] = []
         high_rates: list[Floats] = []
         for place in self._places:

@@ -1,7 +1,7 @@
-"""The samples that a caller hands in, read as floats: argument forms, checks and error texts.
+"""Reads the samples of callers as floats: argument forms, checks and errors.
 
-Both back-ends use the reader: the machines in Python for every sample, those in C++ for the
-argument forms that they do not read themselves and for every error.
+Both back-ends use the reader: the machines in Python for every sample, those in C++ for rare
+argument forms and for every error.
 """
 
 from __future__ import annotations
@@ -34,25 +34,12 @@ from rtamt.program.intervals import of_ends
 from rtamt.program.memory import limit_episode
 from rtamt.program.program import Program, ranges_of
 
-__all__ = [
-    "NanPolicy",
-    "SampleReader",
-    "SampleValues",
-    "TraceColumns",
-    "ends_of",
-    "in_between",
-    "listed",
-    "refuse_term",
-    "unknown_variable",
-    "wrong_shape",
-]
-
 NanPolicy = Literal["raise", "hold", "unknown"]
 SampleValues = list[float | UncertainValue]
-"""A value for each variable, in their order; those that are known are numbers."""
+"""A value for each variable, in their order; known values are numbers."""
 
 TraceColumns = Mapping[str, object] | ArrayLike
-"""Values of every variable, or messages, by name; or an array with a column for each variable."""
+"""Values of every variable, or messages, by name; or an array with a column per variable."""
 
 _DOUBLE = np.dtype(np.float64)
 
@@ -61,20 +48,16 @@ class SampleReader:
     """Reads samples and blocks of samples of a program's variables.
 
     Args:
-        program: Its variables are read; its terms are named in errors.
+        program: Its variables are read; errors name its terms.
         nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value; ``"unknown"``
-            takes it for a value of which nothing is known.
-        lane: The number of the signal among many, for errors.
-        bounds: Whether what reads the samples gives bounds, so that they need not be known.
+            means a completely unknown value.
+        lane: The number of the batch entry, for errors.
+        bounds: Whether the monitor returns bounds, so that values may be uncertain.
 
     Attributes:
-        variables: The variables that a caller gives, in order.
+        variables: The variables of callers, in order.
         rates: Computes the values that follow them in each sample.
-        intervals_fit: Whether there is memory for samples that are not known; else they are
-            refused.
-
-    Raises:
-        InputError: On another policy for nan.
+        intervals_fit: Whether there is memory for uncertain values; otherwise, they are refused.
     """
 
     __slots__ = (
@@ -107,13 +90,7 @@ class SampleReader:
         sample: int,
         previous: Sequence[float],
     ) -> list[float]:
-        """The sample that ``update(*args, **named)`` means, in the order of the variables.
-
-        Raises:
-            InputError: On missing or unknown variables, a wrong count, a wrong shape, a nan, a
-                value that is not known.
-            InputTypeError: On a value that is not a real number.
-        """
+        """Return the sample of ``update(*args, **named)``, in the order of the variables."""
         return cast("list[float]", self.read_sample(args, named, sample, previous))
 
     def read_sample(
@@ -123,7 +100,7 @@ class SampleReader:
         sample: int,
         previous: Sequence[float | UncertainValue],
     ) -> SampleValues:
-        """What `read` returns, with intervals in place of values that are not known."""
+        """Return the result of `read`, with intervals in place of uncertain values."""
         if len(args) == len(self.variables) and not named:
             for value in args:  # the most frequent form by far: floats in order
                 if type(value) is not float or value != value:  # noqa: PLR0124 - nan
@@ -156,29 +133,29 @@ class SampleReader:
     def _sample(
         self, values: Sequence[object], sample: int, previous: Sequence[float | UncertainValue]
     ) -> SampleValues:
-        found: SampleValues = []
+        read: SampleValues = []
         for name, value in zip(self.variables, values, strict=True):
-            read = number(value)
-            if read is not None:
-                found.append(read)
+            double = number(value)
+            if double is not None:
+                read.append(double)
             elif isinstance(value, UncertainValue):
-                found.append(self._interval(value, name, sample))
+                read.append(self._interval(value, name, sample))
             else:
                 raise InputTypeError(
                     f"expected a number for '{name}' at sample {sample}, got {kind_of(value)}"
                 )
-        for i, value in enumerate(found):
+        for i, value in enumerate(read):
             if value != value:  # noqa: PLR0124 - nan
                 if self.nan == "unknown":
-                    found[i] = UNKNOWN
+                    read[i] = UNKNOWN
                 elif self.nan == "hold" and previous:
-                    found[i] = previous[i]
+                    read[i] = previous[i]
                 else:
                     self.refuse_nan(self.variables[i], sample)
-        return found
+        return read
 
     def _interval(self, value: UncertainValue, name: str, sample: int) -> float | UncertainValue:
-        """The interval that stands for a value; a number if it is known."""
+        """Return the interval of a value; a number if it is known."""
         lower, upper = value.lower, value.upper
         if not (isinstance(lower, float) and isinstance(upper, float)):
             raise InputTypeError(
@@ -213,12 +190,7 @@ class SampleReader:
     def _unsaid(
         self, names: AbstractSet[str], previous: Sequence[float | UncertainValue]
     ) -> dict[str, float | UncertainValue]:
-        """The variables with a default that are absent: they are as before, at first the default.
-
-        Args:
-            names: The variables that have a value.
-            previous: The sample before; empty if there is none.
-        """
+        """Return the previous values of absent variables with a default, or their defaults."""
         held = dict(zip(self.variables, previous, strict=False))  # rates follow
         defaults: Mapping[str, float] = self.program.specification.defaults
         return {v: held.get(v, defaults[v]) for v in self.variables if v in defaults.keys() - names}
@@ -259,7 +231,7 @@ class SampleReader:
         n: int | None = None,
         extra: bool = False,
     ) -> tuple[list[Floats], int]:
-        """The columns of a block of samples, in the order of the variables, and their length.
+        """Return the columns of a block, in the order of the variables, and their length.
 
         Args:
             data: A mapping (or data frame) of names to 1-D arrays, or an array of shape
@@ -268,10 +240,6 @@ class SampleReader:
             previous: The sample before the block, for ``nan="hold"``; empty if there is none.
             n: The length, for a program without variables.
             extra: Whether unknown names are ignored.
-
-        Raises:
-            InputError: On missing or unknown variables, columns of different length, a nan.
-            InputTypeError: On values that are not real numbers.
         """
         columns, length = self.columns(data, sample, previous, n=n, extra=extra)
         return self.without_nan(columns, sample, previous), length
@@ -285,36 +253,36 @@ class SampleReader:
         n: int | None = None,
         extra: bool = False,
     ) -> tuple[list[Floats], int]:
-        """What `block` returns, with every nan still in it."""
+        """Return the result of `block`, with every nan still in it."""
         if n is None and (plain := self._plain(data, extra=extra)) is not None:
             return plain + self.rates.of_columns(plain, previous), len(plain[0])
         data = cast("TraceColumns", named_columns(data))
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
-            given, held = self.lines(named, sample, previous, extra=extra)
+            columns, held = self.lines(named, sample, previous, extra=extra)
         else:
             table = array_of_numbers(data, "the block")
             if table.ndim != 2 or table.shape[1] != len(self.variables):
                 raise wrong_shape(table, "n", self.variables)
-            given = dict(zip(self.variables, map(np.ascontiguousarray, table.T), strict=True))
+            columns = dict(zip(self.variables, map(np.ascontiguousarray, table.T), strict=True))
             held, n = {}, table.shape[0]
         if n is not None and not _is_count(n):
             raise InputError(f"expected a whole number of samples as n, got {brief(n)}")
-        lengths = {len(c) for c in given.values()} | (set() if n is None else {n})
+        lengths = {len(c) for c in columns.values()} | (set() if n is None else {n})
         if len(lengths) > 1:
-            got = ", ".join(f"{v}: {len(c)}" for v, c in given.items())
-            asked = "" if n is None else f" and n={n}"
-            raise InputError(f"expected columns of one length, got {got}{asked}")
+            got = ", ".join(f"{v}: {len(c)}" for v, c in columns.items())
+            wanted = "" if n is None else f" and n={n}"
+            raise InputError(f"expected columns of one length, got {got}{wanted}")
         if not lengths:
             what = "every variable has its default" if held else "the formula has no variables"
             raise InputError(f"{what}: say how many samples with n=")
         length = lengths.pop()
-        made = {v: np.full(length, value) for v, value in held.items()} | given
-        values = [made[v] for v in self.variables]
+        columns = {v: np.full(length, value) for v, value in held.items()} | columns
+        values = [columns[v] for v in self.variables]
         return values + self.rates.of_columns(values, previous), length
 
     def _plain(self, data: object, *, extra: bool) -> list[Floats] | None:
-        """Return the columns of a dictionary that has a plain array for every variable, or None."""
+        """Return the columns of a dictionary of plain arrays of all variables, or None."""
         if type(data) is not dict or not (
             self._known <= data.keys() if extra else self._known == data.keys()
         ):
@@ -339,19 +307,19 @@ class SampleReader:
         *,
         extra: bool = False,
     ) -> tuple[dict[str, Floats], dict[str, float]]:
-        """The given columns by name, and the value of each variable that has a default instead.
+        """Return the columns by name, and the values of absent variables with a default.
 
-        The arguments are those of `block`, and so are the errors, but for the lengths.
+        The arguments and errors are those of `block`, except for the lengths.
         """
         names: AbstractSet[str] = dict.fromkeys(map(name_text, named.keys())).keys()
-        given_names = names
+        original = names
         if not self._known <= names and self._messages.names & names:
             named = self._with_fields(named, names, sample)
             names = named.keys()
         held = cast("dict[str, float]", self._unsaid(names, previous))
         missing = [v for v in self.variables if v not in names and v not in held]
-        if missing and extra and given_names:
-            raise InputError(no_such("column", missing[0], given_names))
+        if missing and extra and original:
+            raise InputError(no_such("column", missing[0], original))
         if missing or not (extra or names <= self._known):
             self._refuse_names(dict.fromkeys(names | held.keys()))
         return {v: self._line(named[v], v) for v in self.variables if v in names}, held
@@ -366,10 +334,10 @@ class SampleReader:
     def between(
         self, data: TraceColumns, *, n: int | None = None, extra: bool = False
     ) -> tuple[list[Floats], list[Floats], int]:
-        """The least and the greatest values of the columns, and their length.
+        """Return the smallest and the largest values of the columns, and their length.
 
         If all values are known, both are one list, and every nan is still in it. It raises the
-        errors of `columns`, and of `without_nan` if a value is not known.
+        errors of `columns` and, for uncertain values, of `without_nan`.
         """
         halves: list[TraceColumns] = [data]
         if n is None and self.nan != "unknown" and (plain := self._plain(data, extra=extra)):
@@ -383,9 +351,9 @@ class SampleReader:
                 }
                 for end in ("lower", "upper")
             ]
-        found = [self.columns(half, n=n, extra=extra) for half in halves]
-        (whole, length), count, apart = found[0], len(self.variables), len(found) > 1
-        lower, upper = whole[:count], found[-1][0][:count]
+        blocks = [self.columns(half, n=n, extra=extra) for half in halves]
+        (whole, length), count, apart = blocks[0], len(self.variables), len(blocks) > 1
+        lower, upper = whole[:count], blocks[-1][0][:count]
         if self.nan != "unknown" and apart:
             lower, upper = self._filled(lower), self._filled(upper)
         if self.nan == "unknown" and any(np.isnan(column).any() for column in lower):
@@ -400,10 +368,10 @@ class SampleReader:
     def without_nan(
         self, columns: Sequence[Floats], sample: int = 0, previous: Sequence[float] = ()
     ) -> list[Floats]:
-        """The columns with the last value in place of each nan, or the error that refuses it."""
-        given = list(columns[: len(self.variables)])
-        filled = self._filled(given, sample, previous)
-        if all(held is column for held, column in zip(filled, given, strict=True)):
+        """Return the columns with the last value in place of each nan, if the policy allows."""
+        own = list(columns[: len(self.variables)])
+        filled = self._filled(own, sample, previous)
+        if all(held is column for held, column in zip(filled, own, strict=True)):
             return list(columns)
         return filled + self.rates.of_columns(filled, previous)
 
@@ -418,7 +386,7 @@ class SampleReader:
     def _with_fields(
         self, named: Mapping[str, object], names: AbstractSet[str], sample: int
     ) -> Mapping[str, object]:
-        """The columns by variable; the column of a message becomes columns of its fields."""
+        """Return the columns by variable; a column of messages becomes columns of its fields."""
 
         def column(field: Field, messages: object) -> object:
             if isinstance(messages, Mapping):  # a message of columns
@@ -429,8 +397,8 @@ class SampleReader:
                 raise InputTypeError(
                     f"expected a message for every sample as '{field.message}', got {got}"
                 )
-            each = enumerate(cast("Iterable[object]", messages))
-            return [field.of(message, sample + i) for i, message in each]
+            numbered = enumerate(cast("Iterable[object]", messages), sample)
+            return [field.of(message, i) for i, message in numbered]
 
         columns = {name: named[name] for name in names}
         for name in self._messages.names & names:
@@ -462,32 +430,32 @@ class SampleReader:
     def refuse_between(
         self, lower: Iterable[float], upper: Iterable[float], sample: int
     ) -> NoReturn:
-        """Raise the error of `refuse` for values that lie between these."""
+        """Raise the error of `refuse` for values between these."""
         self.refuse([in_between(*ends) for ends in zip(lower, upper, strict=True)], sample)
 
 
 def unknown_variable(name: object, variables: Sequence[str], messages: Messages) -> InputError:
-    """The error that refuses a name that is neither a variable nor a message with one."""
+    """Return the error about a name that is neither a variable nor a message."""
     shown = name_text(name)
     near = nearest(shown, (*variables, *sorted(messages.names)))
     return InputError(f"unknown variable '{shown}'{near or listed(variables)}")
 
 
 def listed(variables: Sequence[str]) -> str:
-    """A hint that lists all variables."""
+    """Return a hint that lists all variables."""
     names = ", ".join(variables)
     return f"; the variables are {names}" if names else "; the formula has no variables"
 
 
 def refuse_term(program: Program, values: Sequence[float | UncertainValue], place: str) -> NoReturn:
-    """Raise the error that names the first term which has no value for values of the variables.
+    """Raise the error that names the first term without a value.
 
-    The machine found one. If each has one now, another thread has written to the caller's array
-    between the machine's look at it and this one.
+    A machine noticed one. If every term has a value now, another thread has written to the caller's
+    array since then.
     """
-    found = ranges_of(program, [of_ends(*ends_of(value)) for value in values])
-    if len(found) < program.terms:
-        source = program.sources[len(found)]
+    ranges = ranges_of(program, [of_ends(*ends_of(value)) for value in values])
+    if len(ranges) < program.terms:
+        source = program.sources[len(ranges)]
         where = ", ".join(
             f"{v} = {x!r}"
             for v, x in zip(program.variables, values, strict=True)
@@ -501,21 +469,21 @@ def refuse_term(program: Program, values: Sequence[float | UncertainValue], plac
 
 
 def ends_of(value: float | UncertainValue) -> tuple[float, float]:
-    """The least and the greatest number that a value of a sample may be."""
+    """Return the smallest and the largest possible value."""
     if not isinstance(value, UncertainValue):
         return value, value
     return cast("tuple[float, float]", (value.lower, value.upper))
 
 
 def in_between(lower: float, upper: float) -> float | UncertainValue:
-    """The value of a sample that lies between two numbers; one of them if it is known."""
+    """Return a value that lies between two numbers; a number if it is known."""
     return lower if of_ends(lower, upper).known else UncertainValue(lower, upper)
 
 
 def wrong_shape(
     table: Floats, leading: str, variables: Sequence[str], rows: str = "", hint: str = ""
 ) -> InputError:
-    """The error that refuses a table whose last axis is not one column for each variable."""
+    """Return the error about a table whose last axis is not one column per variable."""
     columns = f"a column for each of {', '.join(variables)}" if variables else "no column"
     return InputError(
         f"expected an array of shape ({leading}, {len(variables)}), {rows}{columns}, "

@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING
 from rtamt.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from rtamt.language.ids import RequirementId
-    from rtamt.language.publications import Publication
-    from rtamt.language.subscriptions import SubscribedField, Subscription
+    from rtamt.language.declarations import RequirementId
     from rtamt.language.template import SpecificationTemplate
+    from rtamt.language.topics import Publication, SubscribedField, Subscription
 
 __all__ = [
     "Publication",
@@ -22,10 +21,10 @@ if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__ = lazy_names(
         __name__,
         {
-            "Publication": "rtamt.language.publications.Publication",
-            "RequirementId": "rtamt.language.ids.RequirementId",
+            "Publication": "rtamt.language.topics.Publication",
+            "RequirementId": "rtamt.language.declarations.RequirementId",
             "SpecificationTemplate": "rtamt.language.template.SpecificationTemplate",
-            "SubscribedField": "rtamt.language.subscriptions.SubscribedField",
-            "Subscription": "rtamt.language.subscriptions.Subscription",
+            "SubscribedField": "rtamt.language.topics.SubscribedField",
+            "Subscription": "rtamt.language.topics.Subscription",
         },
     )

@@ -1,4 +1,4 @@
-"""Formulas and terms, made in Python.
+"""Formulas and terms in Python.
 
 Equal formulas are one object. ``str`` prints with the fewest brackets that the parser needs:
 ``parse(str(f)).formula is f``.
@@ -11,35 +11,19 @@ from collections.abc import Iterable, Mapping
 from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError, brief
+from rtamt.language.declarations import is_name
 from rtamt.language.interval import Exact, Interval
-from rtamt.language.names import is_name
 from rtamt.language.node import Node, interned, too_long
-from rtamt.language.operators import OPERATORS
-from rtamt.language.printing import node_text
-from rtamt.language.table import Operator
-
-__all__ = [
-    "Formula",
-    "Term",
-    "conjunction",
-    "disjunction",
-    "make",
-    "number",
-    "replaced",
-    "variable",
-]
+from rtamt.language.operators import OPERATORS, Operator
 
 
 class Term(Node):
-    """Arithmetic over variables: ``(variable("x") - 3) * 2``; comparing it gives a formula.
+    """Arithmetic over variables: ``(variable("x") - 3) * 2``; a comparison returns a formula.
 
     ``==`` compares trees; the formula ``x == y`` is ``x.equals(y)``.
     """
 
     __slots__ = ()
-
-    def __str__(self) -> str:
-        return node_text(self)
 
     def __add__(self, other: Term | float) -> Term:
         return _term("+", self, other)
@@ -75,27 +59,27 @@ class Term(Node):
         return _term("abs", self)
 
     def sqrt(self) -> Term:
-        """Square root."""
+        """Return the square root."""
         return _term("sqrt", self)
 
     def exp(self) -> Term:
-        """Exponential."""
+        """Return e to the power of the term."""
         return _term("exp", self)
 
     def ln(self) -> Term:
-        """Natural logarithm."""
+        """Return the natural logarithm."""
         return _term("ln", self)
 
     def log(self, base: Term | float) -> Term:
-        """Logarithm to a base."""
+        """Return the logarithm to a base."""
         return _term("log", self, base)
 
     def min(self, *others: Term | float) -> Term:
-        """The least of this and the others."""
+        """Return the minimum of this and the others."""
         return _term("min", self, *others)
 
     def max(self, *others: Term | float) -> Term:
-        """The greatest of this and the others."""
+        """Return the maximum of this and the others."""
         return _term("max", self, *others)
 
     def __lt__(self, other: Term | float) -> Formula:
@@ -111,23 +95,23 @@ class Term(Node):
         return _comparison(">=", self, other)
 
     def equals(self, other: Term | float) -> Formula:
-        """The formula ``self == other``."""
+        """Return the formula ``self == other``."""
         return _comparison("==", self, other)
 
     def differs(self, other: Term | float) -> Formula:
-        """The formula ``self != other``."""
+        """Return the formula ``self != other``."""
         return _comparison("!=", self, other)
 
     def formula(self) -> Formula:
-        """The formula whose robustness is the value of the term."""
+        """Return the formula whose robustness is the value of the term."""
         return cast("Formula", make("value", (self,)))
 
 
 class Formula(Node):
     """A formula of signal temporal logic.
 
-    Temporal methods take the bounds of the interval, ``begin`` and ``end``, both included; the
-    end may carry a unit (``always(0, "500ms")``) and None is no end.
+    Temporal methods take the bounds ``begin`` and ``end`` of the interval, both included. The end
+    may have a unit (``always(0, "500ms")``); None is no end.
 
     Example:
         >>> x = variable("x")
@@ -137,9 +121,6 @@ class Formula(Node):
     """
 
     __slots__ = ()
-
-    def __str__(self) -> str:
-        return node_text(self)
 
     def __bool__(self) -> bool:
         msg = f"a formula has no truth value; use & | ~ instead of and, or, not: {self}"
@@ -155,15 +136,15 @@ class Formula(Node):
         return self._with("not")
 
     def implies(self, other: Formula) -> Formula:
-        """``self implies other``."""
+        """Return ``self implies other``."""
         return self._with("implies", other)
 
     def iff(self, other: Formula) -> Formula:
-        """``self iff other``."""
+        """Return ``self iff other``."""
         return self._with("iff", other)
 
     def xor(self, other: Formula) -> Formula:
-        """``self xor other``."""
+        """Return ``self xor other``."""
         return self._with("xor", other)
 
     def in_words(self, names: Mapping[str, str] | None = None, *, unit: str | None = None) -> str:
@@ -179,47 +160,47 @@ class Formula(Node):
         return in_words(self, names, unit=unit)
 
     def always(self, begin: Exact = 0, end: Exact | None = None) -> Formula:
-        """``always[begin:end] self``."""
+        """Return ``always[begin:end] self``."""
         return self._with("always", interval=Interval.of(begin, end))
 
     def eventually(self, begin: Exact = 0, end: Exact | None = None) -> Formula:
-        """``eventually[begin:end] self``."""
+        """Return ``eventually[begin:end] self``."""
         return self._with("eventually", interval=Interval.of(begin, end))
 
     def historically(self, begin: Exact = 0, end: Exact | None = None) -> Formula:
-        """``historically[begin:end] self``."""
+        """Return ``historically[begin:end] self``."""
         return self._with("historically", interval=Interval.of(begin, end))
 
     def once(self, begin: Exact = 0, end: Exact | None = None) -> Formula:
-        """``once[begin:end] self``."""
+        """Return ``once[begin:end] self``."""
         return self._with("once", interval=Interval.of(begin, end))
 
     def until(self, other: Formula, begin: Exact = 0, end: Exact | None = None) -> Formula:
-        """``self until[begin:end] other``."""
+        """Return ``self until[begin:end] other``."""
         return self._with("until", other, interval=Interval.of(begin, end))
 
     def since(self, other: Formula, begin: Exact = 0, end: Exact | None = None) -> Formula:
-        """``self since[begin:end] other``."""
+        """Return ``self since[begin:end] other``."""
         return self._with("since", other, interval=Interval.of(begin, end))
 
     def unless(self, other: Formula, begin: Exact = 0, end: Exact | None = None) -> Formula:
-        """``self unless[begin:end] other``."""
+        """Return ``self unless[begin:end] other``."""
         return self._with("unless", other, interval=Interval.of(begin, end))
 
     def next(self, *, strong: bool = False) -> Formula:
-        """``next self``; strong: -inf instead of +inf after the last sample."""
+        """Return ``next self``; strong: -inf instead of +inf after the last sample."""
         return self._with("s_next" if strong else "next")
 
     def prev(self, *, strong: bool = False) -> Formula:
-        """``prev self``; strong: -inf instead of +inf before the first sample."""
+        """Return ``prev self``; strong: -inf instead of +inf before the first sample."""
         return self._with("s_prev" if strong else "prev")
 
     def rise(self) -> Formula:
-        """``rise(self)``."""
+        """Return ``rise(self)``."""
         return self._with("rise")
 
     def fall(self) -> Formula:
-        """``fall(self)``."""
+        """Return ``fall(self)``."""
         return self._with("fall")
 
     def _with(self, name: str, *others: Formula, interval: Interval | None = None) -> Formula:
@@ -227,11 +208,11 @@ class Formula(Node):
 
 
 def variable(name: str) -> Term:
-    """The term of a variable, by its name: ``speed``, or ``scan.ranges[0]`` in a message.
+    """Return the term of a variable: ``speed``, or ``scan.ranges[0]`` in a message.
 
     Raises:
-        SpecificationError: If it is not such a name, or a reserved word such as ``always``. The
-            name of a function, such as ``min``, may name a variable too.
+        SpecificationError: If the name has another form, or is a reserved word such as ``always``.
+            The name of a function, such as ``min``, may name a variable too.
     """
     if not isinstance(name, str):
         msg = f"expected the name of a variable as text, got {type(name).__name__} {brief(name)}"
@@ -247,17 +228,17 @@ def variable(name: str) -> Term:
 
 
 def number(value: float) -> Term:
-    """The term of a finite number."""
-    given: object = value
-    wrong = isinstance(given, complex | str) or not hasattr(given, "__float__")
-    found = None if wrong or getattr(given, "ndim", None) else _float(value)
-    if found is None:
+    """Return the term of a finite number."""
+    argument: object = value
+    wrong = isinstance(argument, complex | str) or not hasattr(argument, "__float__")
+    double = None if wrong or getattr(argument, "ndim", None) else _float(value)
+    if double is None:
         msg = f"expected a real number, got {type(value).__name__} {brief(value)}"
         raise InputTypeError(msg)
-    if not math.isfinite(found):
+    if not math.isfinite(double):
         msg = f"expected a finite number in a term, got {brief(value)}"
         raise SpecificationError(f"{msg}; write true or false for +-inf")
-    return interned(Term, None, leaf=found)
+    return interned(Term, None, leaf=double)
 
 
 def _float(value: float) -> float | None:
@@ -270,26 +251,20 @@ def _float(value: float) -> float | None:
 
 
 def conjunction(formulas: Iterable[Formula]) -> Formula:
-    """The ``and`` of one formula or more, as one node."""
+    """Return the ``and`` of one formula or more, as one node."""
     return _junction("and", formulas)
 
 
 def disjunction(formulas: Iterable[Formula]) -> Formula:
-    """The ``or`` of one formula or more, as one node."""
+    """Return the ``or`` of one formula or more, as one node."""
     return _junction("or", formulas)
 
 
 def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) -> Term | Formula:
-    """The node of any operator over its operands: ``make("always", (p,), Interval.of(0, 5))``.
+    """Return the node of any operator: ``make("always", (p,), Interval.of(0, 5))``.
 
-    Args:
-        name: Name of the operator's row.
-        args: The operands.
-        interval: The interval of a temporal operator; None is ``[0, inf)``.
-
-    Raises:
-        SpecificationError: On operands of another kind, a wrong number of them, an interval where
-            none may stand, or a tree that is too deep or too large.
+    It refuses operands of another kind or number, an interval where there is no place for it, and
+    trees that are too deep or too large.
     """
     op = OPERATORS[name]
     kind: type[Node] = Term if op.operands == "term" else Formula
@@ -317,31 +292,58 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
 
 
 def replaced(formula: Formula, instead: Mapping[Node, Node]) -> Formula:
-    """The formula with other nodes in place of some of its own, wherever these stand.
+    """Return the formula with some of its nodes replaced, wherever they stand.
 
     Example:
         >>> x = variable("x")
         >>> print(replaced((x > 3).always() & (x > 3), {x > 3: x > 4}))
         always(x > 4) and x > 4
     """
-    made = {**instead}
+    new = {**instead}
     for node in formula.nodes():
-        if node not in made:
-            args = tuple(made[each] for each in node.args)
+        if node not in new:
+            args = tuple(new[arg] for arg in node.args)
             same = all(a is b for a, b in zip(args, node.args, strict=True))
-            made[node] = make(node.op.name, args, node.interval) if node.op and not same else node
-    return cast("Formula", made[formula])
+            new[node] = make(node.op.name, args, node.interval) if node.op and not same else node
+    return cast("Formula", new[formula])
 
 
-def _junction(name: str, several: Iterable[Formula]) -> Formula:
-    given: object = several
-    if not isinstance(given, Iterable) or getattr(given, "ndim", 1) == 0:
-        msg = f"expected formulas in a list or the like for '{name}', got {brief(given)}"
+def predicates(formula: Formula) -> tuple[Formula, ...]:
+    """Return the comparisons, and the terms that are formulas, as `Specification.predicates`."""
+    nodes = (node for node in formula.nodes() if isinstance(node, Formula))
+    return tuple(node for node in nodes if node.args and isinstance(node.args[0], Term))
+
+
+def scaled(formula: Formula, scales: Mapping[Formula, float]) -> Formula:
+    """Return the formula with predicates divided by scales, as `Specification.scaled`."""
+    known = set(predicates(formula))
+    divided: dict[Node, Node] = {}
+    for predicate, scale in scales.items():
+        if predicate not in known:
+            raise SpecificationError(f"expected scales of predicates of {formula}, got {predicate}")
+        if cast("float", number(scale).leaf) <= 0:
+            raise SpecificationError(
+                f"expected a positive scale of {predicate}, got {brief(scale)}"
+            )
+        name = predicate.op.name if predicate.op else ""
+        left, *right = (cast("Term", arg) for arg in predicate.args)
+        if right:  # differences keep the sign
+            args: tuple[Term, ...] = ((left - right[0]) / scale, number(0.0))
+        else:
+            args = (left / scale,)
+        divided[predicate] = make(name, args)
+    return replaced(formula, divided)
+
+
+def _junction(name: str, formulas: Iterable[Formula]) -> Formula:
+    argument: object = formulas
+    if not isinstance(argument, Iterable) or getattr(argument, "ndim", 1) == 0:
+        msg = f"expected formulas in a list or the like for '{name}', got {brief(argument)}"
         raise InputTypeError(msg)
-    formulas = tuple(several)
-    if len(formulas) == 1:
-        return cast("Formula", _as_kind(OPERATORS[name], Formula, formulas[0]))
-    return cast("Formula", make(name, formulas))
+    parts = tuple(formulas)
+    if len(parts) == 1:
+        return cast("Formula", _as_kind(OPERATORS[name], Formula, parts[0]))
+    return cast("Formula", make(name, parts))
 
 
 def _term(name: str, *args: Term | float) -> Term:

@@ -1,17 +1,21 @@
-"""Intervals of time offsets, with bounds that are exact decimal numbers."""
+"""Intervals of time offsets, exact numbers, and numbers that remember the constants of a text.
+
+Compilation replaces the names of constants by numbers. A text that is read with traced constants
+has `Traced` numbers in their place. They are floats, so a program of them is the same program.
+"""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from typing import cast
+from functools import cached_property
+from typing import Self, cast
 
 from rtamt.errors import InputTypeError, SpecificationError, brief, is_one_of
-
-__all__ = ["UNITS", "Exact", "Interval", "decimal_text", "exact", "is_decimal", "no_unit"]
 
 UNITS: dict[str, Fraction] = {
     "s": Fraction(1),
@@ -26,12 +30,6 @@ UNITS: dict[str, Fraction] = {
 
 Exact = int | float | str | Decimal | Fraction
 
-
-def no_unit(text: object) -> str:
-    """The reason to refuse what is not a unit."""
-    return f"expected one of the units {', '.join(UNITS)}, got {brief(text)}"
-
-
 MAX_DIGITS = 1000
 """The most characters of a number: more would take long to compute with."""
 
@@ -39,13 +37,15 @@ _TEXT = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e([+-]?\d+)|/\d+)?", re.ASCII | re
 _LARGEST = 10**300
 
 
-def exact(value: Exact, what: str) -> Fraction:
-    """The exact value of a finite number; a float means its shortest decimal text.
+def no_unit(text: object) -> str:
+    """Return the reason to refuse an unknown unit."""
+    return f"expected one of the units {', '.join(UNITS)}, got {brief(text)}"
 
-    Raises:
-        SpecificationError: If it is not a number between 1e-300 and 1e300 or 0, or has more than
-            `MAX_DIGITS` digits. The text is checked before it is computed with.
-        InputTypeError: If it is no number.
+
+def exact(value: Exact, what: str) -> Fraction:
+    """Return the exact value of a finite number; a float means its shortest decimal text.
+
+    The text is checked before it is computed with.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str | Decimal | Fraction):
         msg = f"expected a number for {what}, got {type(value).__name__} {brief(value)}"
@@ -63,7 +63,7 @@ def exact(value: Exact, what: str) -> Fraction:
 
 
 def _read(text: str, value: object, what: str) -> Fraction | None:
-    """The number that a text writes; None if it is too large or too small to compute with."""
+    """Return the number in a text; None if it is too large or too small to compute with."""
     if len(text) > MAX_DIGITS:
         msg = f"expected a number of at most {MAX_DIGITS} characters for {what}, got {len(text)}"
         raise SpecificationError(msg)
@@ -78,7 +78,7 @@ def _read(text: str, value: object, what: str) -> Fraction | None:
 
 
 def is_decimal(value: Fraction) -> bool:
-    """Return whether a decimal text writes a fraction exactly."""
+    """Return whether a decimal text can write a fraction exactly."""
     rest = value.denominator
     for prime in (2, 5):
         while rest % prime == 0:
@@ -87,7 +87,7 @@ def is_decimal(value: Fraction) -> bool:
 
 
 def decimal_text(value: Fraction) -> str:
-    """The shortest decimal text that is exactly the fraction; one third has none."""
+    """Return the shortest decimal text that is exactly the fraction; one third has none."""
     scale = 0
     while (value * 10**scale).denominator != 1:
         scale += 1
@@ -99,14 +99,24 @@ def decimal_text(value: Fraction) -> str:
     return sign + (f"{digits[:-scale]}.{digits[-scale:]}" if scale else digits)
 
 
+def number_text(value: float) -> str:
+    """Return the shortest text that reads back as the number."""
+    return repr(value).removesuffix(".0")
+
+
 @dataclass(frozen=True, slots=True)
 class Interval:
     """Offsets ``[begin, end]`` from now, both included.
 
     Attributes:
-        begin: Least offset, not negative.
-        end: Greatest offset, or None for no end.
-        unit: Unit of both bounds, or None: samples without a period, else the specification's unit.
+        begin: The smallest offset; not negative.
+        end: The largest offset; None for no end.
+        unit: Unit of both bounds; None: samples without a period; otherwise, the unit of the
+            specification.
+
+    Raises:
+        SpecificationError: If a bound is negative, the end is before the begin, or the unit is
+            unknown.
     """
 
     begin: Fraction
@@ -114,11 +124,7 @@ class Interval:
     unit: str | None = None
 
     def __post_init__(self) -> None:
-        """Check the bounds and the unit.
-
-        Raises:
-            SpecificationError: On a negative bound, ``end < begin`` or an unknown unit.
-        """
+        """Check the bounds and the unit."""
         bounds: tuple[object, ...] = (self.begin,) if self.end is None else (self.begin, self.end)
         for bound in bounds:
             if not isinstance(bound, Fraction):
@@ -137,9 +143,9 @@ class Interval:
 
     @classmethod
     def of(cls, begin: Exact, end: Exact | None) -> Interval | None:
-        """The interval of two bounds; the end may carry a unit: ``of(0, "500ms")``.
+        """Return the interval of two bounds; the end may have a unit: ``of(0, "500ms")``.
 
-        None, which is ``[0, inf)``, if there is nothing to bound.
+        None, which means ``[0, inf)``, if there is nothing to bound.
         """
         unit = None
         if isinstance(end, str):
@@ -161,3 +167,77 @@ class Interval:
         # "inf" is a word: its unit needs a space before it.
         unit = "" if self.unit is None else (" " if self.end is None else "") + self.unit
         return f"[{decimal_text(self.begin)}:{end}{unit}]"
+
+
+class Traced(float):
+    """A number that depends on constants of a text; it equals any equal number.
+
+    Attributes:
+        source: The name of the constant, or of the function that returned the number.
+        operands: The operands of the function; empty for a constant.
+
+    Example:
+        >>> limit = Traced(4.0, "limit")
+        >>> root = applied("sqrt", lambda x: x**0.5, limit)
+        >>> float(root), root, sorted(root.constants)
+        (2.0, sqrt(limit), ['limit'])
+    """
+
+    source: str
+    operands: tuple[float, ...]
+
+    def __new__(cls, value: float, source: str, operands: tuple[float, ...] = ()) -> Self:
+        """Return a number with its source and operands."""
+        traced = super().__new__(cls, value)
+        traced.source, traced.operands = source, operands
+        return traced
+
+    @cached_property
+    def constants(self) -> frozenset[str]:
+        """The names of the constants that this number depends on."""
+        if not self.operands:
+            return frozenset((self.source,))
+        traced = [operand for operand in self.operands if isinstance(operand, Traced)]
+        return frozenset[str]().union(*(operand.constants for operand in traced))
+
+    @cached_property
+    def text(self) -> str:
+        """The term whose value this is."""
+        operands = ", ".join(number_text(operand) for operand in self.operands)
+        return f"{self.source}({operands})" if self.operands else self.source
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+def applied(name: str, function: Callable[..., float], *operands: float) -> float:
+    """Return the function of the operands; traced if an operand is."""
+    value = function(*map(float, operands))
+    traced = any(isinstance(operand, Traced) for operand in operands)
+    return Traced(value, name, operands) if traced else value
+
+
+@dataclass(frozen=True, slots=True)
+class TracedInterval(Interval):
+    """An interval with a constant as a bound, times a factor for sign and unit.
+
+    It differs from an interval with other names for the same bounds, and may be ``[0, inf)``.
+
+    Attributes:
+        begin_of: The name of the constant and the factor of the begin; None if it is a number.
+        end_of: The same for the end.
+    """
+
+    begin_of: tuple[str, Fraction] | None = None
+    end_of: tuple[str, Fraction] | None = None
+
+    @property
+    def constants(self) -> frozenset[str]:
+        """The names of the constants that are bounds."""
+        return frozenset(bound[0] for bound in (self.begin_of, self.end_of) if bound is not None)
+
+    def at(self, values: Mapping[str, Fraction]) -> Interval | None:
+        """Return the interval for values of the constants; None if it is ``[0, inf)``."""
+        begin = self.begin if self.begin_of is None else values[self.begin_of[0]] * self.begin_of[1]
+        end = self.end if self.end_of is None else values[self.end_of[0]] * self.end_of[1]
+        return None if end is None and begin == 0 else Interval(begin, end, self.unit)

@@ -1,41 +1,29 @@
-"""Frozen trees in which equal parts are the same object.
+"""Frozen trees in which equal parts are the same object, and their text.
 
 ``==`` is identity, hashing is free, and a sub-formula that occurs twice is compiled to one
-register.
+register. The text has the fewest brackets that the parser needs.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import weakref
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Self, TypeVar, cast
 
 from rtamt.errors import SpecificationError
-from rtamt.language.interval import Interval
-from rtamt.language.table import Operator
-
-__all__ = [
-    "MAX_DEPTH",
-    "MAX_NAME",
-    "MAX_OPERANDS",
-    "MAX_PARTS",
-    "MAX_SIZE",
-    "Node",
-    "interned",
-    "too_deep",
-    "too_long",
-]
+from rtamt.language.interval import Interval, number_text
+from rtamt.language.operators import OPERATORS, Operator
 
 MAX_DEPTH = 200
-"""Nodes on the longest path of a formula; also the most brackets that may stand inside another."""
+"""Nodes on the longest path of a formula; also the most nested brackets."""
 
 MAX_SIZE = 1_000_000
 """Nodes of a formula written out; a name used twice counts twice."""
 
-
 MAX_OPERANDS = 250_000
-"""The most operands of a text's operators together; ``a and (b and c)`` has two and three."""
+"""The most operands of all operators of a text; ``a and (b and c)`` has two and three."""
 
 MAX_PARTS = 32
 """The most parts of a dotted name: the message, its fields, their fields."""
@@ -45,7 +33,7 @@ MAX_NAME = 255
 
 
 def too_long(name: str) -> str:
-    """The reason to refuse a name for its length or its parts; nothing if it has none."""
+    """Return the reason to refuse a name for its length or its parts; empty if there is none."""
     parts = name.count(".") + name.count("[") + 1
     if parts > MAX_PARTS:
         return f"a dotted name has {parts} parts; the limit is {MAX_PARTS}"
@@ -55,17 +43,17 @@ def too_long(name: str) -> str:
 
 
 def too_deep(what: str, depth: int) -> str:
-    """The reason to refuse a formula or brackets."""
+    """Return the reason to refuse a formula or brackets."""
     return f"{what} nested {depth} deep; the limit is {MAX_DEPTH}"
 
 
 class Node:
-    """A term or a formula. Made by `make`, `variable` and `number`, never directly.
+    """A term or a formula; `make`, `variable` and `number` return nodes.
 
     Attributes:
-        op: Row of the operator, or None for a variable or a number.
+        op: Row of the operator; None for a variable or a number.
         args: Operands.
-        interval: Interval of a temporal operator; None where it has none, or ``[0, inf)``.
+        interval: Interval of a temporal operator; None without one, or for ``[0, inf)``.
         leaf: Name of a variable or value of a number.
         depth: Nodes on the longest path.
         size: Nodes of the tree written out.
@@ -93,8 +81,11 @@ class Node:
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self}>"
 
+    def __str__(self) -> str:
+        return node_text(self)
+
     def nodes(self) -> Iterator[Node]:
-        """Every different node below and with this one, operands before what uses them."""
+        """Yield every different node of the tree once, operands before their operator."""
         seen: set[Node] = set()
         stack: list[tuple[Node, bool]] = [(self, False)]
         while stack:
@@ -113,6 +104,7 @@ class Node:
 
 
 _N = TypeVar("_N", bound=Node)
+_FIELDS = ("op", "args", "interval", "leaf", "depth", "size")
 _nodes: weakref.WeakValueDictionary[tuple[object, ...], Node] = weakref.WeakValueDictionary()
 _lock = threading.Lock()
 
@@ -124,11 +116,7 @@ def interned(
     interval: Interval | None = None,
     leaf: str | float | None = None,
 ) -> _N:
-    """The one node of a class with these attributes.
-
-    Raises:
-        SpecificationError: If it is nested deeper than `MAX_DEPTH` or larger than `MAX_SIZE`.
-    """
+    """Return the only node of a class with these attributes, within the limits of a tree."""
     # repr tells 0.0 from -0.0, which compare equal but divide differently.
     key = (kind, op, args, interval, leaf, repr(leaf))
     with _lock:
@@ -149,4 +137,88 @@ def interned(
         return cast("_N", node)
 
 
-_FIELDS = ("op", "args", "interval", "leaf", "depth", "size")
+_NO_NAMES: Mapping[Node, str] = {}
+
+
+def node_text(
+    root: Node, names: Mapping[Node, str] = _NO_NAMES, runs: Collection[Node] = ()
+) -> str:
+    """Return the text of a term or formula.
+
+    Args:
+        root: The term or formula.
+        names: Names of formulas, which replace their text.
+        runs: The named formulas to show even if their operands have become operands of the same
+            operator: ``p and z > 0`` is one conjunction with the operands of ``p``.
+    """
+    # Operands before their operator: no recursion, and a shared part is written once.
+    texts = dict(names)
+    for node in root.nodes():
+        if node not in texts:
+            texts[node] = _compose(node, texts, names, runs)
+    return texts[root]
+
+
+def _compose(
+    node: Node, texts: Mapping[Node, str], names: Mapping[Node, str], runs: Collection[Node]
+) -> str:
+    op = node.op
+    if op is None:
+        return node.leaf if isinstance(node.leaf, str) else number_text(cast("float", node.leaf))
+    args = _with_runs(node, runs) if runs else node.args
+    operands = [texts[a] for a in args]
+    rows = [None if a in names else _row(a) for a in args]
+    interval = "" if node.interval is None else str(node.interval)
+    match op.notation:
+        case "atom":
+            return operands[0] if operands else op.symbol
+        case "call":
+            return f"{op.symbol}({', '.join(operands)})"
+        case "prefix":
+            return _prefix(op, interval, operands[0], rows[0])
+        case "infix":
+            # Only operators that group to the left take their like on the left without brackets.
+            least = [op.precedence + (op.grouping == "none")]
+            least += [op.precedence + 1] * (len(operands) - 1)
+            parts = [
+                text if (math.inf if row is None else row.precedence) >= strength else f"({text})"
+                for text, row, strength in zip(operands, rows, least, strict=True)
+            ]
+            return f" {op.symbol}{interval} ".join(parts)
+
+
+def _with_runs(node: Node, runs: Collection[Node]) -> Sequence[Node]:
+    """Return the operands, with a run in place of the operands that came from it."""
+    op, args = cast("Operator", node.op), node.args
+    if op.grouping not in ("flat", "left-flat"):
+        return args
+    starts: dict[Node, list[Node]] = {}
+    for run in runs:
+        if run.op is op and run is not node:
+            starts.setdefault(run.args[0], []).append(run)
+    operands: list[Node] = []
+    at = 0
+    while at < len(args):
+        fits = [r for r in starts.get(args[at], ()) if args[at : at + len(r.args)] == r.args]
+        if fits and (op.grouping == "flat" or at == 0):
+            operands.append(max(fits, key=lambda r: len(r.args)))
+            at += len(operands[-1].args)
+        else:
+            operands.append(args[at])
+            at += 1
+    return operands
+
+
+def _prefix(op: Operator, interval: str, operand: str, row: Operator | None) -> str:
+    if op.symbol == "-":
+        tight = (row is None or row.notation == "call") and operand[0] != "-"
+        return f"-{operand}" if tight else f"-({operand})"
+    if row is not None and row.notation != "infix" and operand[0] != "-":
+        return f"{op.symbol}{interval} {operand}"
+    space = " " if op.symbol == "not" else ""
+    return f"{op.symbol}{interval}{space}({operand})"
+
+
+def _row(node: Node) -> Operator | None:
+    """Return the operator that starts or joins the text of a node."""
+    return node.args[0].op if node.op is OPERATORS["value"] else node.op

@@ -1,17 +1,17 @@
-"""The rows of the table of operators: how each is written and what it means.
+"""The table of operators: how each is written and what it means.
 
 The parser, the printer, the compiler and the documentation read the rows. A meaning is a function
-over a `Builder`: sugar is one line over the core (`map` of a function, a lattice fold over a window
-of offsets from now). Definitions follow the robust semantics of STL (Fainekos and Pappas 2009;
-Donze and Maler 2010) as used by Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors
-from STL", ATVA 2020.
+over a `Builder`: sugar is one line over the core, which is a function of values now (`map`) and a
+lattice fold over a window of offsets (`window`). Definitions follow the robust semantics of STL
+(Fainekos and Pappas 2009; Donze and Maler 2010) as used by Nickovic and Yamaguchi, "RTAMT: Online
+Robustness Monitors from STL", ATVA 2020.
 
 To add an operator that other operators define, such as a weak next:
 
 1. Add a row to `OPERATORS`. The scanner finds its words there. A symbol, prefix or infix, also
    needs an alternative of ``SYMBOL`` in ``rtamt/language/grammar/Stl.g4``; then run
    ``rtamt/language/grammar/generate.py``.
-2. Add the words for sentences: see `rtamt.language.phrases`.
+2. Add the words for sentences: see `rtamt.language.words`.
 3. Define the row again in the oracles of the tests: a ``case`` in ``tests/support/oracle.py`` (the
    value, and the horizon if it looks ahead), in ``boolean_oracle.py``, and in ``dense_oracle.py``
    unless the row is ``sampled``. Add an operator with an interval to the three errors in
@@ -41,11 +41,159 @@ To add a function, such as ``tanh``:
 from __future__ import annotations
 
 import math
-from typing import Literal
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
 
-from rtamt.language.table import Bounds, Builder, Grouping, Meaning, Operator, OperatorTable
+KEYWORDS = frozenset({"inf", "const", "input", "output", "specification", "from", "import"})
+"""The words of statements, which the grammar knows; no operator has such a spelling."""
 
-__all__ = ["OPERATORS"]
+Bounds = tuple[int, int | None]
+"""Bounds of an interval in samples; None is no upper bound."""
+
+
+class Builder(Protocol):
+    """Writes the instructions of a meaning; every method returns the register of a value."""
+
+    def constant(self, value: float) -> int:
+        """Return the same value at every sample, seen or not."""
+
+    def map(self, function: str, *args: int) -> int:
+        """Return the function of the operands' values now."""
+
+    def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
+        """Return the fold over offsets lo to hi, cut to the trace; None is unbounded."""
+
+    def rate(self, x: int) -> int:
+        """Return the change per second of the variable in a register."""
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        """Half-open until: p holds from now on up to, not at, the moment q holds."""
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        """Half-open since: p holds from just after the moment q held."""
+
+
+Meaning = Callable[..., int]
+Kind = Literal["term", "formula"]
+Notation = Literal["prefix", "infix", "call", "atom"]
+Grouping = Literal["flat", "left-flat", "left", "none"]
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """One row.
+
+    Attributes:
+        spellings: Every spelling that the parser takes; `str` prints the first.
+        notation: ``op p``, ``p op q``, ``op(p, ...)``, or a formula without operands.
+        precedence: Binding strength; higher binds tighter.
+        doc: The robustness at sample i, in one line.
+        meaning: The robustness, over a builder and the operands' registers (after the bounds).
+        arity: The smallest and the largest number of operands; None is any.
+        operands: Whether the operands are terms or formulas.
+        result: Whether the result is a term or a formula.
+        grouping: For infix operators: ``flat`` associates and is one node of many operands,
+            ``left-flat`` is one node only if grouped to the left (floating-point sums), ``left``
+            nests to the left, ``none`` does not chain.
+        timed: Whether an interval may follow the operator.
+        future: Whether the value depends on later samples.
+        sampled: Whether the value depends on neighbouring samples, which dense time does not have.
+        holds: For predicates: +inf where they hold, -inf elsewhere; over a builder and registers.
+        name: The key of the row; default: the first spelling.
+    """
+
+    spellings: tuple[str, ...]
+    notation: Notation
+    precedence: int
+    doc: str
+    meaning: Meaning
+    arity: tuple[int, int | None] = (1, 1)
+    operands: Kind = "formula"
+    result: Kind = "formula"
+    grouping: Grouping = "none"
+    timed: bool = False
+    future: bool = False
+    sampled: bool = False
+    holds: Meaning | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Name the row and check that its fields fit together."""
+        object.__setattr__(self, "name", self.name or self.symbol)
+        infix = self.notation == "infix"
+        well_formed = (
+            (infix or self.grouping == "none")
+            and (not infix or self.arity[0] == 2)
+            and (self.notation != "prefix" or self.arity == (1, 1))
+            and (not self.timed or (self.operands == "formula" and self.notation != "call"))
+        )
+        if not well_formed:
+            msg = f"the row of {self.name} contradicts itself"
+            raise AssertionError(msg)
+
+    @property
+    def symbol(self) -> str:
+        """The canonical spelling."""
+        return self.spellings[0]
+
+    def __repr__(self) -> str:
+        return f"<operator {self.name}>"
+
+
+class OperatorTable(Mapping[str, Operator]):
+    """Rows by name, and what follows from all of them.
+
+    Attributes:
+        spellings: (spelling, notation) to its row; ``-`` is a prefix and an infix operator.
+        words: Spelling to its row, for the spellings that are words.
+        reserved: Words that cannot name a variable: keywords, ``true`` and ``false``, and operators
+            (``G - 3`` would have two readings). The name of a function can: it is a function only
+            if ``(`` follows.
+    """
+
+    spellings: Mapping[tuple[str, Notation], Operator]
+    words: Mapping[str, Operator]
+    reserved: frozenset[str]
+
+    def __init__(self, rows: Iterable[Operator]) -> None:
+        self.replace(rows)
+
+    def replace(self, rows: Iterable[Operator]) -> None:
+        """Make these the rows of the table, and check that no word has two meanings."""
+        rows = tuple(rows)
+        spellings = [((s, row.notation), row) for row in rows for s in row.spellings]
+        words = [(s, row) for (s, _), row in spellings if s.isidentifier()]
+        seen = Counter[object](row.name for row in rows)
+        seen |= Counter([*KEYWORDS, *(word for word, _ in words)])
+        seen |= Counter(key for key, _ in spellings)
+        if twice := [str(key) for key, count in seen.items() if count > 1]:
+            msg = f"expected one meaning for a word, got several for {', '.join(twice)}"
+            raise AssertionError(msg)
+        self._rows = {row.name: row for row in rows}
+        self.spellings = dict(spellings)
+        self.words = dict(words)
+        self.reserved = KEYWORDS.union(s for s, row in words if row.notation != "call")
+
+    def refusal(self, word: str) -> str:
+        """Return why a word cannot name a variable; empty if it can."""
+        if word not in self.reserved:
+            return ""
+        what = "a word of the language"
+        row = self.words.get(word)
+        if row is not None:
+            what = "an operator" if word == row.symbol else f"the operator '{row.symbol}'"
+        return f"'{word}' is {what} and cannot name a variable"
+
+    def __getitem__(self, name: str) -> Operator:
+        return self._rows[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
 
 
 # Meanings. ---------------------------------------------------------------------------------------
@@ -108,7 +256,7 @@ def _fall(b: Builder, p: int) -> int:
 
 
 def _function(name: str, doc: str, least: int = 1, most: int | None = 1) -> Operator:
-    """A function that has the same name in the algebra."""
+    """Return a function with the same name in the algebra."""
     meaning = _apply(name) if most == 1 else _chained(name)
     return Operator((name,), "call", 13, doc, meaning, (least, most), "term", "term")
 
@@ -140,23 +288,26 @@ def _timed(
     *,
     future: bool = False,
 ) -> Operator:
-    """An operator that takes an interval."""
+    """Return an operator that takes an interval."""
     precedence, operands = (7, 1) if notation == "prefix" else (6, 2)
     arity = (operands, operands)
     return Operator(spellings, notation, precedence, doc, meaning, arity, timed=True, future=future)
 
 
 def _neighbour(spellings: tuple[str, ...], doc: str, offset: int, fold: str) -> Operator:
-    """The sample next to this one; outside the trace it is the identity of the fold.
+    """Return an operator of a neighbouring sample; outside the trace it is the fold's identity.
 
-    min has the identity +inf, which makes the weak operator, max has -inf, which makes the strong
-    one.
+    The identity of min is +inf, for the weak operator; of max it is -inf, for the strong one.
     """
-
-    def meaning(b: Builder, p: int) -> int:
-        return b.window(fold, offset, offset, p)
-
-    return Operator(spellings, "prefix", 7, doc, meaning, sampled=True, future=offset > 0)
+    return Operator(
+        spellings,
+        "prefix",
+        7,
+        doc,
+        lambda b, p: b.window(fold, offset, offset, p),
+        sampled=True,
+        future=offset > 0,
+    )
 
 
 # The rows. ---------------------------------------------------------------------------------------

@@ -24,8 +24,6 @@ from rtamt.language.formula import Formula, Term, variable
 from rtamt.language.interval import UNITS, Exact, exact, no_unit
 from rtamt.language.specification import Specification
 
-__all__ = ["MAX_TEXT", "as_specification", "load", "no_constant", "parse", "parse_as", "traced"]
-
 MAX_TEXT = 150_000
 """The most characters of a text."""
 
@@ -40,24 +38,24 @@ def parse(
     constants: Mapping[str, Exact] | None = None,
     modules: Modules | None = None,
 ) -> Specification:
-    """The specification of a text.
+    """Return the specification of a text.
 
-    Parsing is cached by text and arguments, unless `modules` are given.
+    Parsing is cached by text and arguments, unless `modules` are passed.
 
     Args:
         text: One formula or more, declarations, constants.
         unit: Unit of the bounds that have none: s, ms, us, ns, ps, min or h.
-        constants: Values of constants that the text uses. They override those that it defines: a
-            threshold ``const float limit = 0.2`` is swept with ``constants={"limit": 0.3}``.
+        constants: Values of constants in the text. They override its own definitions:
+            ``constants={"limit": 0.3}`` sweeps a threshold ``const float limit = 0.2``.
         modules: The modules from which the text imports types: by name, or names of modules to
-            import. A text itself imports nothing: without modules its types are names only, and
-            messages of any class are taken.
+            import. A text imports nothing itself: without modules its types are only names, and
+            messages of any class are accepted.
 
     Raises:
-        ParseError: If the text is not a specification, with line, column and the way out.
+        ParseError: If the text is not a specification, with line, column and hint.
         SpecificationError: If an argument is wrong, the text has none of the constants, or it is
             longer than 150,000 characters.
-        ImportError: If a module that is named cannot be imported.
+        ImportError: If a named module cannot be imported.
 
     Example:
         >>> spec = parse("always((req >= 3) -> F[0:5](gnt >= 3))")
@@ -82,18 +80,18 @@ def parse(
 
 
 def no_constant(name: str, spec: Specification) -> SpecificationError:
-    """The error about the name of a constant that a text does not have."""
+    """Return the error about the name of a constant that a text does not have."""
     known = f"; its constants are {', '.join(spec.constants)}" if spec.constants else ""
-    others = (each for each in spec.variables if each != name)
+    others = (variable for variable in spec.variables if variable != name)
     near = nearest(name, (*spec.constants, *others))
     return SpecificationError(f"the text has no constant '{name}'{near or known}")
 
 
 def _module_names(modules: Iterable[str]) -> list[str]:
-    given: object = modules
+    argument: object = modules
     names: list[object] = [None]
-    if isinstance(given, Iterable) and getattr(given, "ndim", None) != 0:
-        names = list(given)
+    if isinstance(argument, Iterable) and getattr(argument, "ndim", None) != 0:
+        names = list(argument)
     if not all(isinstance(name, str) for name in names):
         msg = f"expected modules by name or names of modules, got {brief(modules)}"
         raise InputTypeError(msg)
@@ -108,20 +106,16 @@ def parse_as(
     *,
     chains: bool,
 ) -> Specification:
-    """The specification of a text in a dialect of the language.
+    """Return the specification of a text in a dialect of the language.
 
     Args:
-        text: As `parse` takes it.
-        unit: As `parse` takes it.
-        constants: As `parse` takes them; those that the text does not have are ignored.
-        modules: The modules that the text may import from; None: types are names only.
-        chains: Whether ``p implies q implies r`` is ``(p implies q) implies r``, and ``until``,
-            ``since`` and ``unless`` alike, and whether a named result may be a number; in the
-            language itself these are errors.
-
-    Raises:
-        ParseError: As `parse` does.
-        SpecificationError: As `parse` does.
+        text: As for `parse`.
+        unit: As for `parse`.
+        constants: As for `parse`; unknown names are ignored.
+        modules: The modules that the text may import from; None: types are only names.
+        chains: Whether ``p implies q implies r`` is ``(p implies q) implies r``, the same for
+            ``until``, ``since`` and ``unless``, and whether a named result may be a number. These
+            are errors in the language itself.
     """
     if not isinstance(text, str):
         msg = f"expected the text of a specification, got {type(text).__name__} {brief(text)}"
@@ -140,7 +134,7 @@ def _parsed(
     *,
     chains: bool,
 ) -> Specification:
-    """Parses a text of any length: a pickle of a formula made in Python may exceed the limit."""
+    """Parse a text of any length: the text of a formula from Python may exceed the limit."""
     if not is_one_of(unit, UNITS):
         raise SpecificationError(no_unit(unit))
     for name in constants:
@@ -148,10 +142,26 @@ def _parsed(
             msg = f"expected names of constants as text, got {type(name).__name__} {brief(name)}"
             raise InputTypeError(msg)
         variable(name)  # raises if the text could not have the name
-    given = tuple((n, exact(v, f"the constant '{n}'")) for n, v in constants.items())
+    overrides = tuple((n, exact(v, f"the constant '{n}'")) for n, v in constants.items())
     if modules:
-        return _read(text, unit, given, modules, chains=chains)
-    return _cached(text, unit, given, chains, modules is not None)
+        from rtamt.language.grammar.reader import TextReader
+
+        return TextReader(text, dict(overrides), modules, chains=chains).specification(unit)
+    return _cached(text, unit, overrides, chains, modules is not None)
+
+
+@lru_cache(maxsize=512)
+def _cached(
+    text: str,
+    unit: str,
+    overrides: tuple[tuple[str, Fraction], ...],
+    chains: bool,  # noqa: FBT001 - keys of the cache
+    closed: bool,  # noqa: FBT001
+) -> Specification:
+    from rtamt.language.grammar.reader import TextReader
+
+    modules = dict[str, object]() if closed else None
+    return TextReader(text, dict(overrides), modules, chains=chains).specification(unit)
 
 
 def load(
@@ -161,12 +171,12 @@ def load(
     constants: Mapping[str, Exact] | None = None,
     modules: Modules | None = None,
 ) -> Specification:
-    """The specification in a file, read as UTF-8; see `parse`.
+    """Return the specification in a UTF-8 file; see `parse`.
 
     Raises:
         MissingFileError: If there is no such file; it is an `InputError` and a `FileNotFoundError`.
         OSError: If the file cannot be read.
-        SpecificationError: As `parse` does, with a note that names the file; or if it is not UTF-8.
+        SpecificationError: As for `parse`, with a note that names the file; or if it is not UTF-8.
     """
     from pathlib import Path  # 5 ms of every import of the package
 
@@ -186,7 +196,7 @@ def load(
 
 
 def as_specification(spec: str | Formula | Specification) -> Specification:
-    """The specification that a monitor was given, as text, formula or specification."""
+    """Return a text, a formula or a specification as a specification."""
     if isinstance(spec, Specification):
         return spec
     if isinstance(spec, Formula):
@@ -201,15 +211,11 @@ def as_specification(spec: str | Formula | Specification) -> Specification:
 
 
 def traced(spec: Specification) -> Specification:
-    """The specification with `Traced` numbers in place of its text's constants in terms.
+    """Return the specification with `Traced` numbers as the constants of its text in terms."""
+    from rtamt.language.grammar.reader import TextReader
 
-    One that was made in Python has no constants, so nothing is traced.
-    """
-    from rtamt.language.grammar.statements import read_specification
-
-    whole = read_specification(
-        spec.text, spec.unit, spec.overrides, None, chains=spec.chains, traced=True
-    )
+    reader = TextReader(spec.text, spec.overrides, chains=spec.chains, traced=True)
+    whole = reader.specification(spec.unit)
     return whole if spec.requirement is None else whole.requirements[spec.requirement]
 
 
@@ -228,7 +234,7 @@ def _formula_from_text(text: str) -> Formula:
 def _specification_from_text(
     text: str,
     unit: str,
-    given: dict[str, Fraction],
+    overrides: dict[str, Fraction],
     chains: bool,  # noqa: FBT001 - in a pickle arguments have no names
     imports: dict[str, tuple[str, type | None]],
     requirement: str | None = None,
@@ -237,51 +243,29 @@ def _specification_from_text(
     for name, (module, kind) in imports.items():
         vars(modules.setdefault(module, SimpleNamespace()))[name] = kind
     classes = any(kind is not None for _, kind in imports.values())
-    spec = _parsed(text, unit, given, modules if classes else None, chains=chains)
+    spec = _parsed(text, unit, overrides, modules if classes else None, chains=chains)
     return spec if requirement is None else spec.requirements[requirement]
 
 
 def _reduced(spec: Specification) -> tuple[Callable[..., Specification], tuple[object, ...]]:
-    # A type that another process could not import by its name is kept as a name only.
+    # A type that another process could not import by its name becomes a name only.
     imports = {
-        name: (module, _by_name(spec.types.get(name))) for name, module in spec.imports.items()
+        name: (module, _importable(spec.types.get(name))) for name, module in spec.imports.items()
     }
-    given = dict(spec.overrides)
-    arguments = (spec.text, spec.unit, given, spec.chains, imports, spec.requirement)
+    overrides = dict(spec.overrides)
+    arguments = (spec.text, spec.unit, overrides, spec.chains, imports, spec.requirement)
     return _specification_from_text, arguments
 
 
-def _by_name(kind: type | None) -> type | None:
-    found: object = None if kind is None else sys.modules.get(kind.__module__)
-    for step in kind.__qualname__.split(".") if kind is not None else ():
-        found = getattr(found, step, None)
-    return kind if found is kind else None
+def _importable(kind: type | None) -> type | None:
+    if kind is None:
+        return None
+    named: object = sys.modules.get(kind.__module__)
+    for step in kind.__qualname__.split("."):
+        named = getattr(named, step, None)
+    return kind if named is kind else None
 
 
 copyreg.pickle(Term, lambda term: (_term_from_text, (str(term),)))
 copyreg.pickle(Formula, lambda formula: (_formula_from_text, (str(formula),)))
 copyreg.pickle(Specification, _reduced)
-
-
-def _read(
-    text: str,
-    unit: str,
-    given: tuple[tuple[str, Fraction], ...],
-    modules: Mapping[str, object] | None,
-    *,
-    chains: bool,
-) -> Specification:
-    from rtamt.language.grammar.statements import read_specification
-
-    return read_specification(text, unit, dict(given), modules, chains=chains)
-
-
-@lru_cache(maxsize=512)
-def _cached(
-    text: str,
-    unit: str,
-    given: tuple[tuple[str, Fraction], ...],
-    chains: bool,  # noqa: FBT001 - keys of the cache
-    closed: bool,  # noqa: FBT001
-) -> Specification:
-    return _read(text, unit, given, {} if closed else None, chains=chains)

@@ -14,81 +14,56 @@ from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from rtamt.errors import ParseError, SpecificationError, hint_line
-from rtamt.language.formula import Formula, make
-from rtamt.language.ids import RequirementId
-from rtamt.language.interval import UNITS, Interval
-from rtamt.language.names import lineage
-from rtamt.language.node import Node
-from rtamt.language.operators import OPERATORS
-from rtamt.language.printing import node_text, number_text
-from rtamt.language.ranges import range_of_type, range_text
-from rtamt.language.table import Bounds
+from rtamt.language.declarations import (
+    Declaration,
+    RequirementId,
+    lineage,
+    range_of_type,
+    range_text,
+)
+from rtamt.language.formula import Formula, make, predicates, scaled
+from rtamt.language.interval import UNITS, Interval, number_text
+from rtamt.language.node import Node, node_text
+from rtamt.language.operators import OPERATORS, Bounds
 from rtamt.renamed import OldName
 
 if TYPE_CHECKING:  # methods import these when they are called
-    from rtamt.language.publications import Publication
-    from rtamt.language.subscriptions import Subscription
     from rtamt.language.template import SpecificationTemplate
-
-__all__ = ["PRIMITIVES", "Declaration", "Specification"]
-
-PRIMITIVES = (
-    *("bool", "int", "uint", "long", "float", "double", "float32", "float64"),
-    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
-)
-"""Types of variables and constants that need no import. All values are doubles in the end."""
-
-
-@dataclass(frozen=True, slots=True)
-class Declaration:
-    """The declaration of a variable.
-
-    Attributes:
-        type: A primitive type or the name of an imported one.
-        io: ``"input"`` if the system reads the variable, ``"output"`` if it sets it, else None.
-        default: The value of the variable before the first sample that has one, or None.
-        range: The least and the greatest value that the text declares, or None. Monitors do not
-            look at it.
-    """
-
-    type: str
-    io: Literal["input", "output"] | None = None
-    default: float | None = None
-    range: tuple[float, float] | None = None
+    from rtamt.language.topics import Publication, Subscription
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Specification:
     """One formula or more, the last of which is the result.
 
-    ``str`` gives a canonical text; under the same ``unit`` it parses to an equal specification. It
+    ``str`` returns a canonical text; with the same ``unit`` it parses to an equal specification. It
     has the same requirements too, unless a formula names two that are equal, or negates a number
-    that has a name: the text then shows the first name, or the number, alone.
+    that has a name: the text then shows only the first name, or the number.
 
     Attributes:
-        text: The text as it was given.
+        text: The text as it was written.
         formula: The result: the last formula.
-        name: The name that the text gives to the whole, or None.
+        name: The name of the specification in the text, or None.
         formulas: The named formulas, in order; the result is among them only if it has a name.
         declarations: Variable to its declaration, used or not.
-        constants: Values of the constants, as the text says them or as they were given to `parse`,
-            which come first and may add constants.
+        constants: Values of the constants. Constants passed to `parse` come first; they override
+            the text and may add constants.
         topics: Variable to the path of its topic.
-        ids: Name of a formula to its id where requirements are kept; the id of a result without a
-            name is under the name of the whole.
+        ids: Name of a formula to the id of its requirement; the id of a result without a name is
+            under the name of the specification.
         imports: Imported type to its module.
         types: Imported type to its class, if the module was given and the type is a class.
         unit: Unit of the bounds that have none.
-        overrides: Exact values of the text's constants that were given to `parse`.
-        chains: Whether the text was read with operators that group to the left where they chain.
+        overrides: Exact values of the text's constants that were passed to `parse`.
+        chains: Whether operators that do not chain group to the left, as in `parse_as`.
         positions: Line and column in the text of a node's interval, operator or name.
-        uses: Formula to the names of the formulas that its text names; a result without a name is
-            under ``""``.
-        requirement: The name under which this is one of several `requirements` of the text; None
-            if it is the whole.
+        uses: Formula to the names of the formulas in its text; a result without a name is under
+            ``""``.
+        requirement: The name of this part among the `requirements` of the text; None for the whole
+            text.
         bounding: Names of the constants that are bounds of intervals.
     """
 
@@ -115,23 +90,23 @@ class Specification:
     def __post_init__(self) -> None:
         """Make the mappings read-only."""
         for attribute in _MAPPINGS:
-            given = getattr(self, attribute)
-            if not isinstance(given, MappingProxyType):  # else shared with another specification
-                object.__setattr__(self, attribute, MappingProxyType(dict(given)))
+            value = getattr(self, attribute)
+            if not isinstance(value, MappingProxyType):  # otherwise shared with another one
+                object.__setattr__(self, attribute, MappingProxyType(dict(value)))
 
     @classmethod
     def of(cls, formula: Formula) -> Specification:
-        """The specification of a formula that was made in Python."""
+        """Return the specification of a formula from Python."""
         return cls(str(formula), formula)
 
     def always(self) -> Specification:
-        """The same requirement on every instant: ``always`` of the result."""
+        """Return the same requirement for every instant: ``always`` of the result."""
         return self.with_result(self.formula.always())
 
     def standalone(self) -> Formula:
-        """The result with the unit of every bound in it, so that its text reads alike anywhere.
+        """Return the result with the unit of every bound, so that its text means the same anywhere.
 
-        Seconds, the unit of a text that names none, stay unsaid.
+        Bounds in seconds, the default unit, have no unit in the text.
 
         Example:
             >>> from rtamt import parse
@@ -140,19 +115,19 @@ class Specification:
         """
         if self.unit == "s":
             return self.formula
-        made: dict[Node, Node] = {}
+        new: dict[Node, Node] = {}
         for node in self.formula.nodes():
             interval = node.interval
             if interval is not None and interval.unit is None:
                 interval = replace(interval, unit=self.unit)
-            args = tuple(made[each] for each in node.args)
-            made[node] = make(node.op.name, args, interval) if node.op else node
-        return cast("Formula", made[self.formula])
+            args = tuple(new[arg] for arg in node.args)
+            new[node] = make(node.op.name, args, interval) if node.op else node
+        return cast("Formula", new[self.formula])
 
     def with_result(self, formula: Formula) -> Specification:
-        """The same declarations and formulas with another result, such as a part of this one.
+        """Return the same declarations and formulas with another result, such as a sub-formula.
 
-        Its text is the canonical one, so that errors name the node and show no place.
+        Its text is canonical, so errors show the node and no place in the original text.
 
         Example:
             >>> from rtamt import parse
@@ -166,23 +141,36 @@ class Specification:
             uses.pop("", None)
         elif named is not None:
             uses[""] = (named,)
-        ids = {each: found for each, found in self.ids.items() if each in self.formulas}
+        ids = {name: id_ for name, id_ in self.ids.items() if name in self.formulas}
         other = replace(self, formula=formula, positions={}, uses=uses, ids=ids, requirement=None)
         return replace(other, text=str(other))
 
     def in_words(self, names: Mapping[str, str] | None = None, *, unit: str | None = None) -> str:
-        """Return the requirement in plain English.
+        """Return the result in plain English, in one sentence that can be read in one way only.
 
-        The sentence is about the first sample. `always` gives the standing rule.
+        The sentence is about the first sample. If no phrase of its windows states that, it starts
+        with "at the start": ``speed < 30`` differs from the standing rule ``always(speed < 30)``,
+        which a monitor with ``view="step"`` demands. Clauses that are nested too deep for one
+        sentence, and named formulas and terms, follow it. With ``rise`` or ``fall``, the last
+        clause describes the first sample. In "p until q" and "p ever since q", p need not hold at
+        the moment of q. Two formulas have the same words only if they are the same, apart from
+        the unit of bounds without one.
 
         Args:
             names: Words for variables; the others keep their names.
-            unit: The word for bounds that have no unit; default: the unit of the text.
+            unit: The unit of bounds without one, such as ``"steps"``; default: the unit of the
+                text.
 
         Example:
             >>> from rtamt import parse
             >>> parse("always(req >= 3 implies eventually[0:5](gnt >= 3))").in_words()
             'whenever req is at least 3, gnt reaches at least 3 within 5 s'
+            >>> parse("always(speed < 120)").in_words({"speed": "the speed"})
+            'the speed stays below 120 at all times'
+            >>> parse("speed < 30 and always(speed < 120)").in_words()
+            'at the start, speed is below 30 and speed stays below 120 at all times'
+            >>> parse("slow = v < 9; always(x > 2 implies slow)").in_words()
+            'whenever x is above 2, slow holds; where slow means that v is below 9'
         """
         from rtamt.language.words import in_words
 
@@ -197,8 +185,6 @@ class Specification:
             >>> spec.predicates()
             (<Formula rpm < 3000>, <Formula v < 35>)
         """
-        from rtamt.language.scaling import predicates
-
         return predicates(self.formula)
 
     def scaled(self, scales: Mapping[Formula, float]) -> Specification:
@@ -222,8 +208,6 @@ class Specification:
             >>> print(spec.scaled({rpm: 1000, v: 10}))
             always((rpm - 3000) / 1000 < 0) implies eventually((v - 35) / 10 > 0)
         """
-        from rtamt.language.scaling import scaled
-
         return self.with_result(scaled(self.formula, scales))
 
     def template(self) -> SpecificationTemplate:
@@ -243,17 +227,60 @@ class Specification:
     def publications(self, name: str | None = None) -> tuple[Publication, ...]:
         """Return the ROS topics of every named formula and, last, of the result.
 
+        The message is a ``std_msgs/Float64``, unless the name is a field of a declared message. The
+        text states the topic, ``@ topic(out, monitor/out)``; otherwise, it is ``rtamt/`` and the
+        name, with ``/`` for a dot and ``_`` for other characters that ROS names cannot have.
+
         Args:
             name: The name of the result in a default topic; default: its own name, or the name of
                 the text, or ``"spec"``.
+
+        Example:
+            >>> from rtamt import parse
+            >>> spec = parse('''
+            ...     from rtamt_msgs.msg import FloatStamped
+            ...     output FloatStamped out
+            ...     @ topic(out, monitor/out)
+            ...     near = abs(x - y) < 1
+            ...     out.value = always(near)
+            ... ''')
+            >>> for p in spec.publications():
+            ...     print(p.topic or p.default, f"({p.package}/{p.message})", *p.path)
+            rtamt/near (std_msgs/Float64) data
+            monitor/out (rtamt_msgs/FloatStamped) value
         """
-        from rtamt.language.publications import publications
+        from rtamt.language.topics import publications
 
         return publications(self, name)
 
     def subscriptions(self) -> tuple[Subscription, ...]:
-        """Return the ROS topics that carry the variables."""
-        from rtamt.language.subscriptions import subscriptions
+        """Return the ROS topics of the variables: one per message, and one per plain variable.
+
+        Declaration and import state the class of a message. A plain variable reads the field
+        ``data`` of the message of ``std_msgs`` with the name of its type; without a declaration it
+        is a ``Float64``. A variable whose declared type is such a message reads ``data`` too. The
+        text states the topic, ``@ topic(cmd, /robot0/cmd_vel)``; otherwise, it is ``rtamt/`` and
+        the name of the variable. Variables that no formula uses are left out.
+
+        Raises:
+            SpecificationError: If the text compares a whole message to a number, as ``cmd > 0``.
+
+        Example:
+            >>> from rtamt import parse
+            >>> spec = parse('''
+            ...     from geometry_msgs.msg import Twist
+            ...     input Twist cmd
+            ...     input float64 limit
+            ...     @ topic(cmd, /robot0/cmd_vel)
+            ...     always(cmd.linear.x <= limit and abs(cmd.angular.z) < 1)
+            ... ''')
+            >>> for s in spec.subscriptions():
+            ...     fields = ", ".join(f.variable for f in s.fields)
+            ...     print(f"{s.topic} ({s.package}/{s.message}): {fields}")
+            /robot0/cmd_vel (geometry_msgs/Twist): cmd.linear.x, cmd.angular.z
+            rtamt/limit (std_msgs/Float64): limit
+        """
+        from rtamt.language.topics import subscriptions
 
         return subscriptions(self)
 
@@ -280,12 +307,12 @@ class Specification:
 
     @cached_property
     def title(self) -> str | None:
-        """The name that the text gives to the whole, else the name of the result, else None."""
+        """The name of the text, or the name of the result, or None."""
         return self.name or self._result_name
 
     @cached_property
     def id(self) -> RequirementId | None:
-        """The id of the result where requirements are kept; None if the text gives none.
+        """The id of the result's requirement; None if the text states none.
 
         Example:
             >>> from rtamt import parse
@@ -299,18 +326,17 @@ class Specification:
     def requirements(self) -> Mapping[str, Specification]:
         """The requirements of the text, by name, in order.
 
-        A requirement is a formula that no other formula uses, or that has an id. A formula uses
-        those whose names stand in its text. In ``a = x > 0; b = a`` only ``b`` is a requirement; in
-        ``a = x > 0; b = always(x > 0)`` both are, for ``b`` does not name ``a``.
+        A requirement is a formula that no other formula names, or that has an id. In
+        ``a = x > 0; b = a`` only ``b`` is a requirement; in ``a = x > 0; b = always(x > 0)`` both
+        are, because ``b`` does not name ``a``.
 
-        Each is the result of a specification of its own, with the formulas that it uses and with
+        Each one is the result of its own specification, with the formulas that it uses and with
         the declarations and constants of the text; its errors show their place in the whole text.
-        A requirement alone is this specification, under its `title`, else ``"spec"``. One of
-        several has the name of its formula; a last formula without a name takes the name of the
-        whole, else ``"spec"``.
+        A single requirement is this specification, under its `title` or ``"spec"``. A last formula
+        without a name has the name of the text or ``"spec"``.
 
-        A monitor of this package judges the result, which is the last formula, alone. For another
-        requirement give it that specification: ``Monitor(spec.requirements["slow"])``.
+        A monitor judges only the result, the last formula. For another requirement, pass its
+        specification: ``Monitor(spec.requirements["slow"])``.
 
         Example:
             >>> from rtamt import parse
@@ -341,20 +367,20 @@ class Specification:
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
-        """The used variables that are declared ``input``, by themselves or as a whole message."""
+        """The used variables whose declaration, or whose message, is an ``input``."""
         return self._declared_as("input")
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
-        """The used variables that are declared ``output``, by themselves or as a whole message."""
+        """The used variables whose declaration, or whose message, is an ``output``."""
         return self._declared_as("output")
 
     @cached_property
     def defaults(self) -> Mapping[str, float]:
-        """The used plain variables whose declaration gives them a value, with it.
+        """The default values of the used plain variables that declare one.
 
-        They have it before the first sample or message with a value of theirs. Where the variable
-        is a message, it is the number in the field ``data``.
+        A variable has its default before the first sample or message with a value for it. For a
+        message it is the number in the field ``data``.
         """
         return MappingProxyType(
             {v: d.default for v, d in self._plain.items() if d.default is not None}
@@ -362,12 +388,11 @@ class Specification:
 
     @cached_property
     def ranges(self) -> Mapping[str, tuple[float, float]]:
-        """The used plain variables that have a range, with their least and greatest value.
+        """The minimum and maximum of the used plain variables that have a range.
 
-        A declaration says it, ``input float x in [0, 120]``, or the type does: ``bool``, ``uint8``
-        and so on. `check` takes it for granted; monitors judge any value, and ``rtamt monitor``
-        compares recordings with it. Where the variable is a message, it is the number in the field
-        ``data``.
+        The range is declared, ``input float x in [0, 120]``, or follows from a type such as
+        ``bool`` or ``uint8``. `check` assumes it; monitors judge any value, and ``rtamt monitor``
+        compares recordings with it. For a message it is the range of the field ``data``.
 
         Example:
             >>> from rtamt import parse
@@ -375,21 +400,21 @@ class Specification:
             >>> dict(spec.ranges)
             {'x': (0.0, 120.0), 'gear': (0.0, 255.0)}
         """
-        found = {v: d.range or range_of_type(d.type) for v, d in self._plain.items()}
-        return MappingProxyType({v: each for v, each in found.items() if each is not None})
+        ranges = {v: d.range or range_of_type(d.type) for v, d in self._plain.items()}
+        return MappingProxyType({v: r for v, r in ranges.items() if r is not None})
 
     @cached_property
     def declared_ranges(self) -> Mapping[str, tuple[float, float]]:
-        """Those of `ranges` that a declaration says itself."""
-        found = {v: d.range for v, d in self._plain.items()}
-        return MappingProxyType({v: each for v, each in found.items() if each is not None})
+        """The `ranges` that a declaration states itself."""
+        plain = self._plain.items()
+        return MappingProxyType({v: d.range for v, d in plain if d.range is not None})
 
     @cached_property
     def horizon(self) -> float:
         """The longest time after t that the robustness at t can depend on, in `unit`.
 
-        inf if there is none; `next` counts as one. With a period and until or prev, a monitor may
-        need a sample less: its ``latency`` is exact.
+        inf without a bound; `next` counts as one. With a period and until or prev, a monitor may
+        need one sample less: its ``latency`` is exact.
         """
         horizons = _Horizons()
         registers: dict[Node, int] = {}
@@ -418,12 +443,12 @@ class Specification:
         )
 
     def nodes(self) -> Iterator[Node]:
-        """Every different node of all formulas, operands before what uses them."""
+        """Return every different node of all formulas once, operands before their operator."""
         formulas = (*self.formulas.values(), self.formula)
         return iter(dict.fromkeys(node for formula in formulas for node in formula.nodes()))
 
     def bounds(self, interval: Interval | None) -> tuple[Fraction, Fraction | None]:
-        """The begin and the end of an interval in `unit`; the end is None if it is unbounded."""
+        """Return the begin and the end of an interval in `unit`; the end is None if unbounded."""
         if interval is None:
             return Fraction(0), None
         scale = UNITS[interval.unit or self.unit] / UNITS[self.unit]
@@ -431,11 +456,11 @@ class Specification:
         return interval.begin * scale, end
 
     def declaration(self, variable: str) -> Declaration | None:
-        """The declaration of a variable or of the message of which it is a field, or None."""
+        """Return the declaration of a variable or of its message, or None."""
         return self.declarations.get(self._declared(variable))
 
     def error(self, node: Node, reason: str, hint: str = "") -> SpecificationError:
-        """The error about a node: with its place in the text, or with the node if it has none."""
+        """Return the error about a node: with its place in the text if it has one."""
         if node in self.positions:
             return ParseError(reason, self.text, *self.positions[node], hint)
         return SpecificationError(f"{reason}\n  in {node}", hint_line(hint))
@@ -458,9 +483,9 @@ class Specification:
             words += [] if d.default is None else ["=", number_text(d.default)]
             lines.append(" ".join(words))
         lines += [f"@ topic({name}, {path})" for name, path in self.topics.items()]
-        for name, said in self.ids.items():
-            link = f', "{said.link}"' if said.link else ""
-            lines.append(f'@ id({name}, "{said.id}"{link})')
+        for name, id_ in self.ids.items():
+            link = f', "{id_.link}"' if id_.link else ""
+            lines.append(f'@ id({name}, "{id_.id}"{link})')
         for name, formula in self.formulas.items():
             names = self._named_in(name)
             lines.append(f"{name} = {node_text(formula, names, names)}")
@@ -479,27 +504,28 @@ class Specification:
 
     @cached_property
     def _plain(self) -> Mapping[str, Declaration]:
-        """The used variables that a declaration is about by itself, with it."""
-        said = {v: (self._declared(v), self.declaration(v)) for v in self.variables}
-        return {v: d for v, (name, d) in said.items() if d and v in (name, f"{name}.data")}
+        """The declarations of the used variables that are no fields, other than ``data``."""
+        names = {v: self._declared(v) for v in self.variables}
+        declared = {v: self.declarations.get(name) for v, name in names.items()}
+        return {v: d for v, d in declared.items() if d and v in (names[v], f"{names[v]}.data")}
 
     @cached_property
     def _content(self) -> tuple[object, ...]:
-        said = (self.declarations, self.constants, self.topics, self.ids, self.imports)
+        parts = (self.declarations, self.constants, self.topics, self.ids, self.imports)
         formulas = tuple(self.formulas.items())
-        return (self.formula, self.name, formulas, self.unit, *map(dict, said))
+        return (self.formula, self.name, formulas, self.unit, *map(dict, parts))
 
     @cached_property
     def _result_name(self) -> str | None:
-        """The name of the last formula, or the name that it consists of."""
+        """The name of the last formula, or the only name in its text."""
         last = (*self.formulas,)[-1:]
         candidates = (*last, *self.uses.get("", ()))
         return next((n for n in candidates if self.formulas[n] is self.formula), None)
 
     def _named_in(self, name: str) -> dict[Node, str]:
-        """The formulas that a formula uses; of several names for one formula, the first.
+        """Return the formulas that a formula uses, with their first name.
 
-        A formula that is the value of a term is that term where it is an operand.
+        A formula that is the value of a term is that term as an operand.
         """
         named: dict[Node, str] = {}
         for used in reversed(self.uses.get(name, ())):
@@ -510,23 +536,23 @@ class Specification:
         return named
 
     def _requirement(self, name: str, root: str) -> Specification:
-        """One of several requirements; its root is a key of `uses`."""
-        needed, found = {root}, [root]
-        while found:
-            used = {*self.uses.get(found.pop(), ())} - needed
+        """Return one of several requirements; its root is a key of `uses`."""
+        needed, pending = {root}, [root]
+        while pending:
+            used = {*self.uses.get(pending.pop(), ())} - needed
             needed |= used
-            found += used
+            pending += used
         part = replace(
             self,
             formula=self.formulas.get(root, self.formula),
             name=None if name in self.formulas else name,
-            formulas={each: f for each, f in self.formulas.items() if each in needed},
-            ids={each: found for each, found in self.ids.items() if each in {root, name}},
-            uses={each: names for each, names in self.uses.items() if each in needed},
+            formulas={key: f for key, f in self.formulas.items() if key in needed},
+            ids={key: id_ for key, id_ in self.ids.items() if key in {root, name}},
+            uses={key: names for key, names in self.uses.items() if key in needed},
             requirement=name,
         )
         known = {*part.declarations, *part.variables, *part.formulas}
-        topics = {each: path for each, path in self.topics.items() if each in known}
+        topics = {key: path for key, path in self.topics.items() if key in known}
         return replace(part, topics=topics)
 
     def _declared(self, variable: str) -> str:
@@ -541,7 +567,7 @@ _MAPPINGS = tuple(f.name for f in fields(Specification) if f.default_factory is 
 
 
 class _Horizons:
-    """A builder of the table's meanings whose registers are horizons."""
+    """A builder of meanings whose registers are horizons."""
 
     def __init__(self) -> None:
         self.values: list[Fraction | float] = []

@@ -1,4 +1,4 @@
-"""`SpecificationTemplate`: a text that was read once, for any values of its constants."""
+"""`SpecificationTemplate`: a text that is read once, for any values of its constants."""
 
 from __future__ import annotations
 
@@ -9,27 +9,25 @@ from functools import cached_property
 from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError, brief
+from rtamt.language.declarations import Declaration
 from rtamt.language.formula import Formula, make, number
-from rtamt.language.interval import Exact, exact
+from rtamt.language.interval import Exact, Traced, TracedInterval, exact
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification, no_constant
-from rtamt.language.specification import Declaration, Specification
-from rtamt.language.traced import Traced, TracedInterval
-
-__all__ = ["SpecificationTemplate"]
+from rtamt.language.specification import Specification
 
 
 class SpecificationTemplate:
     """A specification for any values of its constants, whose text is read once.
 
-    Its text is read again at construction, and never after: `at` puts numbers in the places of the
-    constants, in terms and in the bounds of intervals.
+    The text is read again only at construction: `at` replaces the constants in terms and bounds by
+    numbers.
 
     Args:
-        spec: Text, formula or specification. What was given to `rtamt.parse` as a constant is one.
+        spec: Text, formula or specification. Constants passed to `rtamt.parse` count as well.
 
     Raises:
-        SpecificationError: If the text is no specification.
+        SpecificationError: If the text is not a specification.
 
     Example:
         >>> from rtamt.language import SpecificationTemplate
@@ -44,11 +42,13 @@ class SpecificationTemplate:
     """
 
     def __init__(self, spec: str | Formula | Specification) -> None:
-        from rtamt.language.grammar.statements import read_traced
+        from rtamt.language.grammar.reader import TextReader
 
-        self._spec = given = as_specification(spec)
-        read = read_traced(given.text, given.unit, given.overrides, chains=given.chains)
-        self._traced, self._ranges, self._ranging, self._values = read
+        self._spec = whole = as_specification(spec)
+        self._reader = TextReader(
+            whole.text, whole.overrides, chains=whole.chains, traced=True, traced_bounds=True
+        )
+        self._traced = self._reader.specification(whole.unit)
         self._dependent = _dependent(self._traced)
 
     def __reduce__(self) -> tuple[Callable[..., SpecificationTemplate], tuple[Specification]]:
@@ -57,7 +57,7 @@ class SpecificationTemplate:
     @cached_property
     def names(self) -> frozenset[str]:
         """The names of the constants that formulas or ranges of the text use."""
-        used = {*self._ranging}
+        used = {*self._reader.ranging}
         for node in self._dependent:
             for part in (node.leaf, node.interval):
                 if isinstance(part, Traced | TracedInterval):
@@ -65,57 +65,63 @@ class SpecificationTemplate:
         return frozenset(used)
 
     def at(self, constants: Mapping[str, Exact]) -> Specification:
-        """The specification with these values; constants that are not named keep theirs.
+        """Return the specification with these values; the other constants keep theirs.
 
-        It is what `rtamt.parse` gives for the text and the values.
+        It equals the result of `rtamt.parse` for the text and the values.
 
         Raises:
-            SpecificationError: If the text has none of the constants, or none that it uses;
-                if a value is no number, or makes no interval or range.
-            InputTypeError: If the values are no mapping.
+            SpecificationError: If the text has none of the constants, or does not use one; if a
+                value is not a number, or leads to a wrong interval or range.
+            InputTypeError: If the values are not a mapping.
         """
         if not isinstance(constants, Mapping):
             msg = f"expected values of constants by name, got {brief(constants)}"
             raise InputTypeError(f'{msg}; write {{"limit": 0.3}}')
-        spec = self._spec
         for name in constants:
-            if name not in self._values:
-                raise no_constant(name, spec)
+            if name not in self._reader.constants:
+                raise no_constant(name, self._spec)
             if name not in self.names:
                 msg = f"nothing in the text uses the constant '{name}'"
                 raise SpecificationError(msg)
         new = {name: exact(value, f"the constant '{name}'") for name, value in constants.items()}
-        given = {**spec.overrides, **new}
-        values = {**given, **{n: v for n, v in self._values.items() if n not in given}}
-        return self._part(self._whole(given, values))
+        overrides = {**self._spec.overrides, **new}
+        others = {n: v for n, v in self._reader.constants.items() if n not in overrides}
+        whole = self._filled(overrides, {**overrides, **others})
+        part = self._spec.requirement
+        if part is None:
+            return whole
+        if part not in whole.requirements:
+            msg = f"with these constants the requirement '{part}' is {whole.formula}, as another is"
+            raise SpecificationError(msg)
+        return whole.requirements[part]
 
-    def _whole(
-        self, given: Mapping[str, Fraction], values: Mapping[str, Fraction]
+    def _filled(
+        self, overrides: Mapping[str, Fraction], values: Mapping[str, Fraction]
     ) -> Specification:
-        traced, made = self._traced, dict[Node, Node]()
+        traced, new = self._traced, dict[Node, Node]()
         for node in self._dependent:
-            made[node] = self._made(node, made, values)
+            new[node] = self._replaced(node, new, values)
         positions: dict[Node, tuple[int, int]] = {}
         for node, place in traced.positions.items():
-            positions.setdefault(made.get(node, node), place)
-        formulas = {n: cast("Formula", made.get(f, f)) for n, f in traced.formulas.items()}
+            positions.setdefault(new.get(node, node), place)
+        declarations: dict[str, Declaration] = dict(traced.declarations)
+        for name, range_of in self._reader.ranges.items():
+            declarations[name] = replace(declarations[name], range=range_of(values))
         return replace(
             traced,
-            formula=cast("Formula", made.get(traced.formula, traced.formula)),
-            formulas=formulas,
-            declarations=self._declarations(values),
+            formula=cast("Formula", new.get(traced.formula, traced.formula)),
+            formulas={n: cast("Formula", new.get(f, f)) for n, f in traced.formulas.items()},
+            declarations=declarations,
             constants={name: float(value) for name, value in values.items()},
-            overrides=given,
+            overrides=overrides,
             types=self._spec.types,
             positions=positions,
         )
 
-    def _made(self, node: Node, made: Mapping[Node, Node], values: Mapping[str, Fraction]) -> Node:
-        """The node with numbers in the places of the constants, as its operands are made.
-
-        Raises:
-            SpecificationError: If a value makes no interval.
-        """
+    def _replaced(
+        self, node: Node, new: Mapping[Node, Node], values: Mapping[str, Fraction]
+    ) -> Node:
+        """Return a node with numbers in place of the constants; `new` has its operands."""
         if node.op is None:
             return number(float(values[cast("Traced", node.leaf).source]))
         interval, traced = node.interval, node.interval
@@ -124,33 +130,17 @@ class SpecificationTemplate:
                 interval = traced.at(values)
             except SpecificationError as error:
                 names = sorted(traced.constants)
-                said = ", ".join(f"{name} = {float(values[name]):g}" for name in names)
-                raise self._traced.error(node, str(error), f"with {said}") from None
-        return make(node.op.name, tuple(made.get(each, each) for each in node.args), interval)
-
-    def _declarations(self, values: Mapping[str, Fraction]) -> dict[str, Declaration]:
-        found = dict(self._traced.declarations)
-        for name, range_of in self._ranges.items():
-            found[name] = replace(found[name], range=range_of(values))
-        return found
-
-    def _part(self, whole: Specification) -> Specification:
-        """The requirement of the text that the template is of."""
-        name = self._spec.requirement
-        if name is None:
-            return whole
-        if name not in whole.requirements:
-            msg = f"with these constants the requirement '{name}' is {whole.formula}, as another is"
-            raise SpecificationError(msg)
-        return whole.requirements[name]
+                bounds = ", ".join(f"{name} = {float(values[name]):g}" for name in names)
+                raise self._traced.error(node, str(error), f"with {bounds}") from None
+        return make(node.op.name, tuple(new.get(arg, arg) for arg in node.args), interval)
 
 
 def _dependent(traced: Specification) -> list[Node]:
-    """The nodes that depend on constants, operands before what uses them."""
-    found: dict[Node, None] = {}
-    every = (*traced.nodes(), *(each for root in traced.positions for each in root.nodes()))
-    for node in dict.fromkeys(every):
+    """Return the nodes that depend on constants, operands before their operator."""
+    dependent: dict[Node, None] = {}
+    nodes = (*traced.nodes(), *(node for root in traced.positions for node in root.nodes()))
+    for node in dict.fromkeys(nodes):
         own = isinstance(node.leaf, Traced) or isinstance(node.interval, TracedInterval)
-        if own or any(each in found for each in node.args):
-            found[node] = None
-    return list(found)
+        if own or any(arg in dependent for arg in node.args):
+            dependent[node] = None
+    return list(dependent)

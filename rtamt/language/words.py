@@ -1,14 +1,19 @@
 """Requirements in plain English, from their formulas.
 
-A sentence is made of clauses. A clause without a comma and without "and" or "or" can stand
-anywhere. One that joins such clauses stands in brackets where it is joined again. One that begins
-with a phrase and a comma reaches up to the end of the sentence, or of the brackets. What would
-stand in two pairs of brackets, or behind three phrases, is a numbered clause of its own. So a
-sentence can be read in one way only, which the tests show by reading it.
+A sentence consists of clauses. A clause without a comma and without "and" or "or" can stand
+anywhere. A clause that joins others stands in brackets inside a further one. A clause that starts
+with a phrase and a comma reaches up to the end of the sentence, or of the brackets. Anything that
+would need two pairs of brackets, or would follow three phrases, is a numbered clause of its own. So
+a sentence can be read in one way only, which the tests show by reading it.
+
+To add the words of an operator or a function, add an entry to one of the tables, and the same words
+to ``tests/support/words_reader.py``, which reads sentences back to formulas.
+``tests/rtamt/language/test_words.py`` names a row without words.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
@@ -16,44 +21,158 @@ from typing import Final, NamedTuple, cast
 
 from rtamt.errors import InputTypeError, brief
 from rtamt.language.formula import Formula
-from rtamt.language.interval import Interval
-from rtamt.language.node import Node
+from rtamt.language.interval import Interval, decimal_text
+from rtamt.language.node import Node, node_text
 from rtamt.language.operators import OPERATORS
 from rtamt.language.parser import as_specification
-from rtamt.language.phrases import (
-    ADJECTIVES,
-    CHANGES,
-    CONDITIONS,
-    CONSTANTS,
-    EVENTUAL,
-    FIRST_SAMPLE,
-    FUNCTIONS,
-    INFIX,
-    MOMENTS,
-    NEGATIONS,
-    NEIGHBOURS,
-    NEVER,
-    START,
-    VERBS,
-    VOCABULARY,
-    window,
-)
-from rtamt.language.printing import node_text
 from rtamt.language.specification import Specification
 
-__all__ = ["in_words"]
+ADJECTIVES: Final = {
+    ">=": "at least",
+    ">": "above",
+    "<=": "at most",
+    "<": "below",
+    "==": "equal to",
+    "!=": "different from",
+    "value": "nonnegative",
+}
+"""Predicates, after a verb: "x is at least 3"."""
+
+EVENTUAL: Final = {">=": "reaches", "<=": "reaches"}
+"""The verbs of predicates that hold at some time; the others have "gets"."""
+
+FUNCTIONS: Final = {
+    "abs": "the absolute value of {}",
+    "sqrt": "the square root of {}",
+    "exp": "the exponential of {}",
+    "ln": "the natural logarithm of {}",
+    "pow": "{} to the power of {}",
+    "log": "the logarithm of {} to base {}",
+    "min": "the least of {}",
+    "max": "the greatest of {}",
+    "neg": "minus {}",
+    "rate": "the rate of {}",
+}
+"""Functions. Operands other than variables and numbers stand in brackets, as lists do. Inside
+arithmetic a function is written as in the formula."""
+
+ARITHMETIC: Final = ("+", "-", "*", "/")
+"""Operators that are written as in the formula."""
+
+CONSTANTS: Final = ("true", "false")
+"""Formulas with the same words as in the text."""
+
+NEGATIONS: Final = {
+    "not": ("is not", "does not hold", "it is not true that "),
+    "rise": ("becomes", "begins to hold", "it becomes true that "),
+    "fall": ("stops being", "ceases to hold", "it stops being true that "),
+}
+"""Operators that change a verb: the verb of predicates, of names, and the words before clauses."""
+
+CHANGES: Final = ("rise", "fall")
+"""Operators that compare a sample with the previous one."""
+
+FIRST_SAMPLE: Final = "the first sample counts as changed"
+"""At the first sample, which has no previous one, ``rise(p)`` and ``fall(p)`` are ``p`` and
+``not p``."""
+
+INFIX: Final = {
+    "and": ("", " and ", ""),
+    "or": ("", " or ", ""),
+    "iff": ("", " exactly when ", ""),
+    "xor": ("either ", " or ", " but not both"),
+}
+"""The words before, between and after the operands."""
+
+CONDITIONS: Final = {"implies": ("if ", ", then "), "always implies": ("whenever ", ", ")}
+"""The words before and after a condition."""
+
+NEIGHBOURS: Final = {
+    "next": "at the next sample if there is one",
+    "s_next": "at the next sample",
+    "prev": "at the previous sample if there is one",
+    "s_prev": "at the previous sample",
+}
+
+MOMENTS: Final = {
+    "until": " until, ",
+    "since": " ever since, ",
+    "unless": ", or only until, ",
+}
+"""The words between the left operand and the phrase for the moment of the right one."""
+
+START: Final = "at the start"
+"""Starts a sentence if part of it is only about the start of the trace."""
+
+VERBS: Final = {
+    "always": "stays",
+    "eventually": "gets",
+    "historically": "has been",
+    "once": "was",
+}
+"""The verbs of predicates before a window."""
+
+NEVER: Final = {"always": "is never", "historically": "has never been"}
+"""The verbs of predicates that hold at no time of a window."""
+
+WINDOWS: Final = {
+    "always at first": (
+        *("at all times", "from {} on", "during the first {}", "from {} to {}"),
+        "at {} if the trace lasts",
+    ),
+    "always": (
+        *("from then on", "from {} later on", "for the next {}", "from {} to {} later"),
+        "{} later if the trace lasts",
+    ),
+    "eventually at first": (
+        *("at some time", "at some time from {} on", "within the first {}"),
+        *("at some time from {} to {}", "at {}"),
+    ),
+    "eventually": (
+        *("at some time from then on", "at some time from {} later on", "within {}"),
+        *("at some time from {} to {} later", "{} later"),
+    ),
+    "historically": (
+        *("at all times so far", "at all times up to {} earlier", "for the last {}"),
+        *("from {} to {} earlier", "{} earlier if the trace had begun"),
+    ),
+    "once": (
+        *("at some time so far", "at some time up to {} earlier", "within the last {}"),
+        *("at some time from {} to {} earlier", "{} earlier"),
+    ),
+}
+"""Windows without an end, from a time on, up to a time, between two, and a single time; "at first"
+if the operator is about the start of the trace."""
+
+VOCABULARY: Final = frozenset(
+    word
+    for texts in (
+        *(
+            "is holds means that where",
+            START,
+            FIRST_SAMPLE,
+            *ADJECTIVES.values(),
+            *EVENTUAL.values(),
+        ),
+        *(*FUNCTIONS.values(), *NEIGHBOURS.values(), *MOMENTS.values()),
+        *(*VERBS.values(), *NEVER.values()),
+        *(text for table in (NEGATIONS, INFIX, CONDITIONS, WINDOWS) for text in table.values()),
+    )
+    for word in re.findall("[a-z]+", " ".join([texts] if isinstance(texts, str) else texts))
+)
+"""Every word of the phrases. A variable with one as its name is written in quotation marks."""
 
 _LONGEST: Final = 120
-"""The most characters in brackets; more are a numbered clause."""
+"""The most characters in brackets; a longer text is a numbered clause."""
 
 _PHRASES: Final = 3
-"""The most phrases with a comma one after the other."""
+"""The most consecutive phrases with a comma."""
 
 _JOINTS: Final = {"not", "implies", *INFIX}
-"""What is about the same moment as its operands."""
+"""Operators about the same moment as their operands."""
 
 _FROM_START: Final = {"always", "eventually", "until", "unless", *CONSTANTS}
-"""What at the begin of the trace has a phrase of its own, or needs none."""
+"""Operators whose own phrase states the start of the trace, or that need none."""
 
 
 def in_words(
@@ -62,43 +181,7 @@ def in_words(
     *,
     unit: str | None = None,
 ) -> str:
-    """The requirement in plain English, in one sentence that can be read in one way only.
-
-    The formula is judged at the first sample. Where that is not said by its windows, as it is by
-    "at all times" and "within the first 5 s", the sentence begins with "at the start": the words of
-    ``speed < 30`` are not those of the standing rule ``always(speed < 30)``. A monitor that judges
-    the formula anew at each sample (``view="step"``) demands ``formula.always()``.
-
-    Two formulas have the same words only if they are the same; but a bound without a unit is said
-    in the unit of the specification. What is nested too deep for one sentence is said in
-    numbered clauses behind it, and so are formulas and terms that have a name in the specification.
-    The last clause of a formula with ``rise`` or ``fall`` says what these are at the first sample.
-    "p until q" and "p ever since q" are as the operators are: at the moment of q itself p need not
-    hold.
-
-    Args:
-        spec: A text, a formula or a specification. Several requirements give the words of the last,
-            which monitors judge too; `Specification.requirements` has them all.
-        names: What to write for a variable, by its name; None: the name.
-        unit: The unit of bounds that have none, such as ``"steps"`` for traces without a period.
-            None: the unit of the specification, which is seconds unless it says otherwise.
-
-    Raises:
-        SpecificationError: If a text is wrong.
-
-    Example:
-        >>> from rtamt.language.words import in_words
-        >>> in_words("always(req >= 3 implies eventually[0:5](gnt >= 3))")
-        'whenever req is at least 3, gnt reaches at least 3 within 5 s'
-        >>> in_words("always(speed < 120)", {"speed": "the speed"})
-        'the speed stays below 120 at all times'
-        >>> in_words("eventually[0:20] always(abs(e) < 0.1)", unit="steps")
-        'within the first 20 steps, the absolute value of e stays below 0.1 from then on'
-        >>> in_words("speed < 30 and always(speed < 120)")
-        'at the start, speed is below 30 and speed stays below 120 at all times'
-        >>> in_words("slow = v < 9; always(once[0:5](x > 2) implies slow)")
-        'whenever x was above 2 within the last 5 s, slow holds; where slow means that v is below 9'
-    """
+    """Return the result of a specification in plain English, as `Specification.in_words`."""
     specification = as_specification(spec)
     for name, shown in (names or {}).items():
         if not isinstance(shown, str):
@@ -108,7 +191,7 @@ def in_words(
 
 
 class _Named(NamedTuple):
-    """The place of a name of the specification: of a formula, or of the term that is one."""
+    """The place of the name of a formula, or of a term."""
 
     name: str
     term: bool = False
@@ -124,9 +207,8 @@ class _Clause(NamedTuple):
     Attributes:
         pieces: Texts, names, and formulas that are numbered clauses.
         alone: Whether it can stand anywhere: no comma, nothing joined.
-        phrases: How many phrases with a comma are in it one after the other; 0: it is closed, so
-            that something may follow.
-        bracketed: Whether brackets are in it.
+        phrases: The number of consecutive phrases with a comma; 0 if another clause may follow.
+        bracketed: Whether it contains brackets.
     """
 
     pieces: _Pieces
@@ -136,7 +218,7 @@ class _Clause(NamedTuple):
 
 
 class _Text:
-    """The sentence of a specification and the clauses behind it."""
+    """The sentence of a specification and the clauses after it."""
 
     def __init__(self, specification: Specification, shown: Mapping[str, str], unit: str) -> None:
         self.specification = specification
@@ -155,7 +237,7 @@ class _Text:
         labels: dict[object, str] = {}
         sentences: list[str] = []
         numbered = 0
-        for pieces, inside in pending:  # it grows
+        for pieces, inside in pending:  # the loop appends to this list
             text = ""
             for piece in pieces:
                 if isinstance(piece, str):
@@ -192,7 +274,7 @@ class _Text:
 
 
 class _Writer:
-    """The clauses of one formula of a specification, in which those with a name are that name."""
+    """The clauses of one formula of a specification, with the names of others in it."""
 
     def __init__(
         self, specification: Specification, name: str, shown: Mapping[str, str], unit: str
@@ -216,9 +298,9 @@ class _Writer:
         self._clauses: dict[Node, dict[bool, _Clause]] = {}
 
     def clauses(self, formula: Formula) -> dict[bool, _Clause]:
-        """The clause of a formula at the begin of the trace (True), and at any time (False)."""
+        """Return the clause of a formula at the start of a trace (True) and at any time (False)."""
         if formula not in self._clauses:
-            for node in formula.nodes():  # operands before what uses them: no recursion
+            for node in formula.nodes():  # operands before their operator: no recursion
                 if isinstance(node, Formula) and node not in self._clauses:
                     self._clauses[node] = {
                         first: self._clause(node, first=first) for first in (False, True)
@@ -226,12 +308,12 @@ class _Writer:
         return self._clauses[formula]
 
     def of_start(self, formula: Formula) -> bool:
-        """Whether a part of a formula is about the begin of the trace, with no phrase that says so.
+        """Return whether part of a formula is about the start of the trace without stating it.
 
-        Such are predicates, names, the past and neighbours, joined or negated; no bare future.
+        Predicates, names, the past and neighbours are, joined or negated; the future is not.
         """
         pending: list[Node] = [formula]
-        for node in pending:  # it grows
+        for node in pending:  # the loop appends to this list
             if self._inner(node) in _JOINTS:
                 pending += node.args
             elif self._inner(node) not in _FROM_START:
@@ -239,7 +321,7 @@ class _Writer:
         return False
 
     def term(self, term: Node) -> _Pieces:
-        """A term: a function of variables and numbers in words, all else as it is written."""
+        """Return a function of variables and numbers in words, other terms as they are written."""
         name = term.op.name if term.op else ""
         if term in self._names or name not in FUNCTIONS:
             return self._notation(term)
@@ -256,7 +338,7 @@ class _Writer:
         return (begin, *(piece for operand, text in parts for piece in (*operand, text)))
 
     def _notation(self, term: Node) -> _Pieces:
-        """A term as it is written, with the names in it."""
+        """Return a term as it is written, with the names in it."""
         marks = {node: f"\0{i}\0" for i, node in enumerate(self._names)}
         named = list(self._names.values())
         parts = node_text(term, {**self._shown, **marks}).split("\0")
@@ -279,13 +361,13 @@ class _Writer:
         if name in CONDITIONS:
             return self._conditional(name, node, first=first)
         if name in NEIGHBOURS:
-            return self._behind((NEIGHBOURS[name], ", "), node.args[0])
+            return self._after((NEIGHBOURS[name], ", "), node.args[0])
         if name in MOMENTS:
             return self._moment(name, node, first=first)
         return self._windowed(name, node, first=first)
 
     def _windowed(self, name: str, node: Formula, *, first: bool) -> _Clause:
-        """An operator over a window: behind the verb of a predicate, else before all."""
+        """Return an operator over a window: after a predicate's verb, or before other clauses."""
         bounds, operand = self._window(node), node.args[0]
         when = self._when(name, bounds, first=first)
         of_many, inner = bounds.begin != bounds.end, self._inner(operand)
@@ -300,10 +382,10 @@ class _Writer:
             whole = first and not bounds.begin and bounds.end is None
             rule = self._conditional("always implies", operand, first=False)
             return rule if whole else _Clause((when, ", ", *rule.pieces), *rule[1:])
-        return self._behind((when, ", "), operand)
+        return self._after((when, ", "), operand)
 
     def _moment(self, name: str, node: Formula, *, first: bool) -> _Clause:
-        """An operator whose left operand holds up to, or from, the moment of the right one."""
+        """Return an operator whose left operand holds up to, or from, a moment of the right one."""
         bounds, (left, right) = self._window(node), node.args
         when = self._when("once" if name == "since" else "eventually", bounds, first=first)
         held = self._closed(left, first=False)
@@ -314,17 +396,17 @@ class _Writer:
             elif not self._holder(left):
                 held = self._bracketed(left, self._clauses[left][False], " holds")
             held = held._replace(pieces=(*held.pieces, f" {as_long}"))
-        behind = self._behind((*held.pieces, MOMENTS[name], when, ", "), right)
+        behind = self._after((*held.pieces, MOMENTS[name], when, ", "), right)
         return behind._replace(bracketed=behind.bracketed or held.bracketed)
 
     def _conditional(self, name: str, node: Node, *, first: bool) -> _Clause:
-        """A condition, which ends at its comma, and what follows from it."""
+        """Return a condition, which ends at its comma, and its consequence."""
         before, behind = CONDITIONS[name]
         left, right = node.args
         condition = self._clauses[left][first]
         if condition.phrases:
             condition = self._closed(left, first=first)
-        clause = self._behind((before, *condition.pieces, behind), right, first=first)
+        clause = self._after((before, *condition.pieces, behind), right, first=first)
         return clause._replace(bracketed=clause.bracketed or condition.bracketed)
 
     def _negated(self, name: str, operand: Node, *, first: bool) -> _Clause:
@@ -336,8 +418,8 @@ class _Writer:
         held = self._bracketed(operand, self._clauses[operand][first], f" {holding}")
         return held._replace(pieces=(before, *held.pieces)) if held.bracketed else held
 
-    def _behind(self, before: _Pieces, body: Node, *, first: bool = False) -> _Clause:
-        """A clause behind a phrase with a comma; it reaches up to the end of the sentence."""
+    def _after(self, before: _Pieces, body: Node, *, first: bool = False) -> _Clause:
+        """Return a clause after a phrase with a comma; it reaches up to the end of the sentence."""
         clause = self._clauses[body][first]
         if clause.phrases >= _PHRASES:
             clause = _Clause((body, " holds"))
@@ -346,19 +428,19 @@ class _Writer:
         )
 
     def _closed(self, node: Node, *, first: bool) -> _Clause:
-        """A clause that may stand between others."""
+        """Return a clause that may stand between others."""
         clause = self._clauses[node][first]
         return clause if clause.alone else self._bracketed(node, clause, " holds")
 
     def _bracketed(self, node: Node, clause: _Clause, holding: str) -> _Clause:
-        """A clause in brackets; as a numbered one, with its verb, if it has brackets or is long."""
+        """Return a clause in brackets; numbered, with its verb, if it is long or has brackets."""
         length = sum(len(each) if isinstance(each, str) else 4 for each in clause.pieces)
         if clause.bracketed or length > _LONGEST:
             return _Clause((node, holding))
         return _Clause(("(", *clause.pieces, ")"), bracketed=True)
 
     def _holder(self, node: Node) -> _Pieces:
-        """The subject of "holds": the name of a formula, or true or false; empty for others."""
+        """Return the subject of "holds": a name, true or false; empty for other formulas."""
         if node in self._names:
             return (self._names[node],)
         return (_name(node),) if _name(node) in CONSTANTS else ()
@@ -369,7 +451,7 @@ class _Writer:
         return (*left, f" {verb} {ADJECTIVES[_name(node)]}", *behind)
 
     def _inner(self, node: Node) -> str:
-        """The name of the operator of a formula, none if it is shown by its name."""
+        """Return the name of a formula's operator; empty if the formula is shown by its name."""
         return "" if node in self._names else _name(node)
 
     def _window(self, node: Node) -> Interval:
@@ -392,5 +474,36 @@ def _joined(parts: Iterable[_Pieces], between: str) -> _Pieces:
 
 
 def _quoted(name: str) -> str:
-    """A name; in quotation marks if it is a word of the sentences."""
+    """Return a name, in quotation marks if it is a word of the sentences."""
     return f'"{name}"' if name in VOCABULARY else name
+
+
+def window(name: str, begin: Fraction, end: Fraction | None, unit: str, *, at_first: bool) -> str:
+    """Return the phrase for the interval of a temporal operator.
+
+    Example:
+        >>> window("once", Fraction(0), Fraction(5), "s", at_first=False)
+        'within the last 5 s'
+    """
+    phrases = WINDOWS.get(f"{name} at first" if at_first else name, WINDOWS[name])
+    endless, from_on, up_to, between, single = phrases
+    if end is None:
+        return from_on.format(amount(begin, unit)) if begin else endless
+    if begin == end:
+        return single.format(amount(begin, unit))
+    if not begin:
+        return up_to.format(amount(end, unit))
+    first, last = amount(begin, unit), amount(end, unit)
+    past = name in ("historically", "once")
+    return between.format(last, first) if past else between.format(first, last)
+
+
+def amount(value: Fraction, unit: str) -> str:
+    """Return a time with its unit; a unit that is a word has a singular.
+
+    Example:
+        >>> amount(Fraction(1), "steps"), amount(Fraction(1, 2), "s")
+        ('1 step', '0.5 s')
+    """
+    one = value == 1 and len(unit) > 2
+    return f"{decimal_text(value)} {unit.removesuffix('s') if one else unit}"

@@ -25,11 +25,10 @@ from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
-from rtamt.language.node import Node
+from rtamt.language.node import Node, node_text
+from rtamt.language.operators import Bounds, Operator
 from rtamt.language.parser import as_specification
-from rtamt.language.printing import node_text
 from rtamt.language.specification import Specification
-from rtamt.language.table import Bounds, Operator
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.dense.outlook import recorded
 from rtamt.machines.dense.rows import (

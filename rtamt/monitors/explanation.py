@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, cast
 import numpy as np
 
 from rtamt.language.formula import Formula
-from rtamt.language.printing import number_text
+from rtamt.language.interval import number_text
 from rtamt.monitors.verdict import holds, zero_text
 from rtamt.program.interface import PredicateValue
 from rtamt.renamed import OldName

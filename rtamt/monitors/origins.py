@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Self, TypeVar, cast
 import numpy as np
 
 from rtamt.inputs.arrays import Floats
-from rtamt.language.table import Bounds, Operator
+from rtamt.language.operators import Bounds, Operator
 from rtamt.machines.dense.runs import Positions, distinct
 from rtamt.program.algebra import FOLDS, FUNCTIONS, ordered
 

@@ -14,8 +14,8 @@ from rtamt.errors import SpecificationError
 from rtamt.inputs.samples import SampleReader
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
+from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
-from rtamt.language.table import Bounds
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.bounds import Flags, TraceBounds
 from rtamt.machines.protocols import End

@@ -10,9 +10,8 @@ from typing import Final, cast
 from rtamt.language.grammar.diagnosis import Token
 from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.grammar.tokens import read
-from rtamt.language.operators import OPERATORS
+from rtamt.language.operators import OPERATORS, Notation, Operator
 from rtamt.language.specification import Specification
-from rtamt.language.table import Notation, Operator
 
 _CONTEXT: Final = 40
 """The maximum number of characters to show around a change."""

@@ -57,11 +57,11 @@ INF = math.inf
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A total function on doubles; the C++ machines have one of the same name.
+    """A total function on doubles; C++ has one of the same name.
 
     Attributes:
         apply: The function.
-        rule: Its values where operands are not known; see `rtamt.program.intervals`.
+        rule: Its values for unknown operands; see `rtamt.program.intervals`.
     """
 
     name: str
@@ -184,19 +184,19 @@ FUNCTIONS: Mapping[str, Function] = {
 
 # min and max of arrays, none of whose numbers is nan.
 def lesser(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the lesser of the numbers of two arrays."""
+    """Return the smaller numbers of two arrays."""
     either = np.where(y < x, y, x).view(np.int64) | np.where(x < y, x, y).view(np.int64)
     return either.view(np.float64)
 
 
 def greater(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the greater of the numbers of two arrays."""
+    """Return the larger numbers of two arrays."""
     both = np.where(y > x, y, x).view(np.int64) & np.where(x > y, x, y).view(np.int64)
     return both.view(np.float64)
 
 
 def ordered(numbers: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Integers that are in the order of the numbers, -0.0 below 0.0."""
+    """Return integers in the order of the numbers, -0.0 below 0.0."""
     bits = numbers.view(np.int64)
     return bits ^ ((bits >> 63) & np.iinfo(np.int64).max)
 
@@ -210,18 +210,16 @@ _Combine = Callable[[tuple[_X, ...], tuple[_X, ...]], tuple[_X, ...]]
 
 @dataclass(frozen=True, slots=True)
 class LatticeFold:
-    """A fold of a window's elements by min and max alone; the older element stands left.
+    """A fold of a window's elements by min and max alone; the older element is on the left.
 
     An element is the operands' numbers at one time. The machines rely on four laws, which
     tests/rtamt/program/test_algebra.py checks:
 
-    * It is idempotent. Over dense time a step counts once, however long it lasts.
-    * It chooses one of the elements' numbers, and acts on each threshold by itself (0.0 reaches
-      0.0, -0.0 does not): which numbers reach a threshold decides whether the result reaches it.
-      Explanations say which number was chosen, and the bounds of an episode are the folds of the
-      numbers' bounds.
+    * It is idempotent: over dense time a step counts once, however long it lasts.
+    * It chooses one of the elements' numbers and acts on each threshold separately, with -0.0 below
+      0.0. So the bounds of an episode are folds of bounds, and explanations name the chosen number.
     * It has an identity, which stands for times outside the trace.
-    * It is associative. Machines fold windows in blocks.
+    * It is associative: machines fold windows in blocks.
 
     Attributes:
         width: Numbers in an element; the last one is the result.
@@ -229,7 +227,7 @@ class LatticeFold:
         dual: The same fold with min and max exchanged, for negated operands.
         combine: The fold of two elements.
         combine_arrays: The fold of two elements whose numbers are arrays.
-        made: Makes such a fold of other functions in place of min and max.
+        made: Returns such a fold of other functions in place of min and max.
     """
 
     name: str

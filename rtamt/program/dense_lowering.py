@@ -1,7 +1,7 @@
 """Compiles a specification over dense time.
 
-Operators and instructions mean what they mean over samples. Time is counted in ticks, whose
-length is the resolution: offsets are whole numbers of ticks, and so are the times of events.
+Operators and instructions have the same meaning as over samples. Offsets and times of events are
+whole numbers of ticks, whose length is the resolution.
 """
 
 from __future__ import annotations
@@ -15,29 +15,23 @@ from fractions import Fraction
 from rtamt.errors import Advice, Argument, InputTypeError, Message, SpecificationError
 from rtamt.language.interval import UNITS
 from rtamt.language.node import Node
+from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
-from rtamt.language.table import Bounds
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.lowering import ProgramBuilder, refuse_rates
 from rtamt.program.program import Program
 from rtamt.program.timing import Period, as_period, seconds_text
 
 MAX_TICKS = 2**62
-"""Times, bounds and sums of nested bounds are less than this number of ticks, so that the sum of a
-time and a bound is an int64."""
+"""Times, bounds and sums of nested bounds are below this: the sum of two is an int64."""
 
 _ZEROS = 9  # more of them at the end of a number are counted
 NANOSECOND = Fraction(1, 10**9)
-"""The resolution that is taken if none is given, in seconds."""
+"""The default resolution, in seconds."""
 
 
 def as_resolution(resolution: Period) -> Fraction:
-    """The length of a tick in seconds; it is read as `as_period` reads a period.
-
-    Raises:
-        SpecificationError: If it is not a positive, finite time.
-        InputTypeError: If it is neither a number nor text.
-    """
+    """Return the length of a tick in seconds, which is read as `as_period` reads a period."""
     seconds = as_period(resolution, "resolution")
     if seconds is None:
         raise InputTypeError('expected a resolution in seconds or as text such as "1ns", got None')
@@ -45,15 +39,11 @@ def as_resolution(resolution: Period) -> Fraction:
 
 
 def duration_text(seconds: Fraction) -> str:
-    """The shortest text that `as_resolution` reads as this duration.
+    """Return the shortest text that `as_resolution` reads as this duration.
 
     Example:
-        >>> (
-        ...     duration_text(Fraction(1, 10**9)),
-        ...     duration_text(Fraction(3, 10)),
-        ...     duration_text(Fraction(2, 3)),
-        ... )
-        ('1ns', '300ms', '2/3s')
+        >>> [duration_text(Fraction(1, 10**9)), duration_text(Fraction(3, 10))]
+        ['1ns', '300ms']
     """
     units = [unit for unit, length in UNITS.items() if (seconds / length).denominator == 1]
     unit = units[0] if units else "s" if seconds > UNITS["ps"] else "ps"
@@ -65,12 +55,7 @@ def duration_text(seconds: Fraction) -> str:
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class DenseProgram:
-    """A compiled specification over dense time.
-
-    Attributes:
-        program: The instructions, with offsets and latencies in ticks.
-        resolution: The length of a tick in seconds.
-    """
+    """A compiled specification over dense time; offsets and latencies are ticks."""
 
     program: Program
     resolution: Fraction
@@ -85,17 +70,17 @@ class DenseProgram:
         return float(ticks * self.tick)
 
     def bounds(self, node: Node) -> Bounds:
-        """Return the bounds of an operator's interval in ticks; that they are whole was checked."""
+        """Return the bounds of an operator's interval in ticks."""
         first, last = self.program.specification.bounds(node.interval)
         return int(first / self.tick), None if last is None else int(last / self.tick)
 
     def latency(self, register: int) -> float:
-        """Return the time by which a register is late; inf if it needs the whole future."""
+        """Return the delay of a register; inf if it needs the whole future."""
         ticks = self.program.latencies[register]
         return math.inf if ticks is None else self.time(ticks)
 
     def result_alone(self) -> DenseProgram:
-        """Return the program without what only other named formulas need."""
+        """Return the program without the registers that only named formulas need."""
         result = self.program.result
         return replace(self, program=self.program.restricted(result, {}))
 

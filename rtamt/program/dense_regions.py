@@ -1,14 +1,14 @@
 """Compiles a specification over the regions of dense time, on which every value is exact.
 
 Times and bounds are whole ticks, so everything is constant on each instant t and on each open
-interval (t, t + 1) between two of them. These regions are numbered: instant t has position 2t, the
-interval after it 2t + 1. A window [a, b] from any point of a region meets the regions at offsets 2a
-to 2b, so a formula over dense time is one over positions, and isolated instants count.
+interval (t, t + 1). Instant t has position 2t, the interval after it 2t + 1. A window [a, b] from
+any point of a region meets the regions at offsets 2a to 2b, so a formula over dense time is a
+formula over positions, and isolated instants count.
 
 A witness of `until` inside an interval needs p on the rest of that interval too. So the pairs of
-``WINDOW until`` and the other folds of two operands mean here: q at an instant, q and p together at
-an interval (for the dual folds: q or p). A window whose last offset is odd ends before an instant:
-it is what `until[a:b]` and its dual ask before any witness.
+``WINDOW until`` and of the other folds of two operands are: q at an instant, q and p at an interval
+(for the dual folds: q or p). A window whose last offset is odd ends before an instant:
+`until[a:b]` and its dual have one before any witness.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rtamt.language.node import Node
+from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
-from rtamt.language.table import Bounds
 from rtamt.program.dense_lowering import DenseBuilder, compile_dense
 from rtamt.program.instructions import Instruction, Map, Window
 from rtamt.program.interface import STANDARD, Interface
@@ -33,7 +33,7 @@ class RegionProgram:
     Attributes:
         program: The instructions.
         resolution: The length of a tick in seconds.
-        reach: How far beyond or before a time, in ticks, its result looks at most.
+        reach: The largest distance in ticks between a time and the times that its result reads.
     """
 
     program: Program
@@ -125,6 +125,6 @@ def _cached(
 def regions_of_all(
     specification: Specification, resolution: Fraction, *, interface: Interface
 ) -> RegionProgram:
-    """Return the program that `compile_regions` makes, with what other named formulas need."""
+    """Return the program of `compile_regions` with the registers of other named formulas."""
     program = _RegionBuilder(specification, resolution, interface).program()
     return RegionProgram(program, resolution, _reach(program))

@@ -1,7 +1,7 @@
 """Programs as the C++ machines read them: tuples of names and numbers.
 
-`rtamt/native/python/encoding.hpp` reads the fields of a row by position. Names of instructions,
-functions and lattice folds are text. An instruction without a second operand repeats the first.
+`rtamt/native/python/encoding.hpp` reads the fields of a row by position. An instruction without a
+second operand repeats the first.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class DenseRow(NamedTuple):
 
 
 class EncodedRegions(NamedTuple):
-    """A program over regions as `rtamt.program.placement.Placement` describes it."""
+    """A program over regions, as in `rtamt.program.placement.Placement`."""
 
     terms: int
     constants: tuple[tuple[int, float], ...]  # the terms that are constants
@@ -77,8 +77,8 @@ class Encoded(NamedTuple):
 class EncodedDense(NamedTuple):
     """A program over dense time: as `Encoded`, and its clock.
 
-    The clock is the number of ticks in a unit of time: the nearest double, and two integers whose
-    quotient it is, or 0 and 1 if an int64 does not hold them.
+    The clock is the number of ticks in a unit of time: the nearest double and, if an int64 holds
+    them, two integers whose quotient it is; otherwise, 0 and 1.
     """
 
     rows: tuple[DenseRow, ...]
@@ -89,7 +89,7 @@ class EncodedDense(NamedTuple):
 
 
 class EncodedEpisode(NamedTuple):
-    """A program as `rtamt.program.placement.Placement` describes it."""
+    """A program as in `rtamt.program.placement.Placement`."""
 
     terms: tuple[DiscreteRow, ...]
     formulas: tuple[FormulaRow, ...]
@@ -115,7 +115,7 @@ def encoded_discrete(program: Program) -> Encoded:
 
 @functools.lru_cache(maxsize=256)
 def encoded_episode(program: Program) -> EncodedEpisode:
-    """Return the placement of a program, for the machine that bounds an episode."""
+    """Return the placement of a program for the episode machine."""
     placement = place(program)
     program = placement.program
     return EncodedEpisode(
@@ -189,7 +189,7 @@ def _formulas(program: Program) -> tuple[FormulaRow, ...]:
 
 
 def _fields(program: Program, row: Instruction | Delay) -> tuple[str, str, int, int, float]:
-    """Kind, name, first operand, second operand and value of an instruction or a delay line."""
+    """Return kind, name, first and second operand, and value of an instruction or delay line."""
     match row:
         case Load(variable):
             return "LOAD", variable, program.variables.index(variable), 0, 0.0

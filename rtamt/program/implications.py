@@ -1,11 +1,10 @@
-"""The implications of a formula that can be put to the test, and where the formula reads them.
+"""The implications of a formula that can be triggered, and the instants at which it reads them.
 
-An implication ``p implies q`` says nothing where p fails. How operators read their operands is
-found by running their meanings (`rtamt.language.operators`) on a builder whose registers are ways
-to operands, so that a new row needs nothing more. An implication counts where more robustness of it
-is never less of the whole: in positive position. A formula that is satisfied whatever one of its
-parts is was called vacuous by Beer, Ben-David, Eisner and Rodeh, "Efficient detection of vacuity in
-temporal model checking", FMSD 2001.
+An implication ``p implies q`` demands nothing where p fails. The meanings of operators run on a
+builder whose registers are ways to operands, so a new row of the table needs no code here. An
+implication counts in positive position: more robustness of it is never less of the whole. A formula
+that is satisfied for any value of one of its parts is vacuous (Beer, Ben-David, Eisner and Rodeh,
+"Efficient detection of vacuity in temporal model checking", FMSD 2001).
 """
 
 from __future__ import annotations
@@ -18,31 +17,29 @@ from typing import NamedTuple, cast
 
 from rtamt.language.formula import Formula, make
 from rtamt.language.node import Node
-from rtamt.language.operators import OPERATORS
-from rtamt.language.table import Bounds
+from rtamt.language.operators import OPERATORS, Bounds
 
 InstantRuns = tuple[tuple[int, float], ...]
-"""First and last one of runs of instants, in order; no run touches the next; the last may be inf.
+"""The first and last instant of runs, in order; no run touches the next; the last may be inf.
 
-Instants are samples, or positions of dense time: 2t is the tick t, 2t + 1 the time between it and
-the next one.
+Instants are samples, or positions of dense time: 2t is the tick t, 2t + 1 the time after it.
 """
 
 
 Counted = tuple[int, int, int | None]
-"""How often something is so at some instants: how long, in samples or ticks; how many times it
-begins, where the begin of the trace counts; and the first instant, None if there is none.
+"""How often something is true at some instants: its length in samples or ticks, its number of
+starts, and the first instant or None. A start of the trace counts.
 """
 
 
 class _Step(NamedTuple):
-    """How an operator reads from an instant: those at offsets lo to hi; None is no bound.
+    """The instants that an operator reads from an instant: offsets lo to hi; None is no bound.
 
     Attributes:
-        lo: Least offset, in samples or ticks.
-        hi: Greatest offset.
-        begin: The offset at which the window of a future operator without an end begins.
-        open_end: Whether the offset farthest from 0 does not belong to it.
+        lo: Smallest offset, in samples or ticks.
+        hi: Largest offset.
+        begin: The offset at which the window of a future operator without an end starts.
+        open_end: Whether the offset farthest from 0 is excluded.
     """
 
     lo: int | None
@@ -58,8 +55,8 @@ class _Way:
     Attributes:
         operand: The number of the operand.
         steps: From the register to the operand.
-        positive: Whether the value rises with the operand; it falls if not.
-        chosen: By which of ``"min"`` and ``"max"`` it is chosen among other values.
+        positive: Whether the value rises with the operand; it falls otherwise.
+        chosen: Whether ``"min"`` and ``"max"`` choose it among other values.
     """
 
     operand: int
@@ -82,7 +79,7 @@ def _dual(chosen: frozenset[str]) -> frozenset[str]:
 
 
 class _Ways:
-    """A builder of the table's meanings whose registers are ways to operands."""
+    """A builder of meanings whose registers are ways to operands."""
 
     def __init__(self, operands: int) -> None:
         self.registers = [[_Way(i)] for i in range(operands)]
@@ -153,14 +150,12 @@ def _operands(node: Node) -> Mapping[int, bool]:
 def implications(formula: Formula) -> tuple[Formula, ...]:
     """Return the implications in positive position in the order of the text, the outer first.
 
-    Not those whose right side is ``false``, which nothing could answer.
+    Implications with ``false`` on the right side cannot be answered, and are left out.
 
     Example:
         >>> from rtamt import parse
-        >>> implications(
-        ...     parse("always(a > 0 implies (b > 0 iff c > 0)) and not (a implies b)").formula
-        ... )
-        (<Formula a > 0 implies (b > 0 iff c > 0)>,)
+        >>> implications(parse("always(a > 0 implies b > 0) and not (a implies b)").formula)
+        (<Formula a > 0 implies b > 0>,)
     """
     found: dict[Formula, None] = {}
     seen: set[tuple[Node, bool]] = set()
@@ -178,12 +173,12 @@ def implications(formula: Formula) -> tuple[Formula, ...]:
 
 
 def signs(formula: Formula) -> Mapping[Formula, frozenset[bool]]:
-    """Of each part whether the formula rises with it (True), falls with it (False), or both.
+    """Return whether the formula rises (True) or falls (False) with each part, or both.
 
     Example:
         >>> from rtamt import parse
-        >>> found = signs(parse("(a > 0 implies b > 0) and (b > 0 iff c > 0)").formula)
-        >>> {str(part): sorted(both) for part, both in found.items() if not part.args[0].op}
+        >>> parts = signs(parse("(a > 0 implies b > 0) and (b > 0 iff c > 0)").formula)
+        >>> {str(part): sorted(both) for part, both in parts.items() if not part.args[0].op}
         {'b > 0': [False, True], 'c > 0': [False, True], 'a > 0': [False]}
     """
     found: dict[Formula, set[bool]] = {formula: {True}}
@@ -231,7 +226,7 @@ class Reads(NamedTuple):
 
     Attributes:
         all: All of them.
-        needed: The instants at which the whole fails if the part does.
+        needed: The instants at which the formula fails if the part does.
     """
 
     all: InstantRuns
@@ -270,7 +265,7 @@ class Routes:
             self._ends.append((each, at.get((True, True)), at.get((True, False))))
 
     def reads(self, trace: TraceSpan) -> Mapping[Formula, Reads]:
-        """At which instants of a trace the formula reads its implications."""
+        """Return the instants of a trace at which the formula reads its implications."""
         runs: list[list[tuple[int, float]]] = [[] for _ in range(self._places)]
         runs[0].append((0, 0))
         for place, goes in self._legs:
@@ -286,13 +281,12 @@ class Routes:
 
 
 class TraceSpan(NamedTuple):
-    """The instants of a trace, and what a reading of its end makes of windows.
+    """The instants of a trace, and how its end mode limits windows.
 
     Attributes:
-        last: The last instant that was recorded: a sample, or a position of dense time.
+        last: The last recorded instant: a sample, or a position of dense time.
         complete: Whether every window is cut to the trace.
-        cut: Whether the window of a future operator without an end is cut where some of it was
-            recorded.
+        cut: Whether windows of future operators without an end are cut if some of it was recorded.
         dense: Whether instants are positions of dense time.
     """
 
@@ -302,7 +296,7 @@ class TraceSpan(NamedTuple):
     dense: bool = False
 
     def along(self, steps: Sequence[_Step], runs: InstantRuns) -> InstantRuns:
-        """Return the instants that are reached from some."""
+        """Return the instants that steps reach from others."""
         for step in steps:
             reached = [run for first, final in runs for run in self._step(step, first, final)]
             runs = tuple(reached) if len(reached) < 2 else _merged(reached)
@@ -332,9 +326,9 @@ class TraceSpan(NamedTuple):
             yield max(0, low), high
 
     def _short(self, instant: float) -> int:
-        """By how much a window whose farthest instant is missing is shorter than one that has it.
+        """Return how much shorter a window is without its farthest instant.
 
-        From the time between two ticks it reaches as far as one that has it.
+        From the time between two ticks it is not shorter.
         """
         return 0 if self.dense and instant % 2 else 1
 

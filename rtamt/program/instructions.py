@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import assert_never
 
-from rtamt.language.printing import number_text
+from rtamt.language.interval import number_text
 from rtamt.program.algebra import FOLDS
 
 
@@ -29,8 +29,8 @@ class Load:
 class Const:
     """One value at every sample, seen or not.
 
-    A neutral one stands for a predicate that counts 0 under interface-aware semantics: it neither
-    holds nor fails, so its lower bound is -0.0 and its upper bound +0.0.
+    A neutral one is a predicate that counts 0 under interface-aware semantics: it neither holds nor
+    fails, so its bounds are -0.0 and +0.0.
     """
 
     value: float
@@ -49,14 +49,12 @@ class Map:
 class Window:
     """A lattice fold over offsets ``lo`` to ``hi`` from now; None is unbounded.
 
-    The last two fields say how the end of a trace is read, and nothing to machines that only
-    compute robustness.
+    The last two fields matter only to machines that compute bounds.
 
     Attributes:
-        guard: Whether it is what has to hold before a witness of ``until``, or of its dual. If the
-            witness is there, so is everything before it; of other windows of the future an unseen
-            element may not be there.
-        endless: Whether it is a part of an operator without end, which begins at `begin`.
+        guard: Whether it must hold before a witness of ``until``, or of its dual. If the witness is
+            there, so is everything before it; other windows of the future may lack unseen elements.
+        endless: Whether it is part of an operator without an end that starts at `begin`.
     """
 
     fold: str
@@ -73,14 +71,14 @@ class Window:
 
     @property
     def begin(self) -> int:
-        """The offset at which the operator begins that an ``endless`` window is a part of."""
+        """The offset at which the operator of an ``endless`` window starts."""
         return (self.hi or 0) + 1 if self.guard else self.lo or 0
 
     def skips(self, *, best: bool) -> bool:
-        """Return whether an unseen element counts nothing in a bound, as it may not be there.
+        """Return whether a bound ignores unseen elements, because they may not exist.
 
-        It is so for minima in the upper bound and for maxima in the lower; but not for the element
-        of the window's own time.
+        The upper bound of minima and the lower bound of maxima do, except for the window's own
+        time.
         """
         ahead = self.hi is None or self.hi > 0
         return ahead and not self.guard and (FOLDS[self.fold].identity[-1] > 0) == best
@@ -136,7 +134,7 @@ def latency_of(
     latencies: Sequence[int | None],
     instructions: Sequence[Instruction],
 ) -> int | None:
-    """Return the latency of an instruction, from the instructions and latencies before it."""
+    """Return the latency of an instruction, from the previous instructions and latencies."""
     late = 0
     for operand in operands(instruction):
         if not isinstance(instructions[operand], Const):

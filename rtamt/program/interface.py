@@ -42,7 +42,7 @@ from rtamt.errors import (
     is_one_of,
     nearest,
 )
-from rtamt.language.names import lineage
+from rtamt.language.declarations import lineage
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 
@@ -71,7 +71,7 @@ _MEANINGS: Mapping[SemanticsName, tuple[Role, bool]] = {
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """A semantics, and the variables that a system reads and sets; made by `as_interface`.
+    """A semantics, and the variables that a system reads and sets; see `as_interface`.
 
     Attributes:
         semantics: The name of the semantics.
@@ -84,7 +84,7 @@ class Interface:
     outputs: tuple[str, ...] = ()
 
     def role(self, variable: str) -> Role | None:
-        """Return the role of a variable; a field's own role goes before the role of its message."""
+        """Return the role of a variable; the role of a field overrides that of its message."""
         for name in lineage(variable):
             if name in self.inputs:
                 return "input"
@@ -93,7 +93,7 @@ class Interface:
         return None
 
     def reading(self, predicate: Node) -> PredicateValue:
-        """Tell which value a predicate gives; the roles of its variables decide."""
+        """Return the value of a predicate, by the roles of its variables."""
         if self.semantics == "standard":
             return "value"
         if self.semantics == "boolean":
@@ -106,7 +106,7 @@ class Interface:
 
 
 STANDARD = Interface()
-"""The standard semantics, in which every predicate counts its usual value."""
+"""The standard semantics, in which every predicate has its usual value."""
 
 
 def as_interface(

@@ -1,13 +1,12 @@
-"""Interval arithmetic: which values a function can have where its operands are not known.
+"""Interval arithmetic: the values of a function whose operands are not known.
 
-The rules below say that for a function of doubles, from the smallest and the largest value of each
-operand. Least and greatest go by the order in which -0.0 is below 0.0, so bounds keep the sign bit
-that says whether a predicate holds. Each row of `rtamt.program.algebra.FUNCTIONS` names its rule;
-`everything` is right for all of them. The C++ machines have the same rules in
-``core/intervals.hpp``, and find the same bounds bit for bit.
+The rules take the smallest and the largest value of each operand, with -0.0 below 0.0, so bounds
+keep the sign bit that states whether a predicate holds. Each row of
+`rtamt.program.algebra.FUNCTIONS` names its rule; `everything` is right for all of them. The C++
+machines have the same rules in ``core/intervals.hpp`` and the same bounds, bit for bit.
 
-Operands without a value, such as -1 of a square root, are left out. An end that is no number, such
-as inf - inf, makes the range everything.
+Operands without a value, such as -1 of a square root, are left out. An end that is not a number,
+such as inf - inf, makes the range everything.
 """
 
 from __future__ import annotations
@@ -20,13 +19,13 @@ from typing import NamedTuple
 
 INF = math.inf
 Ends = tuple[float, float]
-"""The least and the greatest value."""
+"""The smallest and the largest value."""
 
 EVERYTHING: Ends = (-INF, INF)
 
 
 class Range(NamedTuple):
-    """The values that a term can have.
+    """The possible values of a term.
 
     Attributes:
         lower: The smallest one.
@@ -155,7 +154,7 @@ def _is_monotone_power(x: Range, y: Range) -> bool:
 
 
 def logarithm(ln: Callable[[float], float], div: Callable[[float, float], float]) -> IntervalRule:
-    """Return the rule of ``log``, which is the quotient of two natural logarithms."""
+    """Return the rule of ``log``, a quotient of two natural logarithms."""
     of = functools.partial(monotone("+", least=-0.0), ln)
 
     def rule(apply: _Apply, x: Range, base: Range) -> Ends | None:  # noqa: ARG001 - it is a rule

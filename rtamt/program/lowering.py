@@ -8,10 +8,10 @@ from fractions import Fraction
 from typing import assert_never, cast
 
 from rtamt.language.formula import Term
+from rtamt.language.interval import applied
 from rtamt.language.node import Node
+from rtamt.language.operators import Bounds, Meaning
 from rtamt.language.specification import Specification
-from rtamt.language.table import Bounds, Meaning
-from rtamt.language.traced import applied
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.instructions import (
     Const,
@@ -131,7 +131,7 @@ class ProgramBuilder:
     def map(self, function: str, *args: int) -> int:
         """Return the function of the operands' values now; a constant if all operands are.
 
-        A neutral constant has two values, so nothing is made of it.
+        A neutral constant has two values, so it is not folded.
         """
         operands = [self.instructions[a] for a in args]
         values = [i.value for i in operands if isinstance(i, Const) and not i.neutral]
@@ -169,7 +169,7 @@ class ProgramBuilder:
         return self._emit(window, term=False)
 
     def _guard(self, begin: int, p: int, *, endless: bool) -> int:
-        """What has to hold before the window of ``until`` begins."""
+        """Return the condition before the window of ``until``."""
         if begin == 1 and not endless:
             return p
         return self.emit(Window("min", 0, begin - 1, (p,), guard=True, endless=endless))

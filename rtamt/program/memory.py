@@ -1,4 +1,4 @@
-"""The memory that the windows of a monitor may come to take, and its limit."""
+"""The maximum memory of a monitor's windows, and its limit."""
 
 from __future__ import annotations
 
@@ -20,28 +20,25 @@ _WORLDS = 3
 
 
 def limit_discrete(program: Program, lanes: int = 1) -> None:
-    """Refuse a program whose windows and delays, in so many lanes, pass `limits.window_bytes`."""
+    """Refuse a program whose windows and delays, in all entries, exceed `limits.window_bytes`."""
     _limit(program, _discrete_needs(program), lanes, _where(lanes))
 
 
 def limit_episode(program: Program, lanes: int = 1, *, unknown: bool = False) -> None:
-    """Refuse a program whose streams, in so many lanes, pass `limits.window_bytes`.
-
-    It raises the errors of `limit_discrete`.
-    """
+    """Refuse a program whose streams, in all entries, exceed `limits.window_bytes`."""
     where = _where(lanes) + " with samples that are not known" * unknown
     machines = _machines(program, unknown=unknown)
     _limit(place(program).program, machines * _episode_needs(program), lanes, where)
 
 
 def intervals_fit(program: Program, lanes: int = 1) -> bool:
-    """Return whether `limit_episode` allows samples that are not known."""
+    """Return whether `limit_episode` allows uncertain values."""
     needed = _machines(program, unknown=True) * _episode_needs(program) * lanes * _DOUBLE
     return needed <= limits.window_bytes
 
 
 def limit_beyond(program: Program, n: int, *, unknown: bool = False) -> None:
-    """Refuse a program whose windows go further behind a trace than `limits.window_bytes` allow."""
+    """Refuse a program whose windows reach too far beyond a trace for `limits.window_bytes`."""
     numbers = _most_beyond(program)
     if (2 if unknown else 1) * numbers * _DOUBLE > _checked_limit():
         clamped = program.clamped(sufficient(program, n))
@@ -50,7 +47,7 @@ def limit_beyond(program: Program, n: int, *, unknown: bool = False) -> None:
 
 
 def _beyond(program: Program, n: int) -> int:
-    """Return the numbers that windows which reach further than a trace of n samples keep."""
+    """Return the numbers that windows beyond a trace of n samples keep."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
     beyond = sum(max(0, abs(b) - n) for w in windows for b in (w.lo, w.hi) if b is not None)
     # Each variable and each window keeps them, in both worlds of each reading of the predicates.
@@ -63,7 +60,7 @@ def _most_beyond(program: Program) -> int:
 
 
 def discrete_numbers(program: Program) -> Counter[int]:
-    """Counts the doubles that each register keeps while the program runs sample by sample."""
+    """Count the doubles that each register keeps while the program runs sample by sample."""
     numbers = Counter[int]()
     for slot, scheduled in schedule(program):
         match scheduled:
@@ -80,10 +77,10 @@ def discrete_numbers(program: Program) -> Counter[int]:
 
 
 def episode_numbers(placement: Placement) -> Counter[int]:
-    """Counts the doubles that each register keeps, at most, while a machine bounds an episode.
+    """Count the most doubles that each register keeps while a machine bounds an episode.
 
-    A stream keeps the settled values that windows read, at every corner of the unknowns that it
-    depends on, and its open values in each world; see `rtamt.machines.episode.machine`.
+    A stream keeps the settled values that windows read, at every corner of its unknowns, and its
+    open values in each world; see `rtamt.machines.episode.machine`.
     """
     program, numbers = placement.program, Counter[int]()
     late, past, open_ended = Counter[int](), Counter[int](), set[int]()
@@ -170,7 +167,7 @@ def _limit(program: Program, numbers: int, lanes: int, where: str = "") -> None:
 def sufficient(program: Program, n: int) -> int:
     """Return a number to which bounds may be cut for a trace of n samples or less.
 
-    From some sample on, all unseen ones are equal, and it does not matter how many there are.
+    From some sample on, all unseen ones are equal, and their number does not matter.
     """
     memory, greatest = _memory_and_bound(program)
     return min(n + memory, greatest)
@@ -178,7 +175,7 @@ def sufficient(program: Program, n: int) -> int:
 
 @functools.lru_cache(maxsize=512)
 def _memory_and_bound(program: Program) -> tuple[int, int]:
-    """After how many unseen samples all later ones are equal at most; the largest window bound."""
+    """Return after how many unseen samples all later ones are equal, and the largest bound."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
     before = [max(0, -_begin(window)) for window in windows]
     if not any(window.hi is None for window in windows):
@@ -191,6 +188,6 @@ def _memory_and_bound(program: Program) -> tuple[int, int]:
 
 
 def _begin(window: Window) -> int:
-    """Return the offset from which on a window must read one number to have a value that stays."""
+    """Return the offset from which a window must read one number to have a constant value."""
     # Folds are idempotent: a window without begin needs it at its end.
     return window.lo if window.lo is not None else window.hi or 0

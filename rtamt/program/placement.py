@@ -1,6 +1,6 @@
-"""At which times an episode machine reads each register of a program.
+"""The times at which an episode machine reads each register of a program.
 
-The operators above all windows are read at time 0 alone. The operands of windows are read at all
+The operators above all windows are read only at time 0. The operands of windows are read at all
 times, as streams.
 """
 
@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rtamt.errors import SpecificationError
-from rtamt.language.traced import applied
+from rtamt.language.interval import applied
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.instructions import Const, Instruction, Map, Window, latencies_of
 from rtamt.program.program import Program
 
 MAX_UNKNOWNS = 8
-"""How many windows without end a formula may have inside other temporal operators.
+"""The most windows without an end inside other temporal operators.
 
 Each doubles the time of an update and the memory of a machine.
 """
@@ -29,9 +29,9 @@ class Placement:
 
     Attributes:
         program: The program, without negations above its predicates.
-        initial: Registers that are read at time 0 alone, in order; the last is the result.
-        streams: Registers that are read at all times, in order. One may be read both ways.
-        unknowns: Streams of windows without end, which never settle.
+        initial: Registers that are read only at time 0, in order; the last is the result.
+        streams: Registers that are read at all times, in order; some are in both lists.
+        unknowns: Streams of windows without an end, which never settle.
     """
 
     program: Program
@@ -76,10 +76,9 @@ def place(program: Program) -> Placement:
 def positive(program: Program) -> Program:
     """Return the same robustness with negations pushed down to the predicates.
 
-    A register that is read both negated and not becomes two registers, whose bounds are
-    independent, as in interval arithmetic. A negated predicate becomes a term: at an unseen sample
-    it is as unknown as the predicate. A window that begins late and has no end becomes a shift of
-    a window that begins now.
+    A register that is read both negated and not becomes two registers with independent bounds. A
+    negated predicate becomes a term, which is unknown at unseen samples. A late window without an
+    end becomes a shift of a window that starts now.
     """
     writer = _Writer(program)
     writer.write(program.result, negated=False)
@@ -167,7 +166,7 @@ class _Writer:
 def variants_of(program: Program) -> tuple[Program, ...]:
     """Return the program without negations; with neutral predicates, with -0.0 and with 0.0.
 
-    A negated neutral predicate is as neutral, and its worst value is -0.0 too.
+    A negated neutral predicate is neutral, and its worst value is -0.0 too.
     """
     known = positive(program)
     return (known.with_zero(-0.0), known.with_zero(0.0)) if program.neutral else (known,)

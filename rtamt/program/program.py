@@ -1,9 +1,10 @@
 """A compiled specification: a program of instructions, whose latencies are numbers.
 
 Each instruction writes the register of its index. The first `Program.terms` instructions are
-arithmetic over the present sample; the others are formulas. A register of latency L has, at sample
-t, its value of time t - L; operands of less latency reach it through delay lines (`Program.delay`).
-This is pastification (Nickovic and Yamaguchi, ATVA 2020) on numbers instead of syntax trees.
+arithmetic over the present sample; the others are formulas. At sample t, a register of latency L
+has its value of time t - L; operands of a lower latency reach it through delay lines
+(`Program.delay`). This is pastification (Nickovic and Yamaguchi, ATVA 2020) on numbers instead of
+syntax trees.
 """
 
 from __future__ import annotations
@@ -39,16 +40,16 @@ class Program:
 
     Attributes:
         instructions: Ordered so that every register is written before it is read.
-        terms: How many of the first instructions are arithmetic over the present sample.
-        latencies: Samples by which each register is late; None if it needs the whole future.
+        terms: The number of first instructions that are arithmetic over the present sample.
+        latencies: The delay of each register in samples; None if it needs the whole future.
         result: Register of the robustness.
         outputs: Registers of the named formulas.
-        variables: Names of the inputs, in the order in which samples list them.
-        sources: The node that each register was compiled from, for errors and listings.
+        variables: Names of the inputs, in the order of samples.
+        sources: The node of each register, for errors and listings.
         specification: The specification that was compiled.
-        aligned: What each interval became whose bounds were rounded; see `timing.alignment`.
-        rates: The rates of change among the variables, by name, with the variable of each. Readers
-            of samples compute them (`rtamt.inputs.rates`).
+        aligned: The texts of `timing.alignment` for rounded intervals.
+        rates: The rates of change among the variables, and the variable of each; readers of samples
+            compute them (`rtamt.inputs.rates`).
         seconds: The time between samples by which rates divide.
     """
 
@@ -66,14 +67,14 @@ class Program:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The variables that a caller gives: all but the rates."""
+        """The variables of callers: all but the rates."""
         if not self.rates:
             return self.variables
         return tuple(name for name in self.variables if name not in self.rates)
 
     @property
     def latency(self) -> int | None:
-        """Samples by which the robustness is late; None if it needs the whole future."""
+        """The delay of the robustness in samples; None if it needs the whole future."""
         return self.latencies[self.result]
 
     def term(self, register: int) -> Load | Const | Map:
@@ -101,7 +102,7 @@ class Program:
         return instruction
 
     def delay(self, register: int, operand: int) -> int:
-        """Samples by which ``register`` must delay what it reads from ``operand``."""
+        """Return the number of samples by which a register delays an operand."""
         instruction = self.instructions[register]
         if isinstance(self.instructions[operand], Const):
             return 0
@@ -115,7 +116,7 @@ class Program:
         return read - late
 
     def start(self, register: int) -> int:
-        """Return the first sample at which a window takes in a value of its operands."""
+        """Return the first sample at which a window reads its operands."""
         instruction, late = self.instructions[register], self.latencies[register]
         if not isinstance(instruction, Window) or instruction.hi is None or late is None:
             msg = f"register {register} is no bounded window"
@@ -167,8 +168,8 @@ class Program:
     ) -> Program:
         """Return the program for a monitor, in which every register has a latency.
 
-        A top-level ``always p`` or ``eventually p`` without end becomes the fold over all samples
-        so far. Any other unbounded future is refused.
+        A top-level ``always p`` or ``eventually p`` without an end becomes the fold over all
+        samples so far. Any other unbounded future is refused.
         """
         program = self.running(self.specification.formula)
         for register, instruction in enumerate(program.instructions):
@@ -186,8 +187,8 @@ class Program:
     def running(self, *formulas: Node) -> Program:
         """Return the program in which formulas are judged as a whole trace of their own.
 
-        Each that is ``always p`` or ``eventually p`` without end becomes the fold over all samples
-        so far, as result and as output; inside others it stays what it is.
+        Those that are ``always p`` or ``eventually p`` without an end become folds over all samples
+        so far, as result and as output; inside other formulas they stay as they are.
         """
         instructions, sources = list(self.instructions), list(self.sources)
         folds: dict[int, int] = {}
@@ -221,7 +222,8 @@ class Program:
     def _is_running(self, formula: Node) -> bool:
         """Return whether a formula is ``always p`` or ``eventually p`` without bounds.
 
-        The instruction does not tell: ``eventually[0:0](eventually p)`` compiles to the same one.
+        The instruction does not show it: ``eventually[0:0](eventually p)`` compiles to the same
+        one.
         """
         op, (begin, end) = formula.op, self.specification.bounds(formula.interval)
         single = op is not None and op.future and len(formula.args) == 1
@@ -233,12 +235,12 @@ class Program:
 
     def restricted(self, result: int, outputs: Mapping[str, int]) -> Program:
         """Return the part of the program that computes this result and these outputs."""
-        kept = sorted(self.needed(result, *outputs.values()))
+        registers = sorted(self.needed(result, *outputs.values()))
         part = replace(self, result=result, outputs=outputs)
-        return part.reordered(kept, sum(r < self.terms for r in kept))
+        return part.reordered(registers, sum(r < self.terms for r in registers))
 
     def read_first(self) -> frozenset[str]:
-        """Return the variables whose value at sample 0 the result hangs on, in some trace."""
+        """Return the variables whose value at sample 0 can affect the result."""
         times: dict[int, set[tuple[int, float]]] = {self.result: {(0, 0)}}
         found = set[str]()
         for register in range(len(self.instructions) - 1, -1, -1):
@@ -261,7 +263,7 @@ class Program:
         return frozenset(found)
 
     def needed(self, *registers: int) -> set[int]:
-        """Return the registers that these are computed from, themselves included."""
+        """Return these registers and all that they are computed from."""
         needed: set[int] = set()
         stack = [*registers]
         while stack:
@@ -271,18 +273,18 @@ class Program:
                 stack.extend(operands(self.instructions[register]))
         return needed
 
-    def reordered(self, kept: list[int], terms: int) -> Program:
+    def reordered(self, order: list[int], terms: int) -> Program:
         """Return the program of these registers in this order, ``terms`` of them terms."""
-        new = {old: i for i, old in enumerate(kept)}
-        instructions = tuple(_renumbered(self.instructions[r], new) for r in kept)
+        new = {old: i for i, old in enumerate(order)}
+        instructions = tuple(_renumbered(self.instructions[r], new) for r in order)
         return replace(
             self,
             instructions=instructions,
             terms=terms,
-            latencies=tuple(self.latencies[r] for r in kept),
+            latencies=tuple(self.latencies[r] for r in order),
             result=new[self.result],
             outputs={name: new[register] for name, register in self.outputs.items()},
-            sources=tuple(self.sources[r] for r in kept),
+            sources=tuple(self.sources[r] for r in order),
         )
 
     @property
@@ -354,9 +356,9 @@ Scheduled = Map | Window | Delay
 
 
 def schedule(program: Program) -> Iterator[tuple[int, Scheduled]]:
-    """Return the instructions after the terms and the slots that they write, with the delay lines.
+    """Yield the delay lines and instructions after the terms, with the slots that they write.
 
-    The program's registers take the first slots, delay lines the next. A delay line comes before
+    The program's registers have the first slots, delay lines the next. A delay line comes before
     the first instruction that reads it.
     """
     slots: dict[tuple[int, int], int] = {}
@@ -374,21 +376,18 @@ def schedule(program: Program) -> Iterator[tuple[int, Scheduled]]:
 
 
 def ranges_of(program: Program, variables: Sequence[Range]) -> list[Range]:
-    """Return the ranges of a program's terms, in the order of their registers.
-
-    The list ends before the first term that has no value.
-    """
-    found: list[Range] = []
+    """Return the ranges of a program's terms, up to the first term without a value."""
+    ranges: list[Range] = []
     for instruction in program.instructions[: program.terms]:
         match instruction:
             case Load(variable):
-                found.append(variables[program.variables.index(variable)])
+                ranges.append(variables[program.variables.index(variable)])
             case Const(value):
-                found.append(Range(value, value, known=True))
+                ranges.append(Range(value, value, known=True))
             case Map(name, args):
                 row = FUNCTIONS[name]
-                made = range_of(row.apply, row.rule, *(found[a] for a in args))
-                if made is None:
+                values = range_of(row.apply, row.rule, *(ranges[a] for a in args))
+                if values is None:
                     break
-                found.append(made)
-    return found
+                ranges.append(values)
+    return ranges

@@ -23,19 +23,19 @@ from rtamt.errors import (
     is_one_of,
 )
 from rtamt.language.interval import UNITS, Interval, decimal_text, exact, is_decimal
-from rtamt.language.table import Bounds
+from rtamt.language.operators import Bounds
 
 MAX_WINDOW = 2**31
-"""The greatest bound in samples."""
+"""The largest bound in samples."""
 
 Period = str | float | Fraction | np.floating
 """Seconds as a number, or text with a unit: ``0.1``, ``"100ms"``."""
 
 Align = Literal["outward", "inward", "nearest"]
-"""How a bound that is no whole number of samples becomes one, whatever the operator and polarity.
+"""How a bound between two samples is rounded, whatever the operator and polarity.
 
 ``"outward"`` is the floor of the begin and the ceiling of the end, ``"inward"`` the reverse,
-``"nearest"`` the nearest sample, of two equally near ones the one that widens the window.
+``"nearest"`` the nearest sample, or of two the one that widens the window.
 """
 
 _TOLERANCE = Fraction(1, 10**12)
@@ -44,15 +44,10 @@ _DOUBLE = np.dtype(np.float64).itemsize
 
 
 def as_period(period: Period | None, what: str = "period") -> Fraction | None:
-    """The period in seconds, exactly; None stays None.
+    """Return the period in seconds, exactly; None stays None.
 
-    A float is taken for the simplest fraction within a relative 1e-12 of it, so that ``1 / 15`` and
-    ``0.1`` are exact; a numpy float of less precision, for the simplest within that precision.
-
-    Raises:
-        SpecificationError: If it is no time from 1e-300 to 1e300 s. A text is checked before it is
-            computed with.
-        InputTypeError: If it is neither a number nor text.
+    A float means the simplest fraction within a relative 1e-12 of it, so that ``1 / 15`` and
+    ``0.1`` are exact; a numpy float of less precision, the simplest fraction within that precision.
 
     Example:
         >>> as_period("100ms"), as_period(0.1), as_period(1 / 15)
@@ -92,7 +87,7 @@ def _no_period(period: object, what: str) -> SpecificationError:
 
 
 def _simplest(low: Fraction, high: Fraction) -> Fraction:
-    """Return the fraction of least denominator in [low, high], by continued fractions."""
+    """Return the fraction with the smallest denominator in [low, high], by continued fractions."""
     whole = math.ceil(low)
     if whole <= high:
         return Fraction(whole)
@@ -112,7 +107,7 @@ def as_align(align: object) -> Align | None:
 
 
 def seconds_text(value: Fraction) -> str:
-    """Decimal text if there is one, else a quotient."""
+    """Return decimal text if there is one; otherwise, a quotient."""
     try:
         return decimal_text(value)
     except SpecificationError:
@@ -206,7 +201,7 @@ def _misfit(
     unit: str | None,
     error: Callable[[str, str], RtamtError],
 ) -> RtamtError:
-    """Return the error that refuses a bound which is no whole number of samples."""
+    """Return the error about a bound that is not a whole number of samples."""
     steps = bound / step
     low, high = (n * step for n in (math.floor(steps), math.ceil(steps)))
     if unit is None:
@@ -242,12 +237,12 @@ def _writable(time: Fraction, unit: str) -> str:
 
 
 def _nearest_below(steps: Fraction) -> int:
-    """Return the nearest whole number; of two, the lesser."""
+    """Return the nearest whole number, the smaller one of two."""
     return math.ceil(steps - Fraction(1, 2))
 
 
 def _nearest_above(steps: Fraction) -> int:
-    """Return the nearest whole number; of two, the greater."""
+    """Return the nearest whole number, the larger one of two."""
     return math.floor(steps + Fraction(1, 2))
 
 

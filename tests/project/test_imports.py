@@ -125,10 +125,8 @@ LATE = {
         ("rtamt.language.specification", module)  # methods import what they run
         for module in (
             "rtamt.export.fmu",
-            "rtamt.language.publications",
-            "rtamt.language.scaling",
-            "rtamt.language.subscriptions",
             "rtamt.language.template",
+            "rtamt.language.topics",
             "rtamt.language.words",
         )
     ),

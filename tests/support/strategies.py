@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from rtamt import Formula, Interval, Term, number, variable
 from rtamt.language.formula import make
 from rtamt.language.node import Node
-from rtamt.language.operators import OPERATORS
-from rtamt.language.table import Operator
+from rtamt.language.operators import OPERATORS, Operator
 
 Trace = dict[str, list[float]]
 Draw = st.DrawFn

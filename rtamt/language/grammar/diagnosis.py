@@ -1,4 +1,7 @@
-"""The errors of texts that are no specification: what was expected, what came, the way out.
+"""The errors of texts that are not specifications: expected and actual token, and a hint.
+
+Hints for texts of Breach, S-TaLiRo or MATLAB, or quoted from papers, propose a form that means the
+same, or state that there is no such form.
 
 To add an error of the parser, write its text once, where `rtamt.language` raises it: here, in
 another module of the grammar, or in the module of the object. Add a block with the exact text to
@@ -8,37 +11,18 @@ another module of the grammar, or in the module of the object. Add a block with 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from fractions import Fraction
-from typing import Protocol
+from typing import Final, Protocol
 
 from antlr4.Token import Token as AntlrToken
 
 from rtamt.errors import ParseError, SpecificationError, closest, nearest
+from rtamt.language.declarations import PRIMITIVES
 from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.interval import MAX_DIGITS, UNITS, exact
-from rtamt.language.operators import OPERATORS
-from rtamt.language.specification import PRIMITIVES
-from rtamt.language.table import Notation, Operator
-
-__all__ = [
-    "ID_HINT",
-    "LINK_HINT",
-    "RANGE_HINT",
-    "Token",
-    "diagnose",
-    "exact_number",
-    "fail",
-    "misspelt",
-    "no_bound",
-    "no_formula",
-    "no_id",
-    "no_range",
-    "shown",
-    "similar",
-    "similar_name",
-]
+from rtamt.language.operators import OPERATORS, Notation, Operator
 
 
 class Token(Protocol):
@@ -54,17 +38,17 @@ class Token(Protocol):
 
 
 def fail(text: str, token: Token, reason: str, hint: str = "") -> ParseError:
-    """The error that points at a token."""
+    """Return the error that points at a token."""
     return ParseError(reason, text, token.line, token.column + 1, hint)
 
 
 def similar(word: str, words: Iterable[str], otherwise: str = "") -> str:
-    """A hint with the most similar word; ``otherwise`` if none is similar."""
+    """Return a hint with the most similar word, or ``otherwise``."""
     return nearest(word, words).removeprefix("; ") or otherwise
 
 
 def similar_name(name: str, names: Iterable[str], declaration: str) -> str:
-    """A hint for an unknown name: one that is like it, and how to declare it."""
+    """Return a hint for an unknown name: a similar one, and how to declare it."""
     close = closest(name, names, cutoff=0.4)
     declare = f"declare it: {declaration}"
     return f"did you mean '{close}'? If not, {declare}" if close else declare
@@ -97,7 +81,7 @@ _INSTEAD = {
     '"': "write '\"' where the text ends, on the same line",
     **{c: f"write '{spelling}'" for c, spelling in zip(_PRINTED, _SPELT, strict=True)},
 }
-# Names of operators in other tools, each of which is more like the name of another operator here.
+# Names of operators in other tools that are more like the name of another operator here.
 _ELSEWHERE = {"globally": "always", "finally": "eventually", "future": "eventually"}
 _LENGTH = "write abs(x) for one number, sqrt(x * x + y * y) for two"
 _COMPOSED = {
@@ -112,14 +96,14 @@ _COMPOSED = {
 def diagnose(
     text: str, tokens: Sequence[Token], token: Token, rule: str, expected: AbstractSet[int]
 ) -> ParseError:
-    """The error for a token that the grammar refuses.
+    """Return the error for a token that the grammar refuses.
 
     Args:
         text: The whole text.
         tokens: Its tokens.
-        token: The refused one.
-        rule: Name of the rule of the grammar that refuses it.
-        expected: Types of the tokens that the rule would take.
+        token: The refused token.
+        rule: The rule of the grammar that refuses it.
+        expected: Types of the tokens that the rule accepts.
     """
     if rule in ("interval", "bound"):
         return _in_interval(text, token, expected)
@@ -131,7 +115,7 @@ def diagnose(
     at = token.tokenIndex
     first = max((i + 1 for i in range(at) if tokens[i].type == StlParser.END), default=0)
     if at == first:
-        return _at_the_begin(text, token)
+        return _at_start(text, token)
     before = tokens[at - 1]
     head = tokens[first]
     if head.type == StlParser.AT and at > first + 1 and tokens[first + 1].text == "id":
@@ -149,35 +133,31 @@ def diagnose(
 
 
 def misspelt(text: str, token: Token) -> ParseError:
-    """The error for a character that the language does not have."""
+    """Return the error for a character that the language does not have."""
     character = token.text
     named = f"'{character}'" if character.isprintable() else f"U+{ord(character):04X}"
     return fail(text, token, f"unexpected character {named}", _INSTEAD.get(character, _ASCII))
 
 
 def no_formula(text: str, token: Token, instead: str, hint: str = "") -> ParseError:
-    """The error for a text or statement that has something else instead of a formula."""
+    """Return the error for something else instead of a formula."""
     hint = hint or "write a formula, such as always(x > 0)"
     return fail(text, token, f"expected a formula, got {instead}", hint)
 
 
 def no_id(text: str, token: Token) -> ParseError:
-    """The error for a token that stands where the id of a requirement belongs."""
+    """Return the error for another token instead of the id of a requirement."""
     hint = f'write "{token.text}"' if token.type in _OPERANDS else ID_HINT
     return fail(text, token, f"expected the id in quotes, got {_got(token)}", hint)
 
 
 def no_bound(text: str, token: Token, hint: str) -> ParseError:
-    """The error for a token that stands where a bound of an interval belongs."""
+    """Return the error for another token instead of a bound of an interval."""
     return fail(text, token, f"expected an interval bound, got {_got(token)}", hint)
 
 
 def exact_number(text: str, token: Token, digits: str, what: str) -> Fraction:
-    """The exact value of a number in the text.
-
-    Raises:
-        ParseError: At the token, if the number is too large or too small to compute with.
-    """
+    """Return the exact value of a number in the text."""
     try:
         return exact(digits, what)
     except SpecificationError:
@@ -188,7 +168,7 @@ def exact_number(text: str, token: Token, digits: str, what: str) -> Fraction:
 
 
 def shown(text: str) -> str:
-    """A piece of text, cut to a length that fits into a message."""
+    """Return a piece of text, cut to a length that fits into a message."""
     return text if len(text) <= _LONG else f"{text[:_LONG]}..."
 
 
@@ -198,7 +178,7 @@ def _got(token: Token) -> str:
     return shown(token.text) if token.type == StlParser.STRING else f"'{shown(token.text)}'"
 
 
-def _at_the_begin(text: str, token: Token) -> ParseError:
+def _at_start(text: str, token: Token) -> ParseError:
     hint = _misplaced(token)
     if token.type == StlParser.IMPORT:
         hint = _HEADS[StlParser.FROM]
@@ -208,7 +188,7 @@ def _at_the_begin(text: str, token: Token) -> ParseError:
 
 
 def _misplaced(token: Token) -> str:
-    """A hint if a word may be meant as a variable; an operator like `and` is just misplaced."""
+    """Return a hint if a word may be meant as a variable; `and` is only misplaced."""
     if token.text == "inf":
         return "inf is only for the end of an interval; true is +inf, false is -inf"
     return "" if token.type == StlParser.INFIX else OPERATORS.refusal(token.text)
@@ -227,7 +207,7 @@ def _in_interval(text: str, token: Token, expected: AbstractSet[int]) -> ParseEr
 
 
 def no_range(text: str, token: Token) -> ParseError:
-    """The error for a token that stands where a range, or the end of a declaration, belongs."""
+    """Return the error for another token instead of a range or the end of a declaration."""
     reason = f"expected the end of the statement, got {_got(token)}"
     return fail(text, token, reason, _NEXT_STATEMENT)
 
@@ -248,11 +228,11 @@ def _in_range(text: str, token: Token, expected: AbstractSet[int]) -> ParseError
 def _in_id(
     text: str, tokens: Sequence[Token], token: Token, expected: AbstractSet[int]
 ) -> ParseError:
-    """The error in ``@ id(NAME, "ID")``, whose tokens are given."""
-    given = tokens[_BEFORE_ID] if len(tokens) > _BEFORE_ID else None
-    if given and token.tokenIndex >= given.tokenIndex and given.type != StlParser.STRING:
-        hint = ID_HINT if token is given else "an id stands in quotes: " + ID_HINT
-        return fail(text, given, f"expected the id in quotes, got {_got(given)}", hint)
+    """Return the error in the tokens of ``@ id(NAME, "ID")``."""
+    label = tokens[_BEFORE_ID] if len(tokens) > _BEFORE_ID else None
+    if label and token.tokenIndex >= label.tokenIndex and label.type != StlParser.STRING:
+        hint = ID_HINT if token is label else "an id stands in quotes: " + ID_HINT
+        return fail(text, label, f"expected the id in quotes, got {_got(label)}", hint)
     if StlParser.STRING in expected:
         reason = f"expected the link in quotes, got {_got(token)}"
         return fail(text, token, reason, LINK_HINT)
@@ -326,7 +306,7 @@ def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> 
 
 
 def _misread(text: str, before: Token, token: Token) -> ParseError | None:
-    """The error if the element before the refused token is meant as an operator or a formula."""
+    """Return the error if the element before the refused token is meant as something else."""
     word, index = before.text.split("[", 1)
     bounds = f"[0:{index}"
     if token.type == StlParser.EQUALS:
@@ -340,7 +320,7 @@ def _misread(text: str, before: Token, token: Token) -> ParseError | None:
 
 
 def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
-    """The error if the name before the refused token is meant as an operator or a function."""
+    """Return the error if the name before the refused token is meant as an operator or function."""
     word = before.text
     functions = [name for name, row in OPERATORS.words.items() if row.notation == "call"]
     operators = [*_words("prefix"), *_words("infix")]
@@ -363,16 +343,131 @@ def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
 
 
 def _named(prefix: Operator, token: Token) -> bool:
-    """Whether the word of a prefix operator is meant as a variable, as in ``next > 3``."""
+    """Return whether a prefix operator is meant as a variable, as in ``next > 3``."""
     row = OPERATORS.spellings.get((token.text, "infix"))
     return prefix.notation == "prefix" and row is not None and row.operands == "term"
 
 
 def _words(notation: Notation) -> list[str]:
-    """The words of a notation, without single letters: a typing error is never close to one."""
+    """Return the words of a notation; no typing error is close to a single letter."""
     return [s for s, row in OPERATORS.words.items() if row.notation == notation and len(s) > 1]
 
 
 def _where_intervals_stand() -> str:
     timed = [row.symbol for row in OPERATORS.values() if row.timed]
     return f"an interval stands after {', '.join(timed)} only"
+
+
+_Hint = Callable[[re.Match[str]], str]
+
+_INTERVAL: Final = r"[\[(][^\[\]()]*[,:][^\[\]()]*[\])]"
+_TEMPORAL: Final[Mapping[str, str]] = {
+    "[]": "always",
+    "<>": "eventually",
+    **dict.fromkeys(("G", "alw", "always"), "always"),
+    **dict.fromkeys(("F", "ev", "eventually"), "eventually"),
+    **dict.fromkeys(("H", "hist", "historically"), "historically"),
+    **dict.fromkeys(("O", "once"), "once"),
+    **dict.fromkeys(("U", "until"), "until"),
+    **dict.fromkeys(("S", "since"), "since"),
+}
+_WORDS: Final = "|".join(word for word in _TEMPORAL if word.isalpha())
+_LATEX: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("land", "wedge"), "and"),
+    **dict.fromkeys(("lor", "vee"), "or"),
+    **dict.fromkeys(("neg", "lnot"), "not"),
+    **dict.fromkeys(("implies", "rightarrow", "Rightarrow", "to"), "->"),
+    **dict.fromkeys(("iff", "leftrightarrow", "Leftrightarrow"), "<->"),
+    **dict.fromkeys(("square", "Box"), "always"),
+    **dict.fromkeys(("lozenge", "Diamond"), "eventually"),
+    **dict.fromkeys(("leq", "le"), "<="),
+    **dict.fromkeys(("geq", "ge"), ">="),
+    **dict.fromkeys(("neq", "ne"), "!="),
+}
+_MOMENT: Final = "; of p {0} q, p need not hold at the moment of q"
+
+
+def _temporal(match: re.Match[str]) -> str:
+    interval = match["interval"] or ""
+    if not _is_closed(interval):
+        return _OPEN.format(interval)
+    word = _TEMPORAL.get(match["word"])
+    if word is None:
+        return f"for p {match['word']} q write not (not p until{interval} not q)"
+    more = _MOMENT.format(word) if word in ("until", "since") else ""
+    return f"write '{word}{interval}'{more}"
+
+
+def _is_closed(interval: str) -> bool:
+    """Return whether an interval includes its bounds, or there is none."""
+    return not interval or bool(re.fullmatch(r"\[.*(\]|[:,]\s*inf\s*\))", interval))
+
+
+_OPEN: Final = "an interval includes both of its bounds here: {} has no form"
+
+
+def _fixed(text: str) -> _Hint:
+    return lambda _: text
+
+
+def _parameter(match: re.Match[str]) -> str:
+    return f"write const float {match[1]} = {match[2]}, one line for each parameter"
+
+
+def _latex(match: re.Match[str]) -> str:
+    return f"write '{_LATEX[match[1]]}'" if match[1] in _LATEX else ""
+
+
+def _signal(match: re.Match[str]) -> str:
+    return f"write float {match[1]}, one line for each signal, or leave the signals out"
+
+
+def _present(match: re.Match[str]) -> str:
+    return f"write {match[1]}: a name is the value at the present time"
+
+
+_ROWS: Final[tuple[tuple[str, _Hint], ...]] = (
+    # S-TaLiRo and papers: an operator, an underscore, an interval.
+    (rf"(?<![\w\]])(?P<word>\[\]|<>)(?:(?=\[|_)_?\{{?(?P<interval>{_INTERVAL}))?", _temporal),
+    (rf"\b(?P<word>{_WORDS})_\{{?(?P<interval>{_INTERVAL})?", _temporal),
+    (rf"\b(?P<word>R|V|release)(?=[\s_(\[])(?:_?\{{?(?P<interval>{_INTERVAL}))?", _temporal),
+    (r"/\\", _fixed("write 'and'")),
+    (r"\\/", _fixed("write 'or'")),
+    (r"<=>", _fixed("write '<->'")),
+    (r"=?=>", _fixed("implication is written '->'")),
+    (r"\\([A-Za-z]+)", _latex),
+    # Breach
+    (r":=", _fixed("a formula is named with '=': p = always(x > 0)")),
+    (r"\bparam\s+(\w+)\s*=\s*([-\w.]+)[^\n]*", _parameter),
+    (r"\bsignal\s+(\w+)[^\n]*", _signal),
+    (r"\b([A-Za-z_]\w*)\s*[\[(]\s*t\s*[\])]", _present),
+    (
+        r"\b([A-Za-z_]\w*)\s*[\[(]\s*t\s*[-+][^\])]*[\])]",
+        _fixed("only the value at the present time has a form: x for x[t]"),
+    ),
+    # MATLAB
+    (r"~=", _fixed("write !=")),
+    (r"~", _fixed("write 'not'; of a signal of 0 and 1 write x == 0, as x alone means x >= 0")),
+    (r"\.\^", _fixed("write pow(x, 2) for x.^2")),
+    (r"\.[*/]", _fixed("write it without the dot: all values are numbers")),
+    (r"[#%]", _fixed("a comment begins with //")),
+    (r"\.\.\.", _fixed("leave it out: after an operator and in brackets the next line goes on")),
+)
+_TABLE: Final = tuple((re.compile(pattern), hint) for pattern, hint in _ROWS)
+_MARGIN: Final = 100
+"""The most characters of a foreign form before the refused place."""
+
+
+def foreign_hint(text: str, at: int) -> str:
+    """Return the hint for a form of another tool at an index; empty if there is none.
+
+    Example:
+        >>> foreign_hint("[]_[0,20] p", 0)
+        "write 'always[0,20]'"
+    """
+    begin = max(0, at - _MARGIN)
+    for pattern, hint in _TABLE:
+        for match in pattern.finditer(text, begin, at + _MARGIN):
+            if match.start() <= at < match.end() and (advice := hint(match)):
+                return advice
+    return ""

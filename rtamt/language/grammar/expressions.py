@@ -17,13 +17,16 @@ from rtamt.language.grammar.diagnosis import (
     similar_name,
 )
 from rtamt.language.grammar.generated.StlParser import StlParser
-from rtamt.language.interval import UNITS, Interval, decimal_text, is_decimal, no_unit
+from rtamt.language.interval import (
+    UNITS,
+    Interval,
+    TracedInterval,
+    decimal_text,
+    is_decimal,
+    no_unit,
+)
 from rtamt.language.node import MAX_DEPTH, MAX_OPERANDS, Node
-from rtamt.language.operators import OPERATORS
-from rtamt.language.table import Operator
-from rtamt.language.traced import TracedInterval
-
-__all__ = ["TreeBuilder"]
+from rtamt.language.operators import OPERATORS, Operator
 
 _LEAVES = (StlParser.NAME, StlParser.ELEMENT, StlParser.NUMBER, StlParser.TRUTH)
 _CLOSING = (StlParser.CLOSE, StlParser.CLOSE_INTERVAL)
@@ -46,7 +49,7 @@ _UNIT_WORDS = {
 """Hints for words that may be meant as a unit."""
 
 _LONG = 60
-"""An error that shows two readings of operands longer than this calls them p, q and r."""
+"""The most characters of operands in an error with two ways to group them; otherwise p, q, r."""
 
 
 class _Frame:
@@ -69,14 +72,14 @@ class TreeBuilder:
         text: The text.
         tokens: Its tokens.
         constants: Values of the names that may be bounds of intervals.
-        resolve: Gives the node of a name.
-        chains: Whether ``implies``, ``until``, ``since`` and ``unless`` group to the left where
-            they chain; else that is an error.
+        resolve: Returns the node of a name.
+        chains: Whether chains of ``implies``, ``until``, ``since`` and ``unless`` group to the
+            left; otherwise, they are errors.
+        traced: Whether intervals with constants become `TracedInterval`.
 
     Attributes:
         positions: Line and column of each node's interval, operator or name.
-        bounding: Names of constants that were bounds of intervals.
-        traced: Whether intervals with constants become `TracedInterval`; False at first.
+        bounding: Names of constants that are bounds of intervals.
     """
 
     def __init__(
@@ -86,14 +89,15 @@ class TreeBuilder:
         constants: Mapping[str, Fraction],
         resolve: Callable[[Token], Node],
         *,
-        chains: bool = False,
+        chains: bool,
+        traced: bool,
     ) -> None:
         self.text = text
         self.tokens = tokens
         self.constants = constants
         self.resolve = resolve
         self.chains = chains
-        self.traced = False
+        self.traced = traced
         self.positions: dict[Node, tuple[int, int]] = {}
         self.bounding: set[str] = set()
         self._values: list[Node] = []
@@ -101,11 +105,7 @@ class TreeBuilder:
         self._operands = 0
 
     def build(self, first: int, last: int) -> Node:
-        """The tree of the tokens from first to last: a term or a formula.
-
-        Raises:
-            ParseError: If operators do not chain, or terms and formulas do not fit.
-        """
+        """Return the tree of the tokens from first to last: a term or a formula."""
         operand_next = True
         at = first
         while at <= last:
@@ -151,8 +151,8 @@ class TreeBuilder:
         self._reduce(strength + 1)
         frame = self._frames[-1] if self._frames else None
         if frame is not None and frame.strength == strength:
-            # A run of one operator becomes one node. A chain that has no meaning is collected as
-            # well: its error shows the operands.
+            # A run of one operator becomes one node. A chain without a meaning is collected too:
+            # its error shows the operands.
             run = frame.row is row and row.grouping in ("flat", "left-flat")
             left = self.chains and row.operands == "formula"
             if run or (row.grouping == "none" and not left):
@@ -214,7 +214,7 @@ class TreeBuilder:
         return self._fail(tokens[1], f"{names} {does} not chain; write {ways}")
 
     def _spelled(self, token: Token) -> str:
-        """An operator with its interval, as it stands in the text."""
+        """Return an operator with its interval, as it stands in the text."""
         last = token
         if self.tokens[token.tokenIndex + 1].type == StlParser.OPEN_INTERVAL:
             at = token.tokenIndex + 2
@@ -224,11 +224,7 @@ class TreeBuilder:
         return self.text[token.start : last.stop + 1]
 
     def _interval(self, at: int) -> int:
-        """Read the interval behind the operator at an index, if one is there.
-
-        Returns:
-            Index of the last token of the operator.
-        """
+        """Read the interval after the operator at an index; return its last index."""
         if self.tokens[at + 1].type != StlParser.OPEN_INTERVAL:
             return at
         first, at = at + 2, at + 2
@@ -271,7 +267,7 @@ class TreeBuilder:
         return at
 
     def _constant_of(self, at: int, scale: Fraction = Fraction(1)) -> tuple[str, Fraction] | None:
-        """The constant that is the bound at an index, with its factor; None if none is traced."""
+        """Return the constant of the bound at an index and its factor; None if it is not traced."""
         negative = self.tokens[at].type == StlParser.MINUS
         name = self.tokens[at + negative].text
         if not self.traced or name not in self.constants:
@@ -279,7 +275,7 @@ class TreeBuilder:
         return name, -scale if negative else scale
 
     def _bound(self, at: int) -> tuple[Fraction | None, Token | None, int]:
-        """Value, unit, and index behind a bound."""
+        """Return the value and the unit of a bound, and the index after it."""
         token = self.tokens[at]
         negative = token.type == StlParser.MINUS
         at += negative
@@ -320,8 +316,8 @@ class TreeBuilder:
 def _common_scales(begin: Fraction, end: Fraction) -> tuple[Fraction, Fraction]:
     """Return the factors that give two bounds one unit, from the lengths of their units.
 
-    It is the unit of the end; for ``[10s:1min]`` that of the begin, since 10 s are no decimal
-    number of minutes.
+    This is the unit of the end, or of the begin for ``[10s:1min]``, because no decimal number of
+    minutes is exactly 10 s.
     """
     scale = begin / end
     return (scale, Fraction(1)) if is_decimal(scale) else (Fraction(1), 1 / scale)

@@ -1,9 +1,9 @@
 """From text to tokens and statements: the module that runs ANTLR.
 
 The scanner takes the lexer's tokens one by one, so that ten thousand open brackets cost no more
-than the first two hundred. It gives words and symbols their types and decides which newlines end a
-statement. The parser then checks the syntax and finds the parts of the statements; the trees of
-expressions are built from their tokens (expressions.py).
+than the first two hundred. It sets the types of words and symbols and decides which newlines end a
+statement. The parser then checks the syntax and finds the parts of the statements; expressions.py
+builds the trees of expressions from their tokens.
 """
 
 from __future__ import annotations
@@ -19,26 +19,22 @@ from antlr4.error.ErrorStrategy import BailErrorStrategy
 from antlr4.Token import Token as AntlrToken
 
 from rtamt.errors import ParseError
-from rtamt.language.grammar.diagnosis import Token, diagnose, fail, misspelt
-from rtamt.language.grammar.dialects import foreign_hint
+from rtamt.language.grammar.diagnosis import Token, diagnose, fail, foreign_hint, misspelt
 from rtamt.language.grammar.generated.StlLexer import StlLexer
 from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.node import MAX_DEPTH, too_deep, too_long
-from rtamt.language.operators import OPERATORS
-from rtamt.language.table import Notation
-
-__all__ = ["Limits", "Span", "Statement", "Statements", "read"]
+from rtamt.language.operators import OPERATORS, Notation
 
 
 class Span(Protocol):
-    """The first and the last token that a rule of the grammar has read."""
+    """The first and the last token of a rule of the grammar."""
 
     start: Token
     stop: Token
 
 
 class Limits(Protocol):
-    """The limits of a range that the grammar has read."""
+    """The limits of a range."""
 
     lower: Span
     upper: Span
@@ -97,11 +93,7 @@ _lock = threading.Lock()
 
 
 def read(text: str) -> tuple[Statements, Sequence[Token]]:
-    """The statements of a text and its tokens.
-
-    Raises:
-        ParseError: If the text is not of the language.
-    """
+    """Return the statements of a text and its tokens."""
     try:
         return _read(text)
     except ParseError as error:
@@ -123,7 +115,7 @@ def _read(text: str) -> tuple[Statements, Sequence[Token]]:
         try:
             return cast("Statements", parser.specification()), tokens
         except ParseError as error:
-            raise error.with_traceback(None) from None  # it has two calls for every bracket
+            raise error.with_traceback(None) from None  # it has two calls per bracket
 
 
 class _Scanner:
@@ -162,7 +154,7 @@ class _Scanner:
         return self._finish(lexer, token)
 
     def _split(self, lexer: StlLexer, token: Token) -> None:
-        """Take the element for a word and a bracket if the word is one of the language."""
+        """Split an element into a word and a bracket if the word is reserved."""
         word = token.text.partition("[")[0]
         if word in OPERATORS.reserved:
             token.stop = token.start + len(word) - 1
@@ -183,7 +175,7 @@ class _Scanner:
         return _TYPES[row.notation, row.timed]
 
     def _calls(self) -> bool:
-        """Whether a bracket after the tokens so far holds the operands of a function."""
+        """Return whether the next bracket holds the operands of a function."""
         if not self.tokens or self.tokens[-1].type != StlParser.NAME:
             return False
         named = len(self.tokens) > 1 and self.tokens[-2].type in _NAMING
@@ -220,7 +212,7 @@ class _Scanner:
             raise fail(self.text, token, f"expected ')' to close {_place(opened)}, got ']'")
 
     def _is_range(self, opened: Token) -> bool:
-        """Whether a bracket opens a range of a declaration, and no interval of an operator.
+        """Return whether a bracket opens a range of a declaration, not an interval.
 
         A bracket that begins the text is refused whatever this says.
         """
@@ -268,7 +260,7 @@ def _place(token: Token) -> str:
 
 
 class _Stream:
-    """The tokens as a stream for ANTLR, whose own streams cost five times as much."""
+    """The tokens as a stream; those of ANTLR cost five times as much."""
 
     def __init__(self, tokens: Sequence[Token]) -> None:
         self.tokens = tokens

@@ -13,7 +13,7 @@ from message_classes import MODULES, Twist
 
 import rtamt
 from rtamt import EpisodeMonitor, InputError, Monitor, evaluate
-from rtamt.language.names import joined, lineage, steps
+from rtamt.language.declarations import joined, lineage, steps
 
 SPEC = rtamt.parse("scan.ranges[0] > 1 and scan.rows[1].x[2] < scan.gain")
 ROWS = st.lists(st.tuples(*(st.floats(-9, 9, width=16) for _ in range(3))), min_size=1, max_size=6)

@@ -4,8 +4,7 @@ import re
 
 from paths import ROOT
 
-from rtamt.language.operators import OPERATORS
-from rtamt.language.table import KEYWORDS
+from rtamt.language.operators import KEYWORDS, OPERATORS
 
 GRAMMAR = ROOT / "rtamt" / "language" / "grammar"
 

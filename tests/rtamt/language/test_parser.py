@@ -17,9 +17,8 @@ from rtamt import Formula, Interval, Specification, variable
 from rtamt.errors import InputTypeError
 from rtamt.language.formula import make
 from rtamt.language.node import MAX_DEPTH
-from rtamt.language.operators import OPERATORS
+from rtamt.language.operators import OPERATORS, Operator
 from rtamt.language.parser import as_specification
-from rtamt.language.table import Operator
 
 
 def formula(text: str) -> Formula:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rtamt.language.publications import publications
+from rtamt.language.topics import publications
 
 TEXT = """
 from rtamt_msgs.msg import FloatStamped

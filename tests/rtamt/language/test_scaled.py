@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
-import rtamt.language.scaling
+import rtamt.language.formula
 
 FORMULAS = [
     "always(x < 3) implies eventually[0:4](y > x + 2)",
@@ -31,35 +31,35 @@ def test_it_holds_where_the_formula_holds(
     formula = rtamt.parse(text).formula
     scales = {
         each: data.draw(st.sampled_from([0.001, 0.3, 1.0, 7.0, 1000.0]))
-        for each in rtamt.language.scaling.predicates(formula)
+        for each in rtamt.language.formula.predicates(formula)
     }
     x, y = np.array(rows).T
     plain = rtamt.evaluate(formula, {"x": x, "y": y})
-    scaled = rtamt.evaluate(rtamt.language.scaling.scaled(formula, scales), {"x": x, "y": y})
+    scaled = rtamt.evaluate(rtamt.language.formula.scaled(formula, scales), {"x": x, "y": y})
     np.testing.assert_array_equal(np.signbit(scaled), np.signbit(plain))
 
 
 def test_each_predicate_counts_in_its_scale() -> None:
     formula = rtamt.parse("always(x < 30 and y > 1)").formula
-    low, high = rtamt.language.scaling.predicates(formula)
-    scaled = rtamt.language.scaling.scaled(formula, {low: 10.0})
+    low, high = rtamt.language.formula.predicates(formula)
+    scaled = rtamt.language.formula.scaled(formula, {low: 10.0})
     trace = {"x": [0.0, 20.0], "y": [3.0, 4.0]}
     assert rtamt.evaluate(formula, trace)[0] == 2.0
     assert rtamt.evaluate(scaled, trace)[0] == 1.0
     assert (
-        rtamt.evaluate(rtamt.language.scaling.scaled(formula, {low: 10.0, high: 4.0}), trace)[0]
+        rtamt.evaluate(rtamt.language.formula.scaled(formula, {low: 10.0, high: 4.0}), trace)[0]
         == 0.5
     )
-    assert rtamt.language.scaling.scaled(formula, {}) is formula
-    assert rtamt.language.scaling.predicates(scaled)[1] is high
+    assert rtamt.language.formula.scaled(formula, {}) is formula
+    assert rtamt.language.formula.predicates(scaled)[1] is high
 
 
 def test_a_term_that_is_a_formula_is_divided() -> None:
     formula = rtamt.parse("always(x) and y").formula
     assert (
         str(
-            rtamt.language.scaling.scaled(
-                formula, dict.fromkeys(rtamt.language.scaling.predicates(formula), 2.0)
+            rtamt.language.formula.scaled(
+                formula, dict.fromkeys(rtamt.language.formula.predicates(formula), 2.0)
             )
         )
         == "always(x / 2) and y / 2"
@@ -68,8 +68,8 @@ def test_a_term_that_is_a_formula_is_divided() -> None:
 
 def test_predicates_are_found_once_in_order() -> None:
     formula = rtamt.parse("always(b > 1) and eventually(a < 2 or b > 1) and true").formula
-    assert [str(each) for each in rtamt.language.scaling.predicates(formula)] == ["b > 1", "a < 2"]
-    assert rtamt.language.scaling.predicates(rtamt.parse("true").formula) == ()
+    assert [str(each) for each in rtamt.language.formula.predicates(formula)] == ["b > 1", "a < 2"]
+    assert rtamt.language.formula.predicates(rtamt.parse("true").formula) == ()
 
 
 @pytest.mark.parametrize(
@@ -84,8 +84,8 @@ def test_predicates_are_found_once_in_order() -> None:
 def test_a_scale_is_positive_and_finite(scale: float, message: str) -> None:
     formula = rtamt.parse("always(x > 1)").formula
     with pytest.raises(rtamt.SpecificationError) as caught:
-        rtamt.language.scaling.scaled(
-            formula, {rtamt.language.scaling.predicates(formula)[0]: scale}
+        rtamt.language.formula.scaled(
+            formula, {rtamt.language.formula.predicates(formula)[0]: scale}
         )
     assert str(caught.value) == message
 
@@ -93,5 +93,5 @@ def test_a_scale_is_positive_and_finite(scale: float, message: str) -> None:
 def test_a_scale_belongs_to_a_predicate_of_the_formula() -> None:
     formula = rtamt.parse("always(x > 1)").formula
     with pytest.raises(rtamt.SpecificationError) as caught:
-        rtamt.language.scaling.scaled(formula, {formula: 2.0})
+        rtamt.language.formula.scaled(formula, {formula: 2.0})
     assert str(caught.value) == "expected scales of predicates of always(x > 1), got always(x > 1)"

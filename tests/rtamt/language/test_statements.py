@@ -11,7 +11,7 @@ import pytest
 import rtamt
 from rtamt import Formula
 from rtamt.errors import ParseError
-from rtamt.language.specification import Declaration
+from rtamt.language.declarations import Declaration
 
 
 def formula(text: str) -> Formula:

@@ -10,7 +10,7 @@ import pytest
 import rtamt
 from rtamt import SpecificationError
 from rtamt.language import SubscribedField
-from rtamt.language.subscriptions import subscriptions
+from rtamt.language.topics import subscriptions
 
 PAPER = """
 from geometry_msgs.msg import Twist

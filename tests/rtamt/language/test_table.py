@@ -15,8 +15,7 @@ from rtamt import Formula, Term, variable
 from rtamt.errors import ParseError, SpecificationError
 from rtamt.language import parser
 from rtamt.language.formula import make
-from rtamt.language.operators import OPERATORS, _function
-from rtamt.language.table import KEYWORDS, Operator
+from rtamt.language.operators import KEYWORDS, OPERATORS, Operator, _function
 from rtamt.program.algebra import FUNCTIONS, Function
 from rtamt.program.intervals import monotone
 

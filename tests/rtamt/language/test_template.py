@@ -15,7 +15,7 @@ from strategies import formulas
 from rtamt import Formula, ParseError, Specification, SpecificationError, parse
 from rtamt.errors import InputTypeError
 from rtamt.language import SpecificationTemplate
-from rtamt.language.grammar import statements
+from rtamt.language.grammar import reader
 
 named = formulas(endless=True).flatmap(lambda formula: with_names(str(formula)))
 
@@ -89,7 +89,7 @@ def test_the_text_is_read_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = parse("const float w = 2; always(eventually[0:w](x > w))")
     template = SpecificationTemplate(spec)
     reads: list[str] = []
-    monkeypatch.setattr(statements, "read", reads.append)
+    monkeypatch.setattr(reader, "read", reads.append)
     for value in range(1, 20):
         wanted = f"always eventually[0:{value}](x > {value})"
         assert str(template.at({"w": value}).formula) == wanted

@@ -11,7 +11,7 @@ from words_reader import read
 
 import rtamt
 from rtamt import Formula, Interval
-from rtamt.language import phrases
+from rtamt.language import words
 from rtamt.language.formula import make
 from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
@@ -99,13 +99,13 @@ def test_common_patterns_have_natural_sentences(text: str) -> None:
 def test_every_operator_has_words_in_one_table() -> None:
     timed = {"always", "eventually", "historically", "once"}
     tables = [
-        *(phrases.ADJECTIVES, phrases.FUNCTIONS, phrases.ARITHMETIC, phrases.CONSTANTS),
-        *(phrases.NEGATIONS, phrases.INFIX, ["implies"], phrases.NEIGHBOURS, phrases.MOMENTS),
+        *(words.ADJECTIVES, words.FUNCTIONS, words.ARITHMETIC, words.CONSTANTS),
+        *(words.NEGATIONS, words.INFIX, ["implies"], words.NEIGHBOURS, words.MOMENTS),
         timed,
     ]
     # The rows of difference and sum are named by their symbols.
     assert Counter(name for table in tables for name in table) == Counter(list(OPERATORS))
-    assert timed == set(phrases.VERBS)
+    assert timed == set(words.VERBS)
 
 
 @pytest.mark.parametrize("name", OPERATORS)

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from profiles import examples
 from reasons_oracle import Operands, Part, Reasons
 
-from rtamt.language.operators import OPERATORS
-from rtamt.language.table import Bounds, Builder, Operator
+from rtamt.language.operators import OPERATORS, Bounds, Builder, Operator
 from rtamt.monitors.origins import Origin, RobustnessSignal, flat, origin_of
 
 INF = math.inf

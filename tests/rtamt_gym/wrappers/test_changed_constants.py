@@ -24,7 +24,7 @@ from vector_environments import MODES, difference, make_pole, sync, trajectory
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
-from rtamt.language.grammar import statements
+from rtamt.language.grammar import reader
 from rtamt_gym import (
     ParallelStlMonitor,
     StlMonitor,
@@ -319,7 +319,7 @@ def test_no_text_is_read_after_the_first_change(monkeypatch: pytest.MonkeyPatch)
     env.reset(seed=1)
     env.reset(options={"constants": {"a": 0.2}})
     reads: list[str] = []
-    monkeypatch.setattr(statements, "read", reads.append)
+    monkeypatch.setattr(reader, "read", reads.append)
     for k in range(1, 20):
         env.reset(options={"constants": {"a": k / 100, "w": k / 50}})
     assert reads == []
