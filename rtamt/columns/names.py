@@ -11,26 +11,6 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-__all__ = [
-    "ABSCISSAS",
-    "CLOCKS",
-    "HINTS",
-    "INDEX",
-    "NANOSECONDS",
-    "QUANTITIES",
-    "UNIT_OF",
-    "ColumnName",
-    "calendar_unit",
-    "has_plain_time_name",
-    "hinted_unit",
-    "name_words",
-    "own_times",
-    "read_name",
-    "split_times",
-    "unit_of_times",
-    "word_set",
-]
-
 
 def word_set(words: str) -> frozenset[str]:
     """Return the words of a text."""
@@ -97,13 +77,13 @@ HINTS = word_set(
     "time times timestamp timestamps stamp zeit zeitstempel temps tiempo tempo tijd tid czas clock "
     "clk date datum epoch utc elapsed uptime tick ticks ts"
 ) | (UNIT_OF.keys() - {"h", "min", "s", "std"})
-"""Words of names that may be names of times."""
+"""Words in possible names of times."""
 
 CLOCKS = word_set(
     "time times timestamp timestamps stamp clock elapsed uptime zeit zeitstempel temps tiempo "
     "tempo tijd czas"
 )
-"""Words that make even a name of a counter one of times, if its values rise evenly: step time."""
+"""Words that make even the name of a counter a time, if its values rise evenly: step time."""
 
 QUANTITIES = word_set(
     # Counters.
@@ -122,11 +102,11 @@ QUANTITIES = word_set(
     "pressure voltage current power gear level score reward return weg strecke kilometerstand "
     "winkel drehzahl geschwindigkeit rampe sollwert hohe"
 )
-"""Words of names of quantities that may rise evenly, and are not times."""
+"""Words of quantities that may rise evenly and are not times."""
 
 
 ABSCISSAS = {("x", "value"), ("x", "axis"), ("xaxis",), ("abscissa",), ("abszisse",)}
-"""Names of the horizontal axis, as LabVIEW and ControlDesk write them."""
+"""Names of the horizontal axis in LabVIEW and ControlDesk."""
 
 
 class ColumnName(NamedTuple):
@@ -134,7 +114,7 @@ class ColumnName(NamedTuple):
 
     Attributes:
         words: Its words in lower case, without accents, unit and marks.
-        unit: The text in brackets behind them; None if there are no brackets.
+        unit: The text in brackets after them; None without brackets.
     """
 
     words: tuple[str, ...]
@@ -142,7 +122,7 @@ class ColumnName(NamedTuple):
 
 
 INDEX = re.compile(r"Unnamed: \d+|level_\d+|__index_level_\d+__|index|idx|", re.IGNORECASE)
-"""Names that pandas gives to an index of rows, which may hold times."""
+"""Names that pandas uses for an index of rows, which may hold times."""
 
 _BRACKETS = re.compile(
     r"(?P<name>.*?)[\s_,:]*[\[(<{]\s*(?P<unit>[^\])>}]*?)\s*[\])>}]\s*", re.DOTALL
@@ -172,9 +152,9 @@ def name_words(column: str) -> tuple[str, ...]:
 
 
 def has_plain_time_name(column: str) -> bool:
-    """Whether a name is ``time``, ``timestamp``, ``stamp``, ``datetime``, ``t`` or ``tout``.
+    """Return whether a name is ``time``, ``timestamp``, ``stamp``, ``datetime``, ``t`` or ``tout``.
 
-    A unit may follow. These names go before others that `unit_of_times` knows.
+    A unit may follow. These names have priority over the others that `unit_of_times` knows.
     """
     return _unit_of_plain(column) is not None
 
@@ -194,10 +174,10 @@ def _unit_of_plain(column: str) -> str | None:
 
 
 def unit_of_times(column: str) -> str | None:
-    """Return the unit in the name of a column of times; None if the name is not one of times.
+    """Return the unit in the name of a column of times; None for other names.
 
-    The unit is empty if the name states none, and stands as it is written if it is unknown. Marks
-    before the name (``#``, ``%``, ``_``), case and marks between words do not count.
+    The unit is empty if the name states none, and unchanged if it is unknown. Marks before the name
+    (``#``, ``%``, ``_``), case and marks between words do not count.
 
     Args:
         column: The name of the column.
@@ -237,7 +217,7 @@ def _unit_of_words(words: Sequence[str]) -> str | None:
 
 
 def hinted_unit(column: str) -> str | None:
-    """Return the unit that a name states, even if it may not be one of times; None if none.
+    """Return the unit in a name, even if the name may not be a time; None without one.
 
     Example:
         >>> hinted_unit("clock_us"), hinted_unit("recv [ms]"), hinted_unit("clk")
@@ -264,7 +244,7 @@ _CALENDAR = {
 
 
 def calendar_unit(column: str) -> str | None:
-    """Return what a column counts by its name: min, h, day, week, month or year; None for others.
+    """Return the unit that a column counts by its name; None for other names.
 
     Example:
         >>> calendar_unit("Hour"), calendar_unit("day of year"), calendar_unit("runtime [h]")
@@ -313,14 +293,10 @@ _CLOCK_WORDS = word_set(
 
 
 def own_times(column: str, names: Sequence[str]) -> str | None:
-    """Return the column with the times of one column, where several have their own; None without.
+    """Return the column with the times of one column, if several have their own; None without one.
 
-    It is called ``time_x`` or ``x.time``, say; or the table starts with times, and it is the
-    nearest column to the left that is called ``time.1`` or ``t2``, say.
-
-    Args:
-        column: The column.
-        names: The columns of the table, in order.
+    The column is called ``time_x`` or ``x.time``, for example. Otherwise, if the table starts with
+    times, it is the nearest column to the left with a name such as ``time.1`` or ``t2``.
 
     Example:
         >>> own_times("w", ["time", "v", "time_w", "w"]), own_times("x2", ["t1", "x1", "t2", "x2"])
@@ -345,6 +321,6 @@ def own_times(column: str, names: Sequence[str]) -> str | None:
 
 
 def _is_clock(name: str) -> bool:
-    """Whether a name is one of times, also with a number behind it."""
+    """Return whether a name is a time, possibly with a number after it."""
     bare = re.sub(r"(?<=[^\W\d])[\s._]?\d+$", "", name)
     return unit_of_times(bare) is not None

@@ -19,14 +19,6 @@ from rtamt.columns.names import (
 )
 from rtamt.columns.times import is_date
 
-__all__ = [
-    "Objects",
-    "may_tell_objects",
-    "names_objects",
-    "objects_in",
-]
-
-
 _OBJECTS = word_set(
     "name vehicle veh car truck agent actor entity object obj robot drone uav ego track "
     "participant pedestrian person player driver subject device unit episode ep eps run trial "
@@ -57,30 +49,30 @@ _NUMBERED = word_set(
 """Names of objects if their values are numbers other than 0 and 1, which may be flags."""
 
 _LAST = word_set("seed episode rollout trajectory trial")
-"""Names of episodes also behind other words: random seed."""
+"""Names of episodes even after other words: random seed."""
 
 _KEY_WORDS = word_set("id ids name no nr num number idx index uid uuid key label")
 _COUNTERS = word_set(
     "index step frameindex frameid stepindex stepid sampleindex sampleid rowindex rowid timeindex "
     "timestepindex globalindex messageid msgid packetid seqid sequenceid lineid"
 )
-"""Names of numbers of rows, which are not ids of objects."""
+"""Numbers of rows, which are not ids of objects."""
 
 _VALUES = word_set(
     "value values val wert messwert reading valeur valor varvalue tagvalue datavalue signalvalue "
     "numericvalue"
 )
-"""Names of the values in a table whose rows belong to different signals."""
+"""The values in a table whose rows belong to different signals."""
 
 _STATES = word_set(
     "state status mode quality validity valid comment note notes remark severity flag gear color "
     "colour weather date datum day time timestamp zeit hour month year"
 )
-"""Words of names of texts that may change next to one signal."""
+"""Words of texts that may change next to one signal."""
 
 
 def names_objects(column: str, *, texts: bool = False) -> bool:
-    """Whether a name is one of ids or names of objects, episodes or runs.
+    """Return whether a name is an id or a name of objects, episodes or runs.
 
     Args:
         column: The name.
@@ -112,12 +104,12 @@ def names_objects(column: str, *, texts: bool = False) -> bool:
 def may_tell_objects(
     column: str, read: Collection[str], *, timed: bool, first: bool = False
 ) -> bool:
-    """Whether a column may tell objects or episodes apart, by its name; its values decide.
+    """Return whether a column may separate objects or episodes, by its name; its values decide.
 
     Args:
         column: The name.
         read: The columns that formulas read.
-        timed: Whether the table has times; if not, times and numbers of rows may start again.
+        timed: Whether the table has times; without them, times and numbers of rows may start again.
         first: Whether it is the first column of the table.
     """
     if names_objects(column) or names_objects(column, texts=True) or _ends_episodes(column):
@@ -144,10 +136,10 @@ class Objects(NamedTuple):
     """Evidence that the rows of a table belong to several objects or episodes.
 
     Attributes:
-        column: The column that tells them apart; empty if it is not known.
-        values: Its values, in the order in which they occur; empty if it is not known.
+        column: The column that separates them; empty if unknown.
+        values: Its values, in order of appearance; empty if unknown.
         row: The row at which another episode starts, by a column of flags or of a count that
-            starts again; None if the values tell objects apart.
+            starts again; None if the values separate objects.
     """
 
     column: str
@@ -162,21 +154,20 @@ def objects_in(
     read: Collection[str] = (),
     first: str | None = None,
 ) -> Objects | None:
-    """Return the evidence that a table holds several objects or episodes; None if there is none.
+    """Return the evidence that a table has several objects or episodes; None if there is none.
 
     Rows that record different variables each are not several objects.
 
     Args:
-        cells: The columns that no formula reads: numbers, or texts where an empty one is no value.
+        cells: The columns that no formula reads: numbers, or texts with empty ones for no value.
         times: The time of each row; None if the table has no times.
         filled: For each variable, the rows in which it has a value.
         read: The columns that formulas read. Next to a column ``value``, any column of texts that
             are not states names signals.
-        first: The first column of the table, which may hold times by any name.
+        first: The first column of the table, which may hold times under any name.
 
     Example:
-        >>> ids = {"vehicle_id": np.array([0, 1, 0, 1])}
-        >>> objects_in(ids)
+        >>> objects_in({"vehicle_id": np.array([0, 1, 0, 1])})
         Objects(column='vehicle_id', values=('0', '1'), row=None)
         >>> objects_in({"gear": np.array([1, 1, 2, 2])}) is None
         True
@@ -211,7 +202,7 @@ def objects_in(
 def _mixed(
     cells: Mapping[str, NDArray[Any]], times: NDArray[Any], filled: Sequence[NDArray[np.bool_]]
 ) -> bool:
-    """Whether other columns change where times repeat or go back."""
+    """Return whether other columns change at times that repeat or go back."""
     late, back = times[1:] <= times[:-1], times[1:] < times[:-1]
     if late.all() and back.any():  # the newest row comes first
         return False
@@ -224,7 +215,7 @@ def _mixed(
 
 
 def _tells_objects(name: str, values: NDArray[Any], read: Collection[str]) -> bool:
-    """Whether values that occur again are names or numbers of objects."""
+    """Return whether values that occur again are names or numbers of objects."""
     if names_objects(name):
         return True
     named = read_name(name).words
@@ -242,7 +233,7 @@ def _tells_objects(name: str, values: NDArray[Any], read: Collection[str]) -> bo
 
 
 def _alternate(values: NDArray[Any]) -> bool:
-    """Whether texts change in most rows, as names of objects do whose records are interleaved."""
+    """Return whether texts change in most rows, as names of interleaved objects do."""
     there = values[values != ""]
     if len(there) < _MANY_TEXTS:
         return False
@@ -254,7 +245,7 @@ def _alternate(values: NDArray[Any]) -> bool:
 
 
 _MANY_TEXTS, _FEW_TEXTS = 6, 50
-"""The fewest texts, and the most different ones, that may name objects by their order alone."""
+"""The fewest texts, and the most different ones, that name objects by their order alone."""
 
 
 _FLAGS = word_set("true false on off yes no ok good bad ja nein 0 1") | {""}
@@ -265,7 +256,7 @@ _LAST_ROWS = word_set(
 )
 _FIRST_ROWS = word_set("isfirst episodestart episodestarts firstinepisode")
 _DONE = word_set("done dones")
-"""Names of flags of the last or the first row of an episode; ``done`` may be another flag."""
+"""Flags of the last or the first row of an episode; ``done`` may be another flag."""
 
 
 def _ends_episodes(column: str) -> bool:
@@ -292,21 +283,15 @@ _ROWS = word_set(
     "step steps timestep timesteps frame frames index idx row rows sample samples stepindex "
     "frameindex sampleindex rowindex timeindex timestepindex stepid sampleid rowid"
 )
-"""Names of numbers of rows."""
+"""Numbers of rows."""
 
 
 _FEW_ROWS = 4
-"""The least number of rows of a run that times by any name tell."""
+"""The minimum number of rows of a run in times under any name."""
 
 
 def _restart(name: str, values: NDArray[Any], *, first: bool) -> int | None:
-    """Return the row at which times or numbers of rows start again; None if they do not.
-
-    Args:
-        name: The column.
-        values: Its values.
-        first: Whether it is the first column of a table, which may hold times by any name.
-    """
+    """Return the row at which times or numbers of rows start again; None if they do not."""
     if values.dtype.kind not in "iuf" or len(values) < 4 or calendar_unit(name) is not None:
         return None
     if not np.isfinite(values.astype(np.float64)).all():
@@ -334,7 +319,7 @@ def _restart(name: str, values: NDArray[Any], *, first: bool) -> int | None:
 
 
 def _keys(values: NDArray[Any]) -> NDArray[np.intp] | None:
-    """Numbers of the values in a column of texts or integers, -1 without one; None for others."""
+    """Return numbers of the values of texts or integers, -1 without a value; None for others."""
     kind = values.dtype.kind
     if kind == "f":
         absent = np.isnan(values)
@@ -353,18 +338,18 @@ def _keys(values: NDArray[Any]) -> NDArray[np.intp] | None:
 
 
 def _recur(codes: NDArray[np.intp]) -> bool:
-    """Whether there are several values, most of which occur more than once."""
+    """Return whether there are several values, most of which occur more than once."""
     counts = np.bincount(codes[codes >= 0])
     return len(counts) > 1 and 2 * int((counts == 1).sum()) <= len(counts)
 
 
 def _share(codes: NDArray[np.intp], filled: Collection[NDArray[np.bool_]]) -> bool:
-    """Whether a variable has values in the rows of several objects."""
+    """Return whether a variable has values in the rows of several objects."""
     return not filled or any(len(np.unique(codes[here & (codes >= 0)])) > 1 for here in filled)
 
 
 def _ordered_within(codes: NDArray[np.intp], times: NDArray[Any]) -> bool:
-    """Whether the times of each value rise, or fall."""
+    """Return whether the times of each value rise, or fall."""
     if (codes < 0).any():
         return False
     order = np.argsort(codes, kind="stable")
@@ -374,14 +359,14 @@ def _ordered_within(codes: NDArray[np.intp], times: NDArray[Any]) -> bool:
 
 
 def _counts_rows(values: NDArray[Any]) -> bool:
-    """Whether numbers rise, or fall, from each row to the next."""
+    """Return whether numbers rise, or fall, from each row to the next."""
     if values.dtype.kind not in "iufmM":
         return False
     return bool((values[1:] > values[:-1]).all() or (values[1:] < values[:-1]).all())
 
 
 def _changes(values: NDArray[Any]) -> NDArray[np.bool_]:
-    """Whether each row has another value than the one before."""
+    """Return whether each row differs from the previous one."""
     changed = values[1:] != values[:-1]
     if values.dtype.kind == "f":
         changed &= ~(np.isnan(values[1:]) & np.isnan(values[:-1]))
@@ -389,10 +374,10 @@ def _changes(values: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _values(cells: NDArray[Any], codes: NDArray[np.intp]) -> tuple[str, ...]:
-    """The texts of the values in the order in which they occur."""
+    """Return the texts of the values in order of appearance."""
     _, places = np.unique(codes[codes >= 0], return_index=True)
     rows = np.nonzero(codes >= 0)[0][np.sort(places)]
-    found = cells[rows]
-    if found.dtype.kind == "f":
-        found = found.astype(np.int64)
-    return tuple(str(value) for value in found.tolist())
+    values = cells[rows]
+    if values.dtype.kind == "f":
+        values = values.astype(np.int64)
+    return tuple(str(value) for value in values.tolist())

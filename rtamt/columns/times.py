@@ -24,32 +24,21 @@ from rtamt.columns.names import (
     word_set,
 )
 
-__all__ = [
-    "are_clock_numbers",
-    "are_days",
-    "dates_of_numbers",
-    "is_date",
-    "looks_like_times",
-    "plausible_units",
-    "stated_period",
-]
-
-
 _FINEST, _COARSEST = 5e-5, 100.0
-"""The shortest and the longest usual step of a plausible reading, in seconds."""
+"""The shortest and the longest usual step of a plausible unit, in seconds."""
 
 _FIRST_DATE, _LAST_DATE, _LONGEST = 9.4e8, 4.2e9, 1e8
 """Seconds since 1970 in the years 2000 and 2100, and the longest time since a start."""
 
 _FEW = 4
-"""The least number of values that tell anything without a name."""
+"""The minimum number of values for a decision without a name."""
 
 
 def plausible_units(values: NDArray[Any]) -> list[str]:
     """Return the units in which times would have a plausible usual step, the likeliest first.
 
-    A step is plausible from 50 µs to 100 s; fractions below 1 are fractions of seconds. Times are
-    since a start, or dates since 1970; units that make them dates of this century exclude others.
+    Plausible steps are 50 µs to 100 s long; fractions below 1 are fractions of seconds. Times count
+    from a start, or from 1970; units that give dates of this century exclude others.
 
     Args:
         values: Two times or more, as numbers.
@@ -57,8 +46,6 @@ def plausible_units(values: NDArray[Any]) -> list[str]:
     Example:
         >>> plausible_units(np.array([0.0, 0.01])), plausible_units(np.array([0, 10, 20]))
         (['s'], ['s', 'ms'])
-        >>> plausible_units(np.array([1_700_000_000_000_000_000, 1_700_000_000_010_000_000]))
-        ['ns']
     """
     with np.errstate(over="ignore"):
         step = float(np.median(np.abs(np.diff(values).astype(np.float64))))
@@ -79,14 +66,13 @@ def plausible_units(values: NDArray[Any]) -> list[str]:
 
 
 def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
-    """Whether a column is probably one of times, by its name and its values.
+    """Return whether a column is probably a column of times, by its name and its values.
 
     A name such as ``hour`` or ``day`` needs numbers that change. A name with a word such as
     ``clock`` or with a unit of time needs values that rise, or fall. Any other name needs values
-    that rise in nearly even steps, and after the first column dates since 1970, or steps that are
-    even up to rounding. In the first column they may fall, too. It is not the name of a counter or
-    another quantity, unless it has a word such as ``time`` too. Numbers 0, 1, 2 and so on count
-    rows.
+    that rise in nearly even steps and, after the first column, dates since 1970 or steps that are
+    even up to rounding. The first column may fall, too. Counters and other quantities are not
+    times unless their name has a word such as ``time``. Numbers 0, 1, 2 and so on count rows.
 
     Args:
         column: Its name.
@@ -97,8 +83,6 @@ def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
         >>> steady = np.arange(6) * 0.25
         >>> [looks_like_times(name, steady, first=True) for name in ("clk", "A", "odometer")]
         [True, True, False]
-        >>> looks_like_times("A", np.arange(6), first=True)
-        False
     """
     if values.dtype.kind not in "iuf" or len(values) < 2:
         return False
@@ -131,9 +115,9 @@ def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
 
 
 def _ticks(values: NDArray[Any], steps: NDArray[np.float64], *, rough: bool, whole: bool) -> bool:
-    """Whether values rise in nearly even steps.
+    """Return whether values rise in nearly even steps.
 
-    If not ``rough``, they are dates or the steps are even up to rounding. If not ``whole``, numbers
+    Unless ``rough``, they are dates or the steps are even up to rounding. Unless ``whole``, numbers
     without fractions are not times either.
     """
     usual = float(np.median(steps))
@@ -164,7 +148,7 @@ def stated_period(name: str, value: float, *, single: bool) -> Fraction | None:
     """Return the seconds between samples that a constant states by its name; None for others.
 
     Args:
-        name: The name, as ``dt``, ``sample_time [ms]`` or ``fs``.
+        name: The name, such as ``dt``, ``sample_time [ms]`` or ``fs``.
         value: The value.
         single: Whether it is one number of a file, not a column.
 
@@ -187,17 +171,17 @@ def stated_period(name: str, value: float, *, single: bool) -> Fraction | None:
 
 
 _SERIAL_DAYS = ((3e4, 8e4), (7.2e5, 7.7e5), (2.44e6, 2.49e6))
-"""Days of dates from 1982 on, counted as spreadsheets, MATLAB and astronomers do."""
+"""Days of dates from 1982 on, as spreadsheets, MATLAB and astronomers count them."""
 
 _DAY = 86400
 _PARTS_OF_DAY = (0.01, 0.1, 0.5, 1, 2, 5, 10, 15, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200)
 
 
 def are_days(values: NDArray[Any]) -> bool:
-    """Whether numbers are probably days and parts of days, and hardly seconds.
+    """Return whether numbers are probably days and parts of days, and hardly seconds.
 
-    Their usual step is a usual number of seconds in days, and as seconds it is no short decimal
-    number. Either it is too short for seconds, or the numbers have the size of dates.
+    Their usual step is a usual number of seconds in days, and not a short decimal number of
+    seconds. It is too short for seconds, or the numbers have the size of dates.
 
     Example:
         >>> are_days(45413.5 + np.arange(5) / 86400), are_days(45413.5 + np.arange(5) / 100)
@@ -225,7 +209,7 @@ _DATE = re.compile(
 
 
 def is_date(text: str) -> bool:
-    """Whether a text looks like a date or a time of day in digits.
+    """Return whether a text looks like a date or a time of day in digits.
 
     Example:
         >>> is_date("2024-05-01T12:00Z"), is_date("12:00:01.5"), is_date("1.5")
@@ -235,10 +219,7 @@ def is_date(text: str) -> bool:
 
 
 def dates_of_numbers(values: NDArray[Any]) -> NDArray[Any] | None:
-    """Return the dates that numbers such as 20240501 or 20240501123000 write; None for others.
-
-    Args:
-        values: Numbers.
+    """Return the dates in numbers such as 20240501 or 20240501123000; None for others.
 
     Example:
         >>> dates_of_numbers(np.array([20240430, 20240501])).astype("datetime64[D]").tolist()
@@ -269,7 +250,7 @@ def dates_of_numbers(values: NDArray[Any]) -> NDArray[Any] | None:
 
 
 def are_clock_numbers(values: NDArray[Any]) -> bool:
-    """Whether numbers such as 115945 or 1159 are probably times of day without marks.
+    """Return whether numbers such as 115945 or 1159 are probably times of day without marks.
 
     Their steps are even as hours, minutes and seconds, and uneven as numbers.
 
@@ -291,6 +272,6 @@ def are_clock_numbers(values: NDArray[Any]) -> bool:
     if (rest < 24).all():
         clocks.append(60 * rest + low)
     return any(
-        (low < 60).all() and float(np.ptp(each)) <= 0.02 * float(each.min())
-        for each in map(np.diff, clocks)
+        (low < 60).all() and float(np.ptp(gaps)) <= 0.02 * float(gaps.min())
+        for gaps in map(np.diff, clocks)
     )

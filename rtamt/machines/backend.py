@@ -1,4 +1,4 @@
-"""The table of back-ends, and the choice of one: C++ where it was built, else Python.
+"""The table of back-ends, and the choice of one: C++ if it was built; otherwise, Python.
 
 To add a back-end, write a module next to `rtamt.machines.native`, and add its name to `BackendName`
 and its factories to `BACKENDS`. `rtamt.program.encoding` encodes programs for it.
@@ -53,7 +53,7 @@ Backend = Literal["auto", BackendName]
 class Factories:
     """The functions that make the machines of a back-end.
 
-    A reader turns arguments into samples or events, or refuses them; ``num`` is how many lanes.
+    A reader turns arguments into samples or events, or refuses them; ``num`` is the batch size.
 
     Attributes:
         discrete_machine: ``(program, reader, observed)``: every register has a latency, and
@@ -64,14 +64,14 @@ class Factories:
         dense_signs: ``(program, reader, events, trace, end)``.
         discrete_bank: ``(program, num, reader)``.
         episode_bank: ``(program, num, reader)``.
-        clock_bank: ``(clocks, parts, num)``, as `rtamt.machines.clocks.PythonClockBank` takes them.
+        clock_bank: ``(clocks, parts, num)``, as for `rtamt.machines.clocks.PythonClockBank`.
         clock: Counts times for a program.
         term_columns: See `rtamt.machines.terms.term_columns`.
         term_ranges: See `rtamt.machines.terms.term_ranges`.
         episode_panel: ``(machines, places, reads, decided, seen, number)``, for
-            `rtamt.monitors.monitor_sets`; None where there is none, or for these machines.
-        episode_run: ``(program, columns, n, end)``; None where columns are always faster.
-        fold_pairs: See `rtamt.machines.walk.FoldPairs`; None where NumPy folds pairs.
+            `rtamt.monitors.monitor_sets`; None without one, or for these machines.
+        episode_run: ``(program, columns, n, end)``; None if columns are always faster.
+        fold_pairs: See `rtamt.machines.walk.FoldPairs`; None if NumPy folds pairs.
     """
 
     discrete_machine: Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
@@ -110,7 +110,7 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
 """The back-ends that are built, by name."""
 
 read_only: Callable[[MemberDescriptorType], object] = readout.read_only
-"""Makes a descriptor that reads a slot of a class, and does not write it; the fastest there is."""
+"""Returns a read-only descriptor of a slot of a class; the fastest one."""
 
 _own_books: BookFunctions | None = None
 _are_own: Callable[[Sequence[EpisodeBank]], bool] | None = None
@@ -141,11 +141,11 @@ else:
     _own_books, _are_own = native.BOOKS, native.are_own
 
 BACKEND: Final[BackendName] = "native" if "native" in BACKENDS else "python"
-"""``"native"`` where the C++ machines are built, ``"python"`` where no compiler was at hand."""
+"""``"native"`` if the C++ machines are built; otherwise, ``"python"``."""
 
 
 def choose(backend: Backend) -> BackendName:
-    """Return the name of the back-end that an argument asks for, a key of `BACKENDS`."""
+    """Return the name of the back-end for an argument, a key of `BACKENDS`."""
     known = get_args(Backend)
     if not is_one_of(backend, known):
         msg = f"expected backend={alternatives(known)}, got {brief(backend)}"

@@ -1,4 +1,4 @@
-"""The Python machines in lockstep: lists of single ones, all of which take in a sample or none."""
+"""The Python machines of a batch: lists of single ones, all of which take a sample or none."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rtamt.inputs.arrays import Floats
 from rtamt.inputs.between import UncertainValue
-from rtamt.inputs.lanes import Floats, LaneReader, Lanes
+from rtamt.inputs.lanes import LaneReader, Lanes
 from rtamt.inputs.samples import ends_of, in_between
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.episode.variants import PythonEpisodeVariants
@@ -23,7 +24,7 @@ _M = TypeVar("_M", PythonDiscreteMachine, PythonEpisodeVariants)
 
 
 class _PythonBank(StateFields, Generic[_M]):
-    """Machines of one program, each with a time of its own."""
+    """Machines of one program, each with its own time."""
 
     STATE = ("_machines",)
 
@@ -60,12 +61,12 @@ def _rates(machine: _Machine, values: Sequence[float | UncertainValue]) -> list[
 
 
 def _absent(values: object) -> bool:
-    """Return whether values are left out, as they are given by name."""
+    """Return whether there are no values, because they are passed by name."""
     return isinstance(values, tuple) and not values
 
 
 class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
-    """Machines on samples in lockstep."""
+    """Machines on samples in a batch."""
 
     def __init__(self, program: Program, num: int, reader: LaneReader) -> None:
         machines = (PythonDiscreteMachine(program, reader.lane(i), ()) for i in range(num))
@@ -96,7 +97,7 @@ class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
 
 
 class PythonEpisodeBank(_PythonBank[PythonEpisodeVariants]):
-    """Machines that bound the robustness of an episode, in lockstep."""
+    """Machines that bound the robustness of episodes, in a batch."""
 
     def __init__(self, program: Program, num: int, reader: LaneReader) -> None:
         super().__init__(
@@ -119,9 +120,9 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeVariants]):
         lanes = self._chosen(chosen)
         self._require_open(lanes)
         last = [_inputs(m, table.shape[1]) for m in self._machines]
-        least, greatest = (np.array([[ends_of(x)[i] for x in row] for row in last]) for i in (0, 1))
-        ends = self._reader.ends(table, above, chosen, self.samples, (least, greatest))
-        lower, upper_ends = (each.tolist() for each in ends)
+        before = tuple(np.array([[ends_of(x)[i] for x in row] for row in last]) for i in (0, 1))
+        ends = self._reader.ends(table, above, chosen, self.samples, (before[0], before[1]))
+        lower, upper_ends = (column.tolist() for column in ends)
         samples = []
         for lane in lanes:
             machine = self._machines[lane]

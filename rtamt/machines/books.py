@@ -1,4 +1,4 @@
-"""What several banks of episodes find together, lane by lane, and the book of their verdicts."""
+"""Joint results of several banks of episodes, entry by entry, and the log of their verdicts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.inputs.lanes import Floats, Lanes
+from rtamt.inputs.arrays import Floats
+from rtamt.inputs.lanes import Lanes
 from rtamt.machines.protocols import End, EpisodeBank
 
 Banks = Sequence[EpisodeBank]
@@ -18,7 +19,7 @@ LaneValue = Literal["robustness", "lower", "upper"]
 
 
 class BankOutcomes(NamedTuple):
-    """The outcomes of episodes so far: fresh arrays with a row for each bank, a column a lane.
+    """The outcomes of episodes so far: fresh arrays with a row per bank, a column per entry.
 
     Attributes:
         robustness: 0 without a sample.
@@ -28,8 +29,8 @@ class BankOutcomes(NamedTuple):
         settled: Whether it is not open.
         satisfied: Whether the verdict is 1.
         by_end: Whether the verdict is -1 at a robustness that holds.
-        success: Whether all verdicts of the lane are 1; of shape (lanes,).
-        undecided: Whether one of them is 0; of shape (lanes,).
+        success: Whether all verdicts of the entry are 1; of shape (entries,).
+        undecided: Whether one of them is 0; of shape (entries,).
     """
 
     robustness: Floats
@@ -43,32 +44,33 @@ class BankOutcomes(NamedTuple):
 
 
 LaneColumn = tuple[dict[str, Any] | list[dict[str, Any]], str, str, NDArray[Any], Lanes | None]
-"""``(place, key, mask_key, values, there)``: values of some lanes, and where they are written.
+"""``(place, key, mask_key, values, there)``: values of some entries, and where to write them.
 
-The place is a dictionary; of values of two dimensions a list of them, one for each row. The last
-dimension of the values is of the lanes. ``there`` says which elements there are, None: all.
+The place is a dictionary or, for values of two dimensions, a list with one per row. The last
+dimension of the values counts entries. ``there`` states which elements exist, None: all.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class BookFunctions:
-    """The functions of a back-end on banks of as many lanes.
+    """The functions of a back-end on banks of equal size.
 
-    A row of a book is of a bank, a column of a lane; an array of one dimension is of the lanes.
+    In a log, a row belongs to a bank and a column to an entry; other arrays have one value per
+    entry.
 
     Attributes:
-        feed: ``(banks, columns, table, mask)``: feeds each bank its columns of a table.
-        least: ``(banks, value, failed)``: the minimum over the banks; where ``failed``, -0.0
-            stands for the value. nan where a lane has no sample.
+        feed: ``(banks, columns, table, mask)``: updates each bank with its columns of a table.
+        least: ``(banks, value, failed)``: the minimum over the banks, with -0.0 where ``failed``
+            and nan for entries without a sample.
         finish: ``(banks, mask, end)``: ends the episodes of the mask.
-        note: ``(banks, mask, settled_at, violated, failed, first, violated_at)``: writes the
-            verdicts that are new, in lanes of the mask.
+        note: ``(banks, mask, settled_at, violated, failed, first, violated_at)``: writes the new
+            verdicts in entries of the mask.
         forget: ``(mask, settled_at, violated, failed, first, violated_at)``.
-        outcomes: ``(banks, lanes, failed, settled_at)``: the outcomes of the lanes with these
+        outcomes: ``(banks, lanes, failed, settled_at)``: the outcomes of the entries with these
             numbers.
-        spread: ``(columns, lanes, num)``: writes arrays of all num lanes from values of those with
-            these numbers.
-        reset: ``(banks, mask)``: resets the lanes of the mask.
+        spread: ``(columns, lanes, num)``: writes arrays of all num entries from values of those
+            with these numbers.
+        reset: ``(banks, mask)``: resets the entries of the mask.
     """
 
     feed: Callable[[Banks, Sequence[tuple[int, ...]], Floats, Lanes | None], None]
@@ -89,11 +91,11 @@ def _feed(
 
 
 def _least(banks: Banks, value: LaneValue, failed: Lanes | None) -> Floats:
-    found = np.array([getattr(bank, value) for bank in banks])
+    values = np.array([getattr(bank, value) for bank in banks])
     if failed is not None:
-        found[failed] = -0.0
-    lowest: Floats = np.minimum.reduce(found)
-    lowest[(lowest == 0.0) & np.signbit(found).any(axis=0)] = -0.0  # minimum gives either zero
+        values[failed] = -0.0
+    lowest: Floats = np.minimum.reduce(values)
+    lowest[(lowest == 0.0) & np.signbit(values).any(axis=0)] = -0.0  # minimum gives either zero
     return lowest
 
 
@@ -154,7 +156,7 @@ def _outcomes(
 
 
 def spread(columns: list[LaneColumn], lanes: LaneCounts, num: int) -> None:
-    """Writes arrays of all lanes, and masks, from values of some, as `VerdictBook.spread` says."""
+    """Write arrays of all entries, and masks, from values of some, as `VerdictBook.spread`."""
     _check_lanes(lanes, num)
     for place, key, mask_key, values, there in columns:
         rows = [place] if isinstance(place, dict) else place
@@ -185,4 +187,4 @@ def _verdicts(banks: Banks, failed: Lanes) -> NDArray[np.int8]:
 
 
 PYTHON_BOOKS = BookFunctions(_feed, _least, _finish, _note, _forget, _outcomes, spread, _reset)
-"""On banks of any back-end."""
+"""The functions for banks of any back-end."""

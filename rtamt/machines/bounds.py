@@ -22,7 +22,7 @@ from rtamt.program.program import Program
 
 
 class Flags(NamedTuple):
-    """Whether something is the case at each time; the last one stays."""
+    """Whether something is true at each time; the last value stays."""
 
     values: NDArray[np.bool_]
 
@@ -30,7 +30,7 @@ class Flags(NamedTuple):
         return bool(self.values[min(time, len(self.values) - 1)])
 
     def first(self, begin: int, end: int) -> int | None:
-        """Return the first time from begin to end at which it is."""
+        """Return the first time from begin to end at which it is true."""
         found = np.flatnonzero(self.values[begin : max(0, end + 1)])
         if len(found):
             return begin + int(found[0])
@@ -42,18 +42,16 @@ class TraceBounds:
     """Bounds of the robustness at the first sample of a trace, however it ends.
 
     Args:
-        program: The program, whose windows may have no end.
         worst: The program for the lower bound.
         best: The program for the upper bound and the robustness; another one with neutral
             predicates.
-        least: For each predicate its n values, the smallest ones of what is not known.
+        least: The n smallest values of each predicate.
         greatest: The largest ones; the same object if all are known.
         n: Length of the trace, 1 or more.
         fold_pairs: See `rtamt.machines.walk.Walk`.
 
     Attributes:
         split: The program for the lower bound.
-        n: As it was given.
     """
 
     def __init__(
@@ -89,7 +87,7 @@ class TraceBounds:
         *,
         everywhere: bool = False,
     ) -> TraceBounds:
-        """Return the bounds for a program, whose windows may have no end, and a trace."""
+        """Return the bounds for a program and a trace; windows may have no end."""
         bound = sufficient(program, n)
         lower, upper = columns
         limit_beyond(program, n, unknown=upper is not lower)
@@ -111,7 +109,7 @@ class TraceBounds:
     def part(self, program: Program) -> TraceBounds:
         """Return the bounds for another program on the trace, which reads no other predicates.
 
-        It has the semantics and the variables of this one's program.
+        Its semantics and variables are the same.
         """
         worst, best = _both(program, sufficient(program, self.n))
         places = outputs_among(worst.predicates, self.split.predicates)
@@ -150,7 +148,7 @@ class TraceBounds:
         return self._worst.recorded(self.split.formulas.result, _endings(end)[0]) >= 0
 
     def undecided(self, registers: tuple[int, ...], end: End) -> list[Flags]:
-        """Where some registers of the formulas may be of either sign; for a trace that goes on."""
+        """Return where registers of the formulas may have either sign, on a trace that goes on."""
         lower, upper = _endings(end)
         return [
             Flags(
@@ -182,7 +180,7 @@ def _both(program: Program, bound: int) -> tuple[SplitProgram, SplitProgram]:
 
 
 def _differ(low: Keys, high: Keys) -> NDArray[np.bool_]:
-    """Where the signs differ; the last values stay."""
+    """Return where the signs differ; the last values stay."""
     length = max(len(low), len(high))
     low, high = (np.pad(a, (0, length - len(a)), mode="edge") for a in (low, high))
     differ: NDArray[np.bool_] = (low < 0) != (high < 0)
@@ -194,10 +192,10 @@ class SplitProgram:
     """A program for bounds.
 
     Attributes:
-        predicates: Computes the predicates, opposites of predicates among them, as its outputs.
-        formulas: What is made of them; its variables are those outputs.
+        predicates: Computes the predicates, and opposites of predicates, as its outputs.
+        formulas: The rest; its variables are those outputs.
         exact: The same registers, with bounds that are not cut to the trace.
-        needed: Samples on which the bounds depend; None: all.
+        needed: Samples that the bounds depend on; None: all.
     """
 
     predicates: Program
@@ -213,7 +211,7 @@ def split(program: Program, n: int, *, best: bool) -> SplitProgram:
     exact, program = (positive(p).with_zero(zero) for p in (program, program.clamped(n)))
     behind = range(program.terms, len(program.instructions))
     read = {a for r in behind for a in program.formula(r).args} | {program.result}
-    # The constants stay where they are: they keep their value at unseen samples.
+    # The constants stay: they keep their value at unseen samples.
     inputs = [
         r
         for r in sorted(read)
@@ -240,7 +238,7 @@ def split(program: Program, n: int, *, best: bool) -> SplitProgram:
 
 @functools.lru_cache(maxsize=512)
 def outputs_among(part: Program, whole: Program) -> tuple[int, ...]:
-    """Where the outputs of a program of terms are among the outputs of another, which has them all.
+    """Return the places of a program's outputs among the outputs of another, which has them all.
 
     The programs have the same variables and the same semantics.
     """

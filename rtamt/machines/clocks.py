@@ -1,7 +1,7 @@
 """Clocks of temporal operators, counted from the values of their operands, sample by sample.
 
-A clock knows the values of its operands, late by some samples, and whether its operator is asked at
-an instant; `rtamt.internal.OperatorClocks` says what it counts.
+A clock knows the values of its operands, delayed by some samples, and whether its operator is
+required at an instant; `rtamt.internal.OperatorClocks` describes the counts.
 
 To add the clock of an operator: its class here, and the same clock in
 ``rtamt/native/lockstep/clocks.cpp``. `rtamt_gym.judging.obligations` describes the rest.
@@ -23,25 +23,24 @@ from rtamt.inputs.lanes import Lanes
 from rtamt.machines.state import StateFields
 
 ClockKind = Literal["oldest", "newest", "last"]
-"""What a clock counts from."""
+"""The start of the count."""
 
 ClockEvent = Literal["holds", "fails", "until", "unless", "since"]
-"""What ends the counting: that the only operand holds or fails, or an operator of two operands."""
+"""The end of the count: the only operand holds or fails, or an operator of two operands."""
 
 
 class OperatorClock(NamedTuple):
     """The clock of a temporal operator, over parts whose values are fed.
 
     Attributes:
-        kind: What it counts from.
-        event: What its operands do to it.
-        begin: The first sample of the window, counted from an instant to the newest known values.
+        kind: The start of the count.
+        event: The effect of its operands.
+        begin: The first sample of the window, from an instant to the newest known values.
         end: The last; None if the window has no end.
-        late: How many samples the newest known values are old.
-        operands: For each operand its part, and for how many samples its values wait for those of
-            the others.
-        asked: The part that holds where the operator is asked; None: see ``first``.
-        first: Whether it is asked at the first sample alone; else at every one.
+        late: The age of the newest known values, in samples.
+        operands: For each operand its part, and the samples for which it waits for the others.
+        asked: The part that holds where the operator is required; None: see ``first``.
+        first: Whether it is required only at the first sample; otherwise, at every one.
     """
 
     kind: ClockKind
@@ -55,7 +54,7 @@ class OperatorClock(NamedTuple):
 
 
 class PythonClockBank(StateFields):
-    """Clocks over the same parts, in lanes that have a time of their own each."""
+    """Clocks over the same parts, in batch entries with their own time."""
 
     STATE = ("_lanes",)
 
@@ -95,7 +94,7 @@ def _rows(columns: list[list[float]]) -> Floats:
 
 
 class _Lane(StateFields):
-    """The clocks of one lane."""
+    """The clocks of one batch entry."""
 
     STATE = ("samples", "_clocks")
 
@@ -125,7 +124,7 @@ class _Clock(StateFields):
     """A clock.
 
     Attributes:
-        values: The newest values of its operands that fit each other; nan while there is none.
+        values: The newest matching values of its operands; nan before there are any.
     """
 
     STATE: ClassVar[tuple[str, ...]] = ("values", "_count", "_waiting")
@@ -143,7 +142,7 @@ class _Clock(StateFields):
         self.values = [math.nan] * len(self.values)
 
     def feed(self, parts: Sequence[float], samples: int) -> None:
-        """Takes in the newest values of the parts, before which so many samples were fed."""
+        """Update with the newest values of the parts, after this number of samples."""
         for place, (part, _) in enumerate(self._row.operands):
             self._waiting[place].append(parts[part])
             self.values[place] = self._waiting[place].popleft()
@@ -183,7 +182,7 @@ class _Oldest(_Clock):
         self._full = row.begin + 2 if row.end is None else row.end + 1
         self._most = row.begin + 1 if row.end is None else self._full
         self._shown: float = 0
-        # Whether it was asked, of each of the last instants.
+        # Whether it was required at each of the last instants.
         self._recent: deque[bool] = deque(maxlen=max(row.begin, row.late))
 
     def reset(self) -> None:
@@ -207,7 +206,7 @@ class _Oldest(_Clock):
         self._count, self._shown = count, shown
 
     def _of_two(self, count: float) -> tuple[float, float]:
-        """What ``until`` and ``unless`` count on from here, and what they show."""
+        """Return the new counts of ``until`` and ``unless``, internal and shown."""
         row, reached, failed = self._row, self._holds(1), self._fails(0)
         if row.event == "until":
             count = self._ended(reached, row.begin, count)
@@ -221,7 +220,7 @@ class _Oldest(_Clock):
         return self._full if done and row.first else left, shown
 
     def _ended(self, event: bool, last: int, count: float) -> float:  # noqa: FBT001
-        """Return the count once an event has ended all that is older than the ``last`` instants."""
+        """Return the count after an event that ends everything older than ``last`` instants."""
         if not event or count <= last:
             return count
         if last == 0 or self._row.first:
@@ -231,7 +230,7 @@ class _Oldest(_Clock):
 
 
 class _Newest(_Clock):
-    """Counts the instants after the newest that was asked; infinity while none is pending."""
+    """Counts the instants after the newest required one; infinity while none is pending."""
 
     def __init__(self, row: OperatorClock) -> None:
         super().__init__(row)

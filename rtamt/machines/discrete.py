@@ -1,4 +1,4 @@
-"""The machine on samples in Python: the definition that the C++ machine is tested against."""
+"""The machine on samples in Python: the definition that tests compare the C++ machine with."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from rtamt.program.program import Delay, Program, Scheduled, schedule
 class PythonDiscreteMachine(PythonSampleMachine):
     """Runs a program whose every register has a latency, one sample after the other.
 
-    After sample t the register r holds its value of time t - latency(r). For times outside the
-    trace a window takes in the identity of its fold instead of its operands' values: that cuts it
-    to the trace, at the start and, in `evaluate`, at the end.
+    After sample t the register r has its value of time t - latency(r). For times outside the trace
+    a window reads the identity of its fold: that cuts it to the trace, at the start and, in
+    `evaluate`, at the end.
     """
 
     STATE = ("samples", "inputs", "registers", "_end", "_parts")
@@ -129,7 +129,7 @@ class PythonDiscreteMachine(PythonSampleMachine):
     def _steps(
         self, columns: Sequence[NDArray[np.float64]], n: int
     ) -> list[tuple[Registers, list[float]]]:
-        """Return the terms and the variables of n samples; changes nothing."""
+        """Return the terms and the variables of n samples, without changes to the machine."""
         rows = [list(row) for row in zip(*(c.tolist() for c in columns), strict=True)] or [[]] * n
         missing = np.any([np.isnan(c) for c in columns], axis=0) if columns else np.zeros(n)
         if missing.any():

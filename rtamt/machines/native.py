@@ -1,4 +1,4 @@
-"""The machines in C++, made from encoded programs."""
+"""The machines in C++, from encoded programs."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def episode_run(program: Program, columns: Sequence[Floats], n: int, end: End) -
 
 @functools.lru_cache(maxsize=64)  # programs are cached, and differ by identity
 def _judging_machine(program: Program) -> _native.EpisodeMachine:
-    """Return a machine whose calls each judge a trace of their own."""
+    """Return a machine whose every call judges its own trace."""
     return episode_machine(program, SampleReader(program))
 
 
@@ -77,7 +77,7 @@ def episode_panel(
     seen: Callable[[list[float]], object] | None,
     number: type[float],
 ) -> _native.EpisodePanel | None:
-    """Return the panel of machines; None if one of them is not in C++."""
+    """Return the C++ set of machines; None if one of them is not in C++."""
     if not all(isinstance(machine, _native.EpisodeMachine) for machine in machines):
         return None
     return _native.EpisodePanel(machines, places, reads, decided, seen, number)
@@ -91,7 +91,7 @@ def dense_machine(
 
 
 class _Regions(StateFields):
-    """The registers in C++, where the Python machine has `Regions`."""
+    """The registers in C++, as `Regions` in Python."""
 
     STATE = ()
 

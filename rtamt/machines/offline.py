@@ -1,10 +1,9 @@
-"""Evaluates whole traces with online machines, in one pass forwards or backwards if they can.
+"""Evaluates whole traces with online machines, in one pass forwards or backwards if possible.
 
-A program of finite latency runs over the n samples and as many more as its latency. One that has
-futures without end, but no past without begin, runs backwards as the mirrored program: future is
-past with time flipped. In a program that has both, a window without end is cut out: its operands
-are computed first, then folded backwards by the mirrored window. The folded values become one more
-variable.
+A program of finite latency runs over the n samples and as many more as its latency. With futures
+without an end, but no past without a begin, it runs backwards as the mirrored program. With both, a
+window without an end is cut out: its operands are computed first, then folded backwards by the
+mirrored window. The folded values become one more variable.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ MakeMachine = Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
 
 
 class _Cut(NamedTuple):
-    """A window without end that is cut out of a program.
+    """A window without an end that is cut out of a program.
 
     Attributes:
         operands: The program of its operands, which are its outputs in order.
@@ -47,8 +46,8 @@ class _Plan(NamedTuple):
     """The programs of the passes over a trace.
 
     Attributes:
-        cut: The windows without end, in order.
-        last: The program that has a variable in place of each of these windows.
+        cut: The windows without an end, in order.
+        last: The program with a variable in place of each of these windows.
         backwards: Whether the last program runs backwards.
     """
 
@@ -86,7 +85,7 @@ def run_offline(
 ) -> Array:
     """Return the robustness at every sample of a trace of n samples.
 
-    The machine looks for nan on its way: a pass over the columns before costs as much as its own.
+    The machine looks for nan on its way: a separate pass over the columns would double the cost.
     """
     passes = Passes(result_alone(program), reader, machine, n)
     return without_nan(reader, columns, lambda known: passes.run(known, n)[""])
@@ -95,7 +94,7 @@ def run_offline(
 def without_nan(
     reader: SampleReader, columns: Sequence[Array], run: Callable[[Sequence[Array]], _T]
 ) -> _T:
-    """Run a machine on columns, and again without nan if it finds one that the reader allows."""
+    """Run a machine on columns, and again without nan if it meets one that the reader allows."""
     try:
         return run(columns)
     except InputError:
@@ -134,9 +133,9 @@ def _planned(program: Program, n: int) -> _Plan:
 
 
 def _cut_out(program: Program) -> tuple[tuple[_Cut, ...], Program]:
-    """Return the windows without end, and the program that has a variable in place of each.
+    """Return the windows without an end, and the program with variables in their place.
 
-    A window may need the variables of those before it; its variable comes behind them.
+    A window may need the variables of earlier ones; its own variable comes after them.
     """
     cut: list[_Cut] = []
     # Everything before the first window without end has a latency.
@@ -153,7 +152,7 @@ def _cut_out(program: Program) -> tuple[tuple[_Cut, ...], Program]:
 
 
 def _folding(program: Program, window: Window) -> Program:
-    """Return the program that folds the operands of a window without end, backwards."""
+    """Return the program that folds the operands of a window without an end, backwards."""
     width = len(window.args)
     names = tuple(str(i) for i in range(width))
     last = replace(window, args=tuple(range(width))).mirrored()
@@ -187,6 +186,6 @@ def _with_variable(program: Program, cut: int, name: str) -> Program:
 
 @functools.lru_cache(maxsize=512)
 def _greatest_bound(program: Program) -> int:
-    """Return the number of samples by which a window reaches back or ahead at most."""
+    """Return the largest number of samples that a window reaches back or ahead."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
     return max((abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0)

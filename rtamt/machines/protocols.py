@@ -1,17 +1,17 @@
-"""What a machine offers, whichever back-end it comes from.
+"""The interface of each machine in both back-ends.
 
-Each machine exists at least twice: in C++, in `rtamt._native`, by the name that its protocol has
-here, and in Python, with ``Python`` in front (`PythonDiscreteMachine`). The Python machine is the
-definition: where the two differ, the C++ machine is wrong.
+Each machine exists at least twice: in C++, in `rtamt._native`, under the name of its protocol, and
+in Python, with ``Python`` in front (`PythonDiscreteMachine`). The Python machine is the definition:
+if the two differ, the C++ machine is wrong.
 
 ===================  ========================================================================
 `DiscreteMachine`    runs a program on samples: `rtamt.machines.discrete`
 `EpisodeMachine`     bounds the robustness of an episode: `rtamt.machines.episode.machine`
 `DenseMachine`       runs a program on events over dense time: `rtamt.machines.dense.machine`
 `DenseSigns`         where a formula fails on a trace in dense time: `rtamt.machines.dense.outlook`
-`DiscreteBank`       many discrete machines in lockstep: `rtamt.machines.bank`
-`EpisodeBank`        many episode machines in lockstep: `rtamt.machines.bank`
-`ClockBank`          clocks of temporal operators in lockstep: `rtamt.machines.clocks`
+`DiscreteBank`       a batch of discrete machines: `rtamt.machines.bank`
+`EpisodeBank`        a batch of episode machines: `rtamt.machines.bank`
+`ClockBank`          a batch of clocks of temporal operators: `rtamt.machines.clocks`
 ===================  ========================================================================
 
 To add a machine, such as one for another time domain: a protocol here, a Python class that matches
@@ -40,13 +40,13 @@ from rtamt.program.implications import Counted, InstantRuns
 
 Floats = NDArray[np.float64]
 End = Literal["complete", "cut", "open"]
-"""How a trace ends: with nothing after it, at a time that no one chose, or as a mere beginning."""
+"""How a trace ends: complete, cut at an arbitrary time, or open to go on."""
 MachineState = Any
-"""State of a machine; only a machine of the same program and back-end knows what is in it."""
+"""State of a machine; only machines of the same program and back-end can read it."""
 
 
 class Stateful(Protocol):
-    """A machine whose state can be taken, and given to another one of the same program."""
+    """A machine whose state can be copied to another one of the same program."""
 
     def state(self) -> MachineState:
         """Return a copy of the state, which ``restore`` takes."""
@@ -56,13 +56,13 @@ class Stateful(Protocol):
 
 
 class SampleMachine(Stateful, Protocol):
-    """A machine that takes in samples.
+    """A machine on samples.
 
     Attributes:
-        samples: Samples taken in since the reset.
+        samples: Number of samples since the reset.
         inputs: The last sample, empty before the first.
-        update: Takes in one sample, in any of the argument forms; returns the robustness.
-        retire: Refuses each further update, as the monitor has another machine.
+        update: Takes one sample, in any of the argument forms; returns the robustness.
+        retire: Refuses each further update, because the monitor has another machine.
     """
 
     @property
@@ -83,7 +83,7 @@ class DiscreteMachine(SampleMachine, Protocol):
     @property
     def registers(self) -> Sequence[float]: ...
     def run(self, columns: Sequence[Floats], n: int) -> list[Floats]:
-        """Take in n samples at once, all or none."""
+        """Take n samples at once, all or none."""
 
     def evaluate(
         self, columns: Sequence[Floats], n: int, *, backwards: bool = False
@@ -110,27 +110,26 @@ class EpisodeMachine(SampleMachine, Protocol):
     @property
     def finished(self) -> bool: ...
     def finish(self, end: End = "complete") -> float:
-        """End the trace, set the bounds as this reading says, and return the robustness.
+        """End the trace, set the bounds for its end mode, and return the robustness.
 
-        The robustness is moved to the nearest bound if it is outside, which it can be if the trace
-        was cut.
+        A cut trace may have its robustness outside the bounds; it moves to the nearest one.
         """
 
     def show_in(
         self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
     ) -> None:
-        """Keep slots of a monitor up to date while it lives, as `rtamt.machines.readout` says."""
+        """Update slots of a monitor while it lives, as in `rtamt.machines.readout`."""
 
 
 class EpisodeRun(NamedTuple):
-    """What an episode machine says of a whole trace.
+    """The result of an episode machine for a whole trace.
 
     Attributes:
         robustness: The robustness, inside the bounds.
-        complete: The robustness if the trace is all there is.
-        lower: The smallest robustness that the reading of the end leaves possible.
+        complete: The robustness of the complete trace.
+        lower: The smallest robustness that the end mode leaves possible.
         upper: The largest.
-        decided_at: The first sample after which the verdict was decided; None: there is no such.
+        decided_at: The first sample after which the verdict was decided; None if never.
     """
 
     robustness: float
@@ -147,7 +146,7 @@ class DenseMachine(Stateful, Protocol):
         settled: The time before which the result is known; -inf until every variable has an event.
         finished: Whether the trace has ended.
         values: The last known values of the observed registers; after `finish`, those at the end.
-        update: Takes in new events; returns the breakpoints of the result that they settle.
+        update: Takes new events; returns the breakpoints of the result that they settle.
     """
 
     @property
@@ -159,10 +158,10 @@ class DenseMachine(Stateful, Protocol):
     @property
     def update(self) -> Callable[..., list[tuple[float, float]]]: ...
     def finish(self) -> list[tuple[float, float]]:
-        """End the trace where the first variable ends; return the breakpoints that are left."""
+        """End the trace at the end of the first variable; return the remaining breakpoints."""
 
     def run(self, given: Sequence[GivenLike]) -> tuple[Floats, Floats]:
-        """Times and values of the result over the whole trace of a new machine."""
+        """Return times and values of the result over the whole trace of a new machine."""
 
     def reset(self) -> None: ...
 
@@ -175,10 +174,10 @@ class DenseEpisodeMachine(Stateful, Protocol):
         lower: The smallest robustness over all continuations and ends.
         upper: The largest robustness over all continuations and ends.
         settled: The last time at which all variables are known; -inf before there is one.
-        span: The first and the last tick of the trace, which has begun.
-        decided_at: The first time after which the bounds have one sign bit; None: no such.
+        span: The first and the last tick of the trace.
+        decided_at: The first time after which the bounds have one sign bit; None if never.
         finished: Whether the trace has ended.
-        update: Takes in new events; returns the robustness.
+        update: Takes new events; returns the robustness.
     """
 
     @property
@@ -198,59 +197,59 @@ class DenseEpisodeMachine(Stateful, Protocol):
     @property
     def update(self) -> Callable[..., float]: ...
     def finish(self, end: End = "complete") -> float:
-        """End the trace, set the bounds as this reading says, and return the robustness."""
+        """End the trace, set the bounds for its end mode, and return the robustness."""
 
     def run(self, given: Sequence[GivenLike], *, decided: bool = False) -> None:
-        """Take in a whole trace, with times as they were given."""
+        """Read a whole trace, with times as the caller passed them."""
 
     def complete(self) -> tuple[float, float]:
-        """Return the bounds if the trace is all there is.
+        """Return the bounds of the complete trace.
 
-        They are the same unless they hang on neutral predicates, or on what is not known.
+        They are equal unless neutral predicates or unknown values matter.
         """
 
     def reset(self) -> None: ...
 
 
 class DenseSigns(Protocol):
-    """Where a formula fails or holds for certain on a whole trace in dense time."""
+    """The instants of a whole trace in dense time at which a formula fails or holds for certain."""
 
     def fails_at(self, instants: InstantRuns) -> Counted:
-        """How often it fails at recorded ones of some positions."""
+        """Return how often it fails at recorded positions among some."""
 
     def holds_at(self, instants: InstantRuns) -> bool:
-        """Return whether it holds at all of some positions, which have one or more."""
+        """Return whether it holds at all of some positions, one or more."""
 
 
 class Bank(Stateful, Protocol):
-    """Machines of one program in lockstep, each in a lane with a time of its own."""
+    """A batch of machines of one program; each entry has its own time."""
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        """Samples taken in by every lane since its reset."""
+        """The number of samples of every entry since its reset."""
 
     @property
     def inputs(self) -> Floats:
-        """The last sample of every lane, the smallest values where they are not known."""
+        """The last sample of every entry, with the smallest of uncertain values."""
 
     @property
     def update(self) -> Callable[..., Floats]:
-        """Takes in a sample in every lane of a mask; returns every lane's result.
+        """Takes a sample in every entry of a mask; returns every entry's result.
 
-        Its arguments are values, mask and, if it gives bounds, upper values: then a sample lies
-        between the two. Instead of values it takes columns by name.
+        Its arguments are values, mask and, for bounds, upper values: then a sample lies between the
+        two. Instead of values it takes columns by name.
         """
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        """Forget every sample of the lanes that the mask chooses."""
+        """Forget every sample of the entries in the mask."""
 
 
 class ClockBank(Protocol):
-    """Clocks of temporal operators over the same parts, in lanes that have a time of their own.
+    """Clocks of temporal operators over the same parts, in batch entries with their own time.
 
     Attributes:
-        samples: The number of samples of every lane since its reset.
-        fractions: A row for each clock: from 0 to 1 in every lane.
+        samples: The number of samples of every entry since its reset.
+        fractions: A row for each clock: from 0 to 1 in every entry.
         margins: A row for each operand of each clock: its newest known value, 0 before it.
     """
 
@@ -261,7 +260,7 @@ class ClockBank(Protocol):
     @property
     def margins(self) -> Floats: ...
     def feed(self, values: Floats, mask: NDArray[np.bool_] | None = None) -> None:
-        """Take in a sample in the lanes of the mask: a contiguous row of each part."""
+        """Take a sample in the entries of the mask: a contiguous row of each part."""
 
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None: ...
     def state(self) -> MachineState: ...
@@ -269,16 +268,16 @@ class ClockBank(Protocol):
 
 
 class DiscreteBank(Bank, Protocol):
-    """Discrete machines in lockstep."""
+    """A batch of discrete machines."""
 
 
 class EpisodeBank(Bank, Protocol):
-    """Episode machines in lockstep, with the attributes of `EpisodeMachine` for every lane.
+    """A batch of episode machines, with the attributes of `EpisodeMachine` for every entry.
 
     Attributes:
-        verdict: 1 where the sign bit of lower is clear, -1 where upper's is set, else 0.
-        unknown: Which values of the last samples are not known: a row for each lane, a column for
-            each variable.
+        verdict: 1 if the sign bit of lower is clear, -1 if that of upper is set, or 0.
+        unknown: Which values of the last samples are uncertain: a row per entry, a column per
+            variable.
     """
 
     @property
@@ -294,4 +293,4 @@ class EpisodeBank(Bank, Protocol):
     @property
     def finished(self) -> NDArray[np.bool_]: ...
     def finish(self, mask: ArrayLike | None = None, end: End = "complete") -> Floats:
-        """End the traces of the lanes that the mask chooses; return every lane's robustness."""
+        """End the traces of the entries in the mask; return every entry's robustness."""

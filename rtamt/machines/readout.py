@@ -1,8 +1,7 @@
 """Attributes of a monitor that its machine writes, so that reading one costs no call.
 
-They are slots of the monitor's class. Users see descriptors that only read; the machine has those
-that write, and a weak reference to the monitor: ``update`` is a method of the machine, which may
-outlive the monitor.
+They are slots of the monitor's class. Users see read-only descriptors; the machine has the writing
+ones and a weak reference to the monitor, because its ``update`` method may outlive the monitor.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 
 class Readout:
-    """Keeps slots of a monitor at robustness, lower, upper and verdict while the monitor lives."""
+    """Updates the slots robustness, lower, upper and verdict while the monitor lives."""
 
     def __init__(
         self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
@@ -36,17 +35,17 @@ class Readout:
 
 
 def verdict_of(lower: float, upper: float) -> int:
-    """-1 if the bounds say that the specification is violated, 1 if satisfied, else 0."""
+    """Return -1 if the bounds show a violation, 1 if they show satisfaction, or 0."""
     return -1 if copysign(1.0, upper) < 0.0 else int(copysign(1.0, lower) > 0.0)
 
 
 def verdicts_of(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.int8]:
-    """What `verdict_of` gives, for each lane."""
+    """Return the result of `verdict_of` for each batch entry."""
     return np.subtract(~np.signbit(lower), np.signbit(upper), dtype=np.int8)
 
 
 def moved(robustness: float, lower: float, upper: float) -> float:
-    """Return the robustness, or the bound that is nearest to it, -0.0 below 0.0."""
+    """Return the robustness, or the nearest bound, with -0.0 below 0.0."""
     return max(lower, min(robustness, upper, key=_order), key=_order)
 
 
@@ -55,5 +54,5 @@ def _order(value: float) -> tuple[float, float]:
 
 
 def read_only(slot: MemberDescriptorType) -> object:
-    """Return a descriptor that reads a slot of a class, and does not write it."""
+    """Return a read-only descriptor of a slot of a class."""
     return property(slot.__get__, doc=inspect.getdoc(slot))

@@ -9,7 +9,7 @@ from rtamt.errors import StateError
 
 
 def refuse_stale() -> NoReturn:
-    """Raise the error of an update of a machine whose monitor has another one."""
+    """Raise the error about an update of a machine whose monitor has another one."""
     msg = (
         "this update is of a monitor whose __init__ has run again since; take the monitor's "
         "update anew"
@@ -18,7 +18,7 @@ def refuse_stale() -> NoReturn:
 
 
 class Retiring:
-    """A machine whose monitor may leave it for another, while somebody still holds its update.
+    """A machine whose monitor may replace it while somebody still holds its update.
 
     Attributes:
         reader: Reads the arguments of each update.
@@ -32,7 +32,7 @@ class Retiring:
         self.reader = _Retired()
 
     def require_current(self) -> None:
-        """Refuse an update whose own values, when they were read, have run `retire`."""
+        """Refuse an update if reading its values has run `retire`."""
         if isinstance(self.reader, _Retired):
             refuse_stale()
 
@@ -45,13 +45,12 @@ class _Retired:
 class StateFields:
     """An object whose state is the fields that its class names.
 
-    A field holds a number, a tuple or array that is never changed in place, a list or deque of
-    such values, another such object, or a list of such objects, lists or deques. Snapshots share no
-    list with the object, and `restore` keeps the objects that fields refer to.
+    A field is a number, a tuple or array that never changes in place, a list or deque of such
+    values, another such object, or a list of such objects, lists or deques. Snapshots share no list
+    with the object, and `restore` keeps the objects in fields.
 
     Attributes:
-        STATE: Names of the fields that change from one call to the next; ``reset`` gives them
-            their first values.
+        STATE: Names of the fields that change between calls; ``reset`` sets their first values.
     """
 
     __slots__ = ()

@@ -1,4 +1,4 @@
-"""The arithmetic over the present sample, with which every machine begins."""
+"""The arithmetic over the present sample, the first part of every machine."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Terms(Generic[_Place]):
         return self._constants[:]
 
     def __call__(self, values: list[float], place: _Place) -> Registers:
-        """Compute the registers of the terms; changes nothing."""
+        """Return the registers of the terms, without changes to the machine."""
         registers = self._constants[:]
         for out, variable in self._loads:
             registers[out] = values[variable]
@@ -93,7 +93,7 @@ def map_operation(out: int, function: str, args: tuple[int, ...]) -> Operation:
 
 
 class PythonSampleMachine(Retiring, StateFields):
-    """The base of the Python machines that take in samples."""
+    """The base of the Python machines on samples."""
 
     reader: SampleReader
 
@@ -103,11 +103,11 @@ class PythonSampleMachine(Retiring, StateFields):
         self._terms: Terms[int] = Terms(program, reader.refuse)
 
     def terms(self, values: list[float]) -> Registers:
-        """Return the terms of the next sample, refused if one is nan; changes nothing."""
+        """Return the terms of the next sample, without changes to the machine; nan is refused."""
         return self._terms(values, self.samples)
 
     def take(self, terms: Registers, values: list[float]) -> None:
-        """Take in a sample whose terms are known."""
+        """Take a sample whose terms are known."""
         raise NotImplementedError
 
     def reset(self) -> None:
@@ -144,9 +144,9 @@ def term_ranges(
     least, greatest = np.empty((2, len(observed), n))
     for i in range(n):
         ends = [(float(a[i]), float(b[i])) for a, b in zip(lower, upper, strict=True)]
-        found = ranges_of(program, [of_ends(*each) for each in ends])
-        if len(found) < program.terms:
-            reader.refuse_between((e[0] for e in ends), (e[1] for e in ends), i)
+        ranges = ranges_of(program, [of_ends(*pair) for pair in ends])
+        if len(ranges) < program.terms:
+            reader.refuse_between((low for low, _ in ends), (high for _, high in ends), i)
         for k, register in enumerate(observed):
-            least[k, i], greatest[k, i] = found[register][:2]
+            least[k, i], greatest[k, i] = ranges[register][:2]
     return list(least), list(greatest)

@@ -1,19 +1,19 @@
-"""The registers of a program over a whole trace and what follows it, column by column.
+"""The registers of a program over a whole trace and after it, column by column.
 
 `EpisodeMachine` bounds the robustness of an episode sample by sample; this module computes the same
-values from whole columns, and gives those of every register at every time. It serves both
-back-ends, and formulas that the machine refuses.
+values from whole columns, and those of every register at every time. It serves both back-ends, and
+formulas that the machine refuses.
 
-Behind its terms, a program of bounds has no negations (`rtamt.program.placement`): it only takes
-minima and maxima. So columns hold the integers of `rtamt.program.algebra.ordered`, on which NumPy's
-minimum and maximum order -0.0 below 0.0.
+After its terms, a program of bounds has no negations (`rtamt.program.placement`), only minima and
+maxima. So columns hold the integers of `rtamt.program.algebra.ordered`, on which NumPy's minimum
+and maximum order -0.0 below 0.0.
 
-How the end of a trace is read, for unseen predicates that are all -inf or all +inf:
+The end modes, for unseen predicates that are all -inf or all +inf:
 
 * ``"complete"``: windows are cut to the trace.
-* ``"open"``: unseen samples are there, but for windows that skip them (`Window.skips`).
-* ``"cut"``: unseen samples are there for windows with an end. Operators without an end read
-  recorded samples alone; where none of theirs was recorded, they have their values of ``"open"``.
+* ``"open"``: unseen samples exist, except for windows that skip them (`Window.skips`).
+* ``"cut"``: unseen samples exist for windows with an end. Operators without an end read only
+  recorded samples; if none of theirs was recorded, they have their values of ``"open"``.
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.program import Program
 
 Keys = NDArray[np.int64]
-"""Numbers as `ordered` gives them."""
+"""Numbers from `ordered`."""
 
 FoldPairs = Callable[[Keys, Keys, int, bool, bool], Keys]
 """``(p, q, before, is_max, backwards)``: max(q, min(p, before)) of each pair (p, q).
 
-The value of a pair is `before` of the next one; ``backwards``, of the previous one. If not
+The value of a pair is `before` of the next one or, ``backwards``, of the previous one. Without
 ``is_max``, min and max are exchanged.
 """
 
 _FLIP = np.iinfo(np.int64).max
-# How many elements are folded at once. The arrays of a window fit into a fast cache.
+# The number of elements in one fold: the arrays of a window fit into a fast cache.
 _BLOCK = 1 << 15
 _PREFIX_BLOCK = 1 << 17
 
 
 class TraceEnd(NamedTuple):
-    """One reading of what was not recorded.
+    """One assumption about unseen samples.
 
     Attributes:
-        end: How the end is read.
-        best: Whether unseen predicates are +inf, as in the upper bound; else they are -inf.
+        end: The end mode.
+        best: Whether unseen predicates are +inf, for the upper bound; otherwise, they are -inf.
     """
 
     end: End
@@ -86,7 +86,7 @@ class _Tail(NamedTuple):
     """The values of a register in one ending.
 
     Attributes:
-        settled: How many of the first values are those of the complete trace.
+        settled: The number of first values that equal those of the complete trace.
         rest: The values after them; the last one stays for ever.
     """
 
@@ -95,7 +95,7 @@ class _Tail(NamedTuple):
 
     @property
     def last(self) -> int:
-        """The time from which on the value stays."""
+        """The time from which the value stays."""
         return self.settled + len(self.rest) - 1
 
 
@@ -120,19 +120,19 @@ class Walk:
 
     def at_zero(self, ending: TraceEnd) -> float:
         """Return the program's result at time 0."""
-        found: dict[int, int] = {}
+        values: dict[int, int] = {}
         for register in initial_registers(self._program):
             match self._program.instructions[register]:
                 case Const(value):
-                    found[register] = _key(value)
+                    values[register] = _key(value)
                 case Load(variable):
-                    found[register] = int(self._columns[variable][0])
+                    values[register] = int(self._columns[variable][0])
                 case Map(function, args):
                     choose = min if function == "min" else max
-                    found[register] = choose(found[a] for a in args)
+                    values[register] = choose(values[a] for a in args)
                 case Window() as window:
-                    found[register] = self._window_at_zero(register, window, ending)
-        return number_of(found[self._program.result])
+                    values[register] = self._window_at_zero(register, window, ending)
+        return number_of(values[self._program.result])
 
     def recorded(self, register: int, ending: TraceEnd) -> Keys:
         """Return the values of a register at the recorded times."""
@@ -144,7 +144,7 @@ class Walk:
         return tail.rest[self._n - tail.settled :]
 
     def _window_at_zero(self, register: int, window: Window, ending: TraceEnd) -> int:
-        """Return a window at time 0 alone, for which no column is made."""
+        """Return a window at time 0 only, without a column."""
         n, fold = self._n, FOLDS[window.fold]
         if ending.end == "cut" and window.endless and window.begin >= n:
             ending = TraceEnd("open", ending.best)
@@ -184,7 +184,7 @@ class Walk:
         return self._tail(register, ending).settled
 
     def _between(self, register: int, ending: TraceEnd, begin: int, end: int) -> Keys:
-        """Return the values at times from begin to before end, which may lie after the trace."""
+        """Return the values at times from begin to before end, possibly after the trace."""
         if begin >= end:
             return _UNSEEN[ending.best][:0]
         if ending.end == "complete":
@@ -270,7 +270,7 @@ class Walk:
                 return _Tail(settled, found)
 
     def _future(self, register: int, window: Window, ending: TraceEnd, known: int) -> _Tail:
-        """Return a window without end, which begins now."""
+        """Return a window without an end that starts now."""
         n, fold, args = self._n, FOLDS[window.fold], window.args
         opened, skips = TraceEnd("open", ending.best), window.skips(best=ending.best)
         end = max(self._tail(a, opened).last for a in args) + 1
@@ -329,7 +329,7 @@ class Walk:
         return found
 
     def _total(self, fold: LatticeFold, columns: Sequence[Keys]) -> tuple[int, ...]:
-        """Return the fold of all elements, of which there is one at least."""
+        """Return the fold of one element or more."""
         if fold.width == 1:
             reduce = np.minimum if fold.identity[-1] > 0 else np.maximum
             return (int(reduce.reduce(columns[0])),)
@@ -361,25 +361,25 @@ class Walk:
         return self._fold_pairs(p, q, before, fold.identity[-1] < 0, backwards)
 
     def _suffixes(self, fold: LatticeFold, columns: Sequence[Keys]) -> Keys:
-        """Return the folds from each element to the last one; of pairs those of the future."""
+        """Return the folds from each element to the last one; for pairs, of the future."""
         if fold.width > 1 and self._fold_pairs is not None:
             return self._scanned(fold, columns, backwards=True)
         return self._prefixes(FOLDS[fold.mirror], [column[::-1] for column in columns])[::-1]
 
     def _prefixes(self, fold: LatticeFold, columns: Sequence[Keys]) -> Keys:
-        """Return the folds from the first element to each one; of pairs those of the past."""
+        """Return the folds from the first element to each one; for pairs, of the past."""
         if fold.width == 1:
             accumulate = (np.minimum if fold.identity[-1] > 0 else np.maximum).accumulate
             return accumulate(columns[0])
         if self._fold_pairs is not None:
             return self._scanned(fold, columns, backwards=False)
-        total, found = _NOTHING[fold.name], [columns[-1][:0]]
+        total, blocks = _NOTHING[fold.name], [columns[-1][:0]]
         for begin in range(0, len(columns[0]), _PREFIX_BLOCK):
             values, total = _prefixes_of_block(
                 fold, total, [column[begin : begin + _PREFIX_BLOCK] for column in columns]
             )
-            found.append(values)
-        return np.concatenate(found)
+            blocks.append(values)
+        return np.concatenate(blocks)
 
 
 @functools.lru_cache(maxsize=1024)  # programs are cached, and differ by identity
@@ -398,10 +398,10 @@ def _mapped(function: str, columns: Sequence[Keys]) -> Keys:
 
 
 def _slid(fold: LatticeFold, columns: Sequence[Keys], length: int) -> Keys:
-    """Return the folds of all runs of so many elements.
+    """Return the folds of all runs of this length.
 
-    Folds of runs whose length is a power of 2 are folded in pairs. The last pair overlaps, which
-    changes nothing, as folds are idempotent.
+    Folds of runs whose length is a power of 2 are folded in pairs. The last pair overlaps, which is
+    harmless because folds are idempotent.
     """
     combine, run, known = _combine(fold), tuple(columns), 1
     while known < length:
@@ -414,10 +414,10 @@ def _slid(fold: LatticeFold, columns: Sequence[Keys], length: int) -> Keys:
 def _prefixes_of_block(
     fold: LatticeFold, total: tuple[int, ...], columns: Sequence[Keys]
 ) -> tuple[Keys, tuple[int, ...]]:
-    """Return the folds of what was before and the first elements, and the fold of all.
+    """Return the folds of the total before and the first elements, and the fold of all.
 
     Elements stand in rows of a table. Rows are folded side by side, then each one with the fold of
-    all those before it.
+    all previous ones.
     """
     combine, choose = _combine(fold), fold.made(min, max)
     n = len(columns[0])
@@ -441,10 +441,10 @@ def _prefixes_of_block(
 
 @functools.lru_cache(maxsize=512)
 def initial_registers(program: Program) -> tuple[int, ...]:
-    """Registers that are read at time 0 alone, in order; the last is the result."""
-    found = {program.result}
+    """Return the registers that are read only at time 0, in order; the last is the result."""
+    registers = {program.result}
     for register in range(program.result, -1, -1):
         instruction = program.instructions[register]
-        if register in found and isinstance(instruction, Map):
-            found.update(instruction.args)
-    return tuple(sorted(found))
+        if register in registers and isinstance(instruction, Map):
+            registers.update(instruction.args)
+    return tuple(sorted(registers))

@@ -1,8 +1,8 @@
-"""Folds of windows over a stream, one push a sample, and over lists of elements.
+"""Folds of windows over a stream, one push per sample, and over lists of elements.
 
 `SlidingWindow` is a two-stack queue whose flip is spread over the pushes (after Tangwongsan, Hirzel
 and Schneider, "In-order sliding-window aggregation in worst-case constant time", 2021, for windows
-of fixed length): four combinations a push in the worst case, whatever the length and the fold.
+of fixed length): at most four combinations per push, whatever the length and the fold.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from rtamt.program.algebra import FOLDS, Arrays, Element, LatticeFold
 
 
 class FoldedWindow(StateFields):
-    """A window over a stream of elements, and their fold; it begins full of identities."""
+    """A window over a stream of elements, and their fold; it starts full of identities."""
 
     __slots__ = ()
 
     def push(self, x: Element) -> Element:
-        """Take in the next element and return the fold of the window that ends with it."""
+        """Return the fold of the window that ends with the next element."""
         raise NotImplementedError
 
 
@@ -69,10 +69,10 @@ class SlidingWindow(FoldedWindow):
 
     The window covers the end of the block before the last one, the whole last block and the block
     that is being filled. ``_front`` has the suffix folds of the first, ``_middle`` is the fold of
-    the second, ``_prefix`` the fold of the third. New elements are written into the places of
-    ``_front`` that are used up; meanwhile the last block, in ``_back``, is turned into suffix folds
-    from its end, one a push. A block that is not there yet is empty and stands for identities, so
-    that a window takes memory for the elements that it has seen.
+    the second, ``_prefix`` the fold of the third. New elements replace the used ones of ``_front``;
+    meanwhile the last block, in ``_back``, becomes suffix folds from its end, one per push. A
+    missing block is empty and stands for identities, so a window takes memory only for seen
+    elements.
     """
 
     STATE = ("_offset", "_front", "_back", "_middle", "_prefix", "_suffix")
@@ -116,7 +116,7 @@ class SlidingWindow(FoldedWindow):
 
 
 class DelayLine(StateFields):
-    """A queue that gives back every value ``length`` samples later."""
+    """A queue that returns every value ``length`` samples later."""
 
     __slots__ = ("_length", "_place", "_ring")
     STATE = ("_place", "_ring")
@@ -130,7 +130,7 @@ class DelayLine(StateFields):
         self._place = 0
 
     def push(self, x: float) -> float:
-        """Take in x and return the value of ``length`` pushes ago, 0.0 before there is one."""
+        """Return the value of ``length`` pushes ago, 0.0 before there is one."""
         place = self._place
         late = 0.0
         if place < len(self._ring):
@@ -144,7 +144,7 @@ class DelayLine(StateFields):
 def slide(
     fold: LatticeFold, elements: list[Element], rest: Element, width: int, count: int
 ) -> list[float]:
-    """Return the results of `count` windows, of which window i begins with element i."""
+    """Return the results of `count` windows; window i starts with element i."""
     inside = max(0, min(count, len(elements) - width + 1))
     folds: list[Element] = []
     if inside:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError
-from rtamt.inputs.lanes import Floats, LaneReader, Lanes
+from rtamt.inputs.arrays import Floats
+from rtamt.inputs.lanes import LaneReader, Lanes
 from rtamt.machines.backend import BACKENDS, books_of
 from rtamt.machines.books import BankOutcomes, BookFunctions, LaneColumn, LaneValue
 from rtamt.machines.protocols import End, EpisodeBank

@@ -1,8 +1,7 @@
 """The Python machine of `rtamt.dense.EpisodeMonitor`: robustness and bounds at the start.
 
-It does over the regions of dense time what `rtamt.machines.episode.machine` does over samples.
-Position 0 is the start of the trace, and the last position that was seen is the instant of the
-earliest of the variables' last events.
+It is `rtamt.machines.episode.machine` over the regions of dense time. Position 0 is the start of
+the trace, and the last seen position is the instant of the earliest of the variables' last events.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ from rtamt.program.placement import Placement, place, variants_of
 
 
 class Regions(StateFields):
-    """The registers of a program, at all positions or at the start alone."""
+    """The registers of a program, at all positions or only at the start."""
 
     STATE = ("t", "_first", "_keepers")
     t: int
@@ -91,7 +90,7 @@ class Regions(StateFields):
                 assert_never(never)
 
     def advance(self, rows: RegionRows, t: int) -> None:
-        """Take in the terms at new positions; all positions up to t have been seen."""
+        """Take the terms at new positions; all positions up to t have been seen."""
         if self.t < 0:
             self._first = [float(values[0]) for values in rows.terms]
         self.t = t
@@ -112,7 +111,7 @@ class Regions(StateFields):
             stream.trim()
 
     def unfold(self, rows: RegionRows, t: int, worlds: Sequence[int]) -> None:
-        """Take in a whole trace, of which nothing settles but predicates, and find all runs."""
+        """Take a whole trace, of which only predicates settle, and compute all runs."""
         self.t = t
         for register, stream in self.streams.items():
             if isinstance(stream, RegionPredicate):
@@ -127,10 +126,10 @@ class Regions(StateFields):
         for stream in self.streams.values():
             for world in worlds:
                 stream.look(world, self.t, self.unknowns)
-        found: dict[int, list[float]] = {}
+        values: dict[int, list[float]] = {}
         for register in self._initial:
-            found[register] = self._at_zero(register, found, worlds)
-        return found[self.program.result]
+            values[register] = self._at_zero(register, values, worlds)
+        return values[self.program.result]
 
     def _at_zero(
         self, register: int, found: dict[int, list[float]], worlds: Sequence[int]
@@ -150,7 +149,7 @@ class Regions(StateFields):
         return [choose(*x) for x in zip(*(found[a] for a in args), strict=True)]
 
     def seen(self, register: int, world: int) -> Runs:
-        """Return all runs of a register that is a stream, in a world; if nothing has settled."""
+        """Return all runs of a stream in a world, if nothing has settled."""
         return self.streams[register].seen(world, 0, self.unknowns)
 
     def reset(self) -> None:
@@ -161,7 +160,7 @@ class Regions(StateFields):
 
 
 class RegionRegisters(Protocol):
-    """The registers of a program; `Regions` is the definition."""
+    """The registers of a program, in Python (`Regions`) or C++."""
 
     @property
     def t(self) -> int: ...
@@ -175,9 +174,9 @@ class RegionRegisters(Protocol):
 class PythonDenseEpisodeMachine(Retiring, StateFields):
     """Bounds the robustness at the start of a trace, from events in chunks of any size.
 
-    From the first value on that is not known, twins of the last registers go on from their state:
-    they take the largest values of all terms, and the others the smallest, as
-    `rtamt.machines.episode.variants` does over samples.
+    From the first unknown value on, twins of the last registers continue from their state: they
+    take the largest values of all terms, and the others the smallest, as in
+    `rtamt.machines.episode.variants`.
     """
 
     STATE = (
@@ -250,22 +249,22 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         heard = [math.isfinite(tick) for tick in self._last]
         columns, dated = self.reader.read(given, after, self._dated, heard)
         self.require_current()
-        if self.finished:  # by what a value runs when it is read
+        if self.finished:  # reading a value may run code of the caller
             self.reader.refuse_update()
         self._take(columns, dated)
         return self.robustness
 
     def run(self, given: Sequence[GivenLike], *, decided: bool = False) -> None:
-        """Take in a whole trace, with times as they were given."""
+        """Read a whole trace, with times as the caller passed them."""
         columns, dated = self.reader.counted(given, self._last, self._dated)
         self._take(columns, dated, decided=decided)
         if math.isinf(self._end):
             self.reader.refuse_end(self._first, self._last, self._dated)
 
     def complete(self) -> tuple[float, float]:
-        """Return the bounds if the trace is all there is."""
-        found = [reading.look((0,))[0] for reading in self._all()]
-        return found[0], found[-1]
+        """Return the bounds of the complete trace."""
+        bounds = [reading.look((0,))[0] for reading in self._all()]
+        return bounds[0], bounds[-1]
 
     def _all(self) -> list[RegionRegisters]:
         """Return the registers for the lower bound, for the robustness, and for the upper bound."""
@@ -302,7 +301,7 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
                 self._go(rows, known, int(end - begin))
 
     def _rows(self, begin: int, end: int, dated: Dated) -> list[RegionRows]:
-        """Return for each of the registers the terms at all new times; changes nothing."""
+        """Return the terms at all new times for each of the registers; changes nothing."""
         trace = TraceValues(*together(self._waiting, begin, end), dated)
         terms = terms_of(self._programs, (self._find, self._ranges), self.reader, trace)
         if self._greatest and len(terms) == len(self._readings):
@@ -317,12 +316,12 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         return self._make(place(self._programs[-1]))
 
     def _decide(self, rows: Sequence[RegionRows], known: int, ticks: int) -> None:
-        """Go from the last tick that was known to another; find where the verdict is decided."""
+        """Advance from a known tick to another, and search for the tick of the decision."""
         low, high, state = known, ticks, self._states()
         self._go(rows, known, ticks)
         if verdict_of(self.lower, self.upper) == 0:
             return
-        found = self._states(), (self.robustness, self.lower, self.upper)
+        final = self._states(), (self.robustness, self.lower, self.upper)
         while high - low > 1:  # bounds never widen
             middle = (low + high) // 2
             self._restore(state)
@@ -332,7 +331,7 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
             else:
                 high = middle
         self._decided = high
-        after, (self.robustness, self.lower, self.upper) = found
+        after, (self.robustness, self.lower, self.upper) = final
         self._restore(after)
 
     def _states(self) -> list[list[Any]]:
@@ -348,9 +347,9 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         self._conclude()
 
     def _conclude(self) -> None:
-        found = [reading.look(WORLDS) for reading in self._all()]
-        self.lower, self.upper = found[0][1], found[-1][2]
-        self.robustness = found[len(self._readings) - 1][0]
+        values = [reading.look(WORLDS) for reading in self._all()]
+        self.lower, self.upper = values[0][1], values[-1][2]
+        self.robustness = values[len(self._readings) - 1][0]
         if self._readings[0].t < 0:
             self.robustness = math.nan
 

@@ -1,4 +1,4 @@
-"""The machine over dense time in Python: the definition that the C++ machine is tested against."""
+"""The machine over dense time in Python: the definition that tests compare the C++ machine with."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def just_after(tick: float) -> float:
 
 
 class StepStream(StateFields):
-    """The value of a register as far as it is known.
+    """The known values of a register.
 
     Attributes:
-        new: The breakpoints that the present call of the machine has added.
+        new: The breakpoints of the present call of the machine.
         frontier: The time before which the register is known.
-        value: The value just before the frontier; nan where there is none.
+        value: The value just before the frontier; nan without one.
     """
 
     __slots__ = ("frontier", "new", "value")
@@ -53,14 +53,14 @@ class StepStream(StateFields):
         self.value = math.nan
 
     def push(self, tick: float, value: float) -> None:
-        """Take in the value from a tick on; it makes a breakpoint if it or its sign differs."""
+        """Set the value from a tick on; a change of the value or its sign is a breakpoint."""
         if value != self.value or math.copysign(1.0, value) != math.copysign(1.0, self.value):
             self.new.append((tick, value))
             self.value = value
 
 
 class Joint(StateFields):
-    """Queues of breakpoints of several streams, which are read in the order of time."""
+    """Queues of breakpoints of several streams, read in the order of time."""
 
     __slots__ = ("_before", "_now", "_waiting")
     STATE = ("_now", "_waiting")
@@ -76,12 +76,12 @@ class Joint(StateFields):
         self._now = list(self._before)
 
     def extend(self, steps: Sequence[Iterable[Breakpoint]]) -> None:
-        """Take in new breakpoints of every stream."""
+        """Add new breakpoints of every stream."""
         for waiting, new in zip(self._waiting, steps, strict=True):
             waiting.extend(new)
 
     def retract(self, counts: Sequence[int]) -> None:
-        """Remove the newest breakpoints of every stream, as many as each count says."""
+        """Remove the newest breakpoints of every stream."""
         for waiting, count in zip(self._waiting, counts, strict=True):
             for _ in range(count):
                 waiting.pop()
@@ -116,7 +116,7 @@ def _labelled(i: int, steps: Iterable[Breakpoint]) -> Iterator[tuple[float, int,
 
 
 class StreamNode(StateFields):
-    """Makes the stream of a register from the streams of its operands."""
+    """Computes the stream of a register from the streams of its operands."""
 
     STATE: ClassVar[tuple[str, ...]] = ("_joint",)
 
@@ -128,11 +128,11 @@ class StreamNode(StateFields):
         self._joint.reset()
 
     def advance(self, begin: float, known: float) -> None:
-        """Go as far as the operands are known, in a trace known from ``begin`` to ``known``."""
+        """Advance as far as the operands are known, in a trace from ``begin`` to ``known``."""
         raise NotImplementedError
 
     def finish(self, begin: float, end: float) -> None:
-        """Go to the end of the trace; the operands are known up to there."""
+        """Advance to the end of the trace; the operands are known up to there."""
         raise NotImplementedError
 
     def _collect(self) -> None:
@@ -162,10 +162,10 @@ class MapNode(StreamNode):
 class WindowNode(StreamNode):
     """Folds the steps that a window meets.
 
-    The step from t to t' meets the closed window from s + lo to s + hi if t <= s + hi and
-    s + lo < t'. So it enters at s = t - hi and leaves at s = t' - lo, and the fold is a
-    right-continuous function of s. The last instant of the trace counts as a step without an end,
-    except for windows that begin after s: those are empty from ``end - lo`` on.
+    The step from t to t' meets the closed window from s + lo to s + hi if t <= s + hi and s + lo <
+    t'. So it enters at s = t - hi and leaves at s = t' - lo, and the fold is a right-continuous
+    function of s. The last instant of the trace counts as a step without an end, except for windows
+    that start after s: those are empty from ``end - lo`` on.
     """
 
     STATE = (*StreamNode.STATE, "_inside", "_begun")
@@ -202,7 +202,7 @@ class WindowNode(StreamNode):
     def _run(self, begin: float, before: float) -> None:
         joint, inside = self._joint, self._inside
         while True:
-            # The fold has a value at the begin of the trace, even if the window is empty there.
+            # The fold has a value at the start of the trace, even if the window is empty there.
             now = min(joint.next - self._hi, inside.leaves) if self._begun else begin
             if not now < before:
                 break
@@ -215,7 +215,7 @@ class WindowNode(StreamNode):
 
 
 class Total(StateFields):
-    """The fold of all steps so far, for windows without begin."""
+    """The fold of all steps so far, for windows without a begin."""
 
     STATE = ("_total",)
     leaves = math.inf
@@ -228,7 +228,7 @@ class Total(StateFields):
         self._total = self._identity
 
     def push(self, begin: float, x: Element) -> None:  # noqa: ARG002 - as in Queue
-        """Take in the next step."""
+        """Add the next step."""
         self._total = self._combine(self._total, x)
 
     def pop(self) -> None:
@@ -244,7 +244,7 @@ class Queue(StateFields):
     """The steps inside a window, first in, first out, in two stacks, and their fold.
 
     ``_older`` has, for each of its steps, the fold of that step and the younger ones in ``_older``.
-    When it is used up, the steps of ``_younger`` move there, each once (Tangwongsan, Hirzel and
+    When it is empty, the steps of ``_younger`` move there, each once (Tangwongsan, Hirzel and
     Schneider, "General incremental sliding-window aggregation", VLDB 2015).
     """
 
@@ -262,7 +262,7 @@ class Queue(StateFields):
         self._total = self._identity
 
     def push(self, begin: float, x: Element) -> None:
-        """Take in the next step."""
+        """Add the next step."""
         self._begins.append(begin)
         self._younger.append(x)
         self._total = self._combine(self._total, x)
@@ -285,12 +285,12 @@ class Queue(StateFields):
 
     @property
     def leaves(self) -> float:
-        """The time at which the oldest step leaves; it ends where the next one begins."""
+        """The time at which the oldest step leaves; it ends at the start of the next one."""
         return self._begins[1] - self._lo if len(self._begins) > 1 else math.inf
 
 
 class SuffixNode(StreamNode):
-    """Folds all steps from s + lo to the end of the trace; known only when the trace has ended."""
+    """Folds all steps from s + lo to the end of the trace; known only after the end."""
 
     def __init__(
         self, fold: LatticeFold, lo: float, args: Sequence[StepStream], out: StepStream
@@ -311,7 +311,7 @@ class SuffixNode(StreamNode):
         for time, x in reversed(steps):
             fold = self._fold.combine(x, fold)
             folds.append((time, fold[-1]))
-        # Several folds may come to the same time, as at the begin: the latest step's counts.
+        # Several folds may have the same time, as at the start: the latest step counts.
         values = {max(begin, time - self._lo): value for time, value in reversed(folds)}
         for time, value in values.items():
             self._out.push(time, value)
@@ -320,10 +320,11 @@ class SuffixNode(StreamNode):
 class PythonDenseMachine(Retiring, StateFields):
     """Runs a program on events, in chunks of any size, each variable at its own pace.
 
-    The trace begins with the latest of the variables' first events, and is known up to the earliest
-    of their last events. Terms are computed wherever a variable has an event; then each register of
-    a formula goes as far as its operands are known. The terms at the last known time wait: if no
-    event follows, that time is the end of the trace, an instant; if one does, a step begins there.
+    The trace starts with the latest of the variables' first events, and is known up to the earliest
+    of their last events. Terms are computed at every event of a variable; then each register of a
+    formula advances as far as its operands are known. The terms at the last known time wait:
+    without another event, that time is the end of the trace, an instant; otherwise, a step starts
+    there.
     """
 
     STATE = ("finished", "_dated", "_first", "_last", "_begin", "_end", "_waits", "_parts")
@@ -382,7 +383,7 @@ class PythonDenseMachine(Retiring, StateFields):
         after = self._declared.after(self._first, self._last)
         columns, dated = self.reader.read(given, after, self._dated)
         self.require_current()
-        if self.finished:  # by what a value runs when it is read
+        if self.finished:  # reading a value may run code of the caller
             self.reader.refuse_update()
         return self._with_times(self._take(columns, dated))
 

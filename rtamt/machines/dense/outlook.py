@@ -1,4 +1,4 @@
-"""Where the registers of a formula are undecided, over a trace in dense time and beyond it."""
+"""The undecided registers of a formula, over a trace in dense time and beyond it."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from rtamt.program.program import Program
 
 
 class Places(NamedTuple):
-    """Runs of positions, and in which of them something is so."""
+    """Runs of positions, and which of them are true."""
 
     starts: Sequence[int]
     values: Sequence[bool]
 
     def first(self, begin: int, end: int) -> int | None:
-        """Return the first position from begin to end at which it is so."""
+        """Return the first true position from begin to end."""
         until = (*self.starts[1:], np.inf)
         for start, after, value in zip(self.starts, until, self.values, strict=True):
             if value and start <= end and begin < after and begin <= end:
@@ -51,8 +51,8 @@ def recorded(
     ends = [(programs[0], rows[0], low)]
     if len(rows) > 1 or low != high:
         ends.append((programs[-1], rows[-1], high))
-    found = [_seen(each, its, last, worlds, world) for each, its, world in ends]
-    return found[0], found[-1]
+    bounds = [_seen(each, its, last, worlds, world) for each, its, world in ends]
+    return bounds[0], bounds[-1]
 
 
 def _seen(program: Program, rows: RegionRows, last: int, worlds: Sequence[int], world: int) -> Runs:
@@ -71,7 +71,7 @@ def _looks_ahead(program: Program) -> bool:
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
 def everywhere(program: Program) -> Placement:
-    """Return a placement in which every register that is no term of a term is a stream."""
+    """Return a placement in which all registers are streams, except for terms of terms."""
     every = tuple(range(len(program.instructions)))
     read = {a for r in every[program.terms :] for a in program.formula(r).args} | {program.result}
     streams = tuple(r for r in every if r >= program.terms or r in read)
@@ -100,7 +100,7 @@ class DenseOutlook:
             self._readings.append(regions)
 
     def undecided(self, register: int) -> Places:
-        """Where a register may be of either sign."""
+        """Return the positions at which a register may have either sign."""
         low, high = self._worlds
         worst = self._readings[0].seen(register, low)
         best = self._readings[-1].seen(register, high)
@@ -110,7 +110,7 @@ class DenseOutlook:
 
 
 class PythonDenseSigns:
-    """The signs of a formula, for certain, at the positions of a whole trace."""
+    """The certain signs of a formula at the positions of a whole trace."""
 
     def __init__(
         self,
@@ -133,16 +133,16 @@ class PythonDenseSigns:
         return ticks, len(begins), int(begins[0]) if len(begins) else None
 
     def holds_at(self, instants: InstantRuns) -> bool:
-        found = _Spans.of(~np.signbit(self._least.last), self._least.starts, self._last)
-        return found.cover(instants, self._last)
+        spans = _Spans.of(~np.signbit(self._least.last), self._least.starts, self._last)
+        return spans.cover(instants, self._last)
 
 
 class _Spans(NamedTuple):
-    """Runs of instants, in order; of the recorded ones (`rtamt.program.implications`).
+    """Recorded runs of instants, in order (`rtamt.program.implications`).
 
     Attributes:
-        begins: The first one of each run.
-        ends: The last one.
+        begins: The first instant of each run.
+        ends: The last instant.
     """
 
     begins: NDArray[np.int64]
@@ -150,7 +150,7 @@ class _Spans(NamedTuple):
 
     @classmethod
     def of(cls, true: NDArray[np.bool_], starts: NDArray[np.int64] | None, last: int) -> _Spans:
-        """Return the runs at which something is so."""
+        """Return the runs at which an array is true."""
         changes = np.flatnonzero(true[1:] != true[:-1]) + 1
         if true[0]:
             changes = np.concatenate([np.zeros(1, np.int64), changes])
@@ -161,7 +161,7 @@ class _Spans(NamedTuple):
         return cls(begins, after - 1)
 
     def within(self, instants: InstantRuns) -> _Spans:
-        """Return the parts of the runs that lie in others."""
+        """Return the parts of the runs inside others."""
         if not len(self.begins):
             return self
         if len(instants) == 1:
@@ -182,6 +182,6 @@ class _Spans(NamedTuple):
         """Return whether all instants are in the runs, and none is after the last recorded one."""
         if instants and instants[-1][1] > last:
             return False
-        found = self.within(instants)
-        length = int(np.sum(found.ends - found.begins + 1))
+        common = self.within(instants)
+        length = int(np.sum(common.ends - common.begins + 1))
         return length == sum(int(final) - first + 1 for first, final in instants)

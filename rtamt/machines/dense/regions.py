@@ -1,12 +1,12 @@
-"""Registers over the regions of dense time, as runs: what is settled, and what each world adds.
+"""Registers over the regions of dense time, as runs: settled values, and open ones in each world.
 
 `rtamt.machines.episode.machine` explains settled and open values, worlds and unknowns, and
-`rtamt.program.dense_regions` positions. Here open values have no end: the last run of each lasts
-for ever. A trace may end at any time, now included. So beyond the last position t nothing is there
-in ``NOW``; in ``LOWER`` a future fold that takes the largest reads only what has been seen, and
-its own position, as more may not be there; in ``UPPER`` one that takes a minimum does. A trace that
-was cut goes on: there bounded windows read all, and those without an end read what was recorded or,
-if nothing of their window was, have the values of ``LOWER`` and ``UPPER``.
+`rtamt.program.dense_regions` positions. Here open values have no end: the last run lasts for ever.
+A trace may end at any time, now included. So after the last position t nothing exists in ``NOW``; a
+future fold reads only what has been seen, and its own position, in ``LOWER`` if it is a maximum and
+in ``UPPER`` if it is a minimum. A trace that was cut goes on: bounded windows read everything, and
+those without an end read the recorded part or, if nothing of their window was recorded, have the
+values of ``LOWER`` and ``UPPER``.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ INF = math.inf
 NOW, LOWER, UPPER = WORLDS = range(3)
 CUT = CUT_LOWER, CUT_UPPER = range(3, 5)
 UNSEEN = (-INF, -INF, INF, -INF, INF)
-"""What predicates are at unseen positions; in ``NOW`` nothing reads it."""
+"""The values of predicates at unseen positions; in ``NOW`` nothing reads it."""
 
 
 def in_world(settled: Array, unknowns: Array) -> Array:
@@ -50,7 +50,7 @@ def in_world(settled: Array, unknowns: Array) -> Array:
 
 
 def substituted(values: Arrays, axis: int, value: Array) -> Arrays:
-    """Polynomials in an unknown as polynomials in what it is later."""
+    """Return polynomials in an unknown as polynomials in its later value."""
     return tuple(
         greater(a.take([0], axis), lesser(a.take([1], axis), value[..., None])) for a in values
     )
@@ -64,10 +64,10 @@ class RegionStream(StateFields):
     """A register that is read at all positions.
 
     Attributes:
-        late: How many positions of the future a value depends on, apart from the unknowns.
-        keep: How many settled positions other registers read again.
+        late: The number of future positions that a value depends on, apart from the unknowns.
+        keep: The number of settled positions that other registers read again.
         last: The last settled position, -1 before there is one.
-        open: For every world the runs after that, found anew by `look`.
+        open: For every world the runs after that, which `look` computes.
     """
 
     STATE: ClassVar[tuple[str, ...]] = ("kept", "last")
@@ -92,23 +92,23 @@ class RegionStream(StateFields):
         raise NotImplementedError
 
     def append(self, runs: Runs, t: int) -> None:
-        """Keep the runs that settled with position t."""
+        """Store the runs that settled with position t."""
         self.kept = concatenated(self.kept, runs).merged()
         self.last = t - self.late
 
     def trim(self) -> None:
-        """Forget what no other register reads again."""
+        """Forget values that no other register reads again."""
         first = int(self.kept.starts.searchsorted(self.last + 1 - self.keep, "right")) - 1
         if first > 0:
             values = tuple(a[..., first:].copy() for a in self.kept.values)
             self.kept = Runs(self.kept.starts[first:].copy(), values)
 
     def substitute(self, axis: int, value: Array) -> None:
-        """Write an unknown as a polynomial in what it is later."""
+        """Write an unknown as a polynomial in its later value."""
         self.kept = Runs(self.kept.starts, substituted(self.kept.values, axis, value))
 
     def look(self, world: int, t: int, unknowns: Array) -> None:
-        """Find the open values of a world after position t."""
+        """Compute the open values of a world after position t."""
         self.open[world] = self._look(world, self.last + 1, t, unknowns).merged()
 
     def _look(self, world: int, begin: int, t: int, unknowns: Array) -> Runs:
@@ -128,14 +128,14 @@ class RegionStream(StateFields):
 
 
 class RegionPredicate(RegionStream):
-    """A term read as a formula: it settles at once, and is unknown where nothing was seen."""
+    """A term read as a formula: it settles at once, and is unknown at unseen positions."""
 
     def __init__(self, corners: tuple[int, ...]) -> None:
         super().__init__(corners, 0)
         self.new = self.kept
 
     def take(self, starts: NDArray[np.int64], values: Array) -> None:
-        """Take in the runs that will settle next; the last one of before goes on."""
+        """Take the runs that will settle next; the last previous one goes on."""
         begin = self.last + 1
         if not len(starts) or starts[0] > begin:
             before = clipped(self.kept, self.last).last[..., -1]
@@ -170,7 +170,7 @@ class RegionConstant(RegionStream):
 
 
 class RegionPointwise(RegionStream):
-    """The smallest or greatest of the operands at one position."""
+    """The minimum or maximum of the operands at one position."""
 
     def __init__(self, fold: LatticeFold, streams: Sequence[RegionStream]) -> None:
         late = max(s.late for s in streams)
@@ -194,7 +194,7 @@ class RegionPointwise(RegionStream):
 
 
 def _stops(window: Window, world: int) -> bool:
-    """Return whether a fold reads nothing behind the last position but its own."""
+    """Return whether a fold reads nothing after the last position except its own."""
     ahead = window.hi is None or window.hi > 0
     return ahead if world == NOW else world not in CUT and window.skips(best=world == UPPER)
 
@@ -227,7 +227,7 @@ class RegionOperands:
         return paired(self.fold.name, runs, None)
 
     def own(self, lo: int, elements: Runs, t: int, begin: int) -> Runs:
-        """What such a fold is at unseen positions: its own, or nothing."""
+        """Return the values of such a fold at unseen positions: its own, or the identity."""
         begin = max(begin, t + 1)
         if lo == 0:
             later = clipped(elements, begin)
@@ -342,19 +342,19 @@ class RegionFuture(RegionStream):
         else:
             later, t = Runs(elements.starts[:0], (elements.last[:0],)), int(elements.starts[-1])
         if begin > t:
-            # What has settled reads nothing of it, but a later position reads itself.
+            # Settled positions read nothing of it, but a later position reads itself.
             if self.axis is not None:
                 unknowns[world, self.axis] = self._fold.identity[-1]
             return later
         recorded = clipped(elements, begin, t)
-        found = Runs(recorded.starts, suffixes(self._fold, recorded.values)[-1:])
+        folds = Runs(recorded.starts, suffixes(self._fold, recorded.values)[-1:])
         if self.axis is not None:
-            unknowns[world, self.axis] = found.last[0]
-        return concatenated(found, later)
+            unknowns[world, self.axis] = folds.last[0]
+        return concatenated(folds, later)
 
 
 class AtBegin(StateFields):
-    """The fold over positions lo to hi, which is read at position 0 alone."""
+    """The fold over positions lo to hi, which is read only at position 0."""
 
     STATE = ("_total", "_last")
 
@@ -370,7 +370,7 @@ class AtBegin(StateFields):
         self._total = identities(self._fold, self._operands.corners, 0).values
 
     def substitute(self, axis: int, value: Array) -> None:
-        """Write an unknown as a polynomial in what it is later."""
+        """Write an unknown as a polynomial in its later value."""
         self._total = substituted(self._total, axis, value)
 
     def settle(self) -> None:

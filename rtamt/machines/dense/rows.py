@@ -1,4 +1,4 @@
-"""The terms of a formula over the regions of a trace, from events that wait."""
+"""The terms of a formula over the regions of a trace, from waiting events."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from rtamt.program.program import Program
 
 
 class DeclaredValues:
-    """The values that variables have before their first events, and the trace that follows.
+    """The values of variables before their first events, and the resulting trace.
 
-    Nothing waits for a variable with a declared value: the trace begins when the last of the others
-    does, and ends where the first of those that have events does. If all variables have declared
-    values, it begins with the first event of all.
+    Nothing waits for a variable with a declared value: the trace starts with the last first event
+    of the others, and ends with the earliest last event of all that have one. If all variables have
+    declared values, it starts with the first event of all.
     """
 
     __slots__ = ("_free", "before")
@@ -45,16 +45,16 @@ class DeclaredValues:
         return max(awaited) if awaited else min(first)
 
     def end(self, last: Sequence[float]) -> float:
-        """Return the last tick that is known."""
+        """Return the last known tick."""
         ends = zip(last, self._free, strict=True)
         return min(
             (tick for tick, free in ends if not (free and math.isinf(tick))), default=-math.inf
         )
 
     def after(self, first: Sequence[float], last: Sequence[float]) -> list[float]:
-        """Return the ticks that the next events of each variable have to be later than.
+        """Return the ticks after which the next events of each variable must come.
 
-        A variable that has its declared value still has it at all ticks that are known.
+        A variable with only its declared value has it at all known ticks.
         """
         end = self.end(last)
         known = end if self.begin(first) <= end else -math.inf
@@ -70,8 +70,8 @@ def declared_of(program: Program) -> DeclaredValues:
 class Waiting(StateFields):
     """Events of a variable, and its value before them.
 
-    They stay in the arrays in which they came, so that a call costs what it takes in and reads,
-    however many events of a variable that runs ahead wait.
+    They stay in their original arrays, so the cost of a call depends only on the new events and
+    those that it reads, not on the waiting events of a variable that runs ahead.
     """
 
     __slots__ = ("_before", "_chunks", "_declared")
@@ -86,7 +86,7 @@ class Waiting(StateFields):
         self._before: float | tuple[float, ...] = self._declared
 
     def extend(self, new: TimedColumn) -> None:
-        """Take in a copy of new events."""
+        """Add a copy of new events."""
         ticks, values = new
         if len(ticks):
             self._chunks.append((ticks.copy(), values.copy()))
@@ -97,7 +97,7 @@ class Waiting(StateFields):
             self._chunks.pop()
 
     def upto(self, last: int) -> TimedColumn:
-        """Return the events up to a tick; in front of their values the one before."""
+        """Return the events up to a tick, with the previous value before their values."""
         times: list[Ticks] = []
         values: list[Floats] = [np.array([self._before])]
         for chunk in self._chunks:
@@ -110,7 +110,7 @@ class Waiting(StateFields):
         return ticks, _concatenated(values)
 
     def drop(self, last: int) -> None:
-        """Forget the events up to a tick but the last value."""
+        """Forget the events up to a tick, except for the last value."""
         while self._chunks:
             first, after = _divided(self._chunks[0], last)
             if len(first[1]):
@@ -123,7 +123,7 @@ class Waiting(StateFields):
 
 
 def _concatenated(values: Sequence[Floats]) -> Floats:
-    """Values one after the other: pairs of ends, if some are."""
+    """Return values one after the other: pairs of ends, if some are."""
     if len({each.ndim for each in values}) > 1:
         values = [v if v.ndim > 1 else np.column_stack([v, v]) for v in values]
     return np.concatenate(values)
@@ -142,7 +142,7 @@ def _divided(events: TimedColumn, last: int) -> tuple[TimedColumn, TimedColumn]:
 def together(waiting: Sequence[Waiting], begin: int, last: int) -> tuple[Ticks, list[Floats]]:
     """Return the ticks from begin to last at which a variable has an event, and all values there.
 
-    At ``begin`` all variables have values. Those of a variable are numbers, or pairs of ends.
+    All variables have values at ``begin``: numbers, or pairs of ends.
     """
     signals = [variable.upto(last) for variable in waiting]
     ticks = signals[0][0]
@@ -156,7 +156,7 @@ def together(waiting: Sequence[Waiting], begin: int, last: int) -> tuple[Ticks, 
 
 
 def values_at(ticks: Ticks, signal: TimedColumn) -> Floats:
-    """Return the values at ticks of a signal that `Waiting.upto` gave."""
+    """Return the values at ticks of a signal from `Waiting.upto`."""
     steps, values = signal
     if len(steps) == len(ticks) and np.array_equal(steps, ticks):
         return values[1:]
@@ -164,7 +164,7 @@ def values_at(ticks: Ticks, signal: TimedColumn) -> Floats:
 
 
 FindBoth = tuple[FindTerms, FindRanges]
-"""Evaluates terms of values that are known, and of those that are not."""
+"""Evaluates terms of known values, and of uncertain ones."""
 
 
 class RegionRows(NamedTuple):
@@ -179,7 +179,7 @@ class RegionRows(NamedTuple):
     terms: Sequence[Floats]
 
     def between(self, begin: int, end: int) -> RegionRows:
-        """Those after a position, up to another one."""
+        """Return the rows after a position, up to another one."""
         first, after = self.positions.searchsorted((begin, end), "right")
         if after - first == len(self.positions):
             return self
@@ -212,7 +212,7 @@ def rows_between(
     reader: EventReader,
     terms: FindBoth,
 ) -> list[RegionRows]:
-    """Return the terms of `rows_of` from one tick to another, of events that were counted."""
+    """Return the terms of `rows_of` between two ticks, from counted events."""
     columns, dated = counted
     begin, last = trace
     events = [Waiting() for _ in columns]
@@ -223,12 +223,12 @@ def rows_between(
         ticks = np.concatenate([[begin], ticks])
         at_ticks = [values_at(ticks, waiting.upto(last)) for waiting in events]
     values = TraceValues(ticks, at_ticks, dated)
-    found = terms_of(variants_of(regions.program), terms, reader, values)
-    return [RegionRows(2 * (values.ticks - begin), each) for each in found]
+    tables = terms_of(variants_of(regions.program), terms, reader, values)
+    return [RegionRows(2 * (values.ticks - begin), each) for each in tables]
 
 
 def unknown_of(given: Sequence[Given], reader: EventReader) -> tuple[str, ...]:
-    """Return the variables that are not known somewhere in a whole trace."""
+    """Return the variables with unknown values in a whole trace."""
     if reader.max_gap is None and not any(
         values.ndim > 1 or np.isnan(values).any() for _, values, _ in given
     ):
@@ -236,12 +236,12 @@ def unknown_of(given: Sequence[Given], reader: EventReader) -> tuple[str, ...]:
     columns, _ = reader.counted(given, [-math.inf] * len(given), None)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     last = min(int(ticks[-1]) for ticks, _ in columns)
-    found = []
+    names = []
     for name, (ticks, values) in zip(reader.variables, columns, strict=True):
         first, after = ticks.searchsorted((begin, last), "right")
         if not_known(values[first - 1 : after]).any():
-            found.append(name)
-    return tuple(found)
+            names.append(name)
+    return tuple(names)
 
 
 class TraceValues(NamedTuple):
@@ -270,15 +270,15 @@ class _Refusal(NamedTuple):
 def terms_of(
     programs: Sequence[Program], terms: FindBoth, reader: EventReader, trace: TraceValues
 ) -> list[list[Floats]]:
-    """Return the smallest terms of programs, and the largest of the last if not all are known."""
+    """Return the smallest terms of programs and, with uncertain values, the largest of the last."""
     find, ranges = terms
     refusal = _Refusal(reader, trace)
     lower = [v if v.ndim == 1 else np.ascontiguousarray(v[:, 0]) for v in trace.values]
     if not any(not_known(v).any() for v in trace.values):
         return [find(program, lower, refusal.refuse) for program in programs]
     upper = [v if v.ndim == 1 else np.ascontiguousarray(v[:, 1]) for v in trace.values]
-    found = [
+    bounds = [
         ranges(program, refusal, range(program.terms), lower, upper, len(trace.ticks))
         for program in programs
     ]
-    return [*(least for least, _ in found), found[-1][1]]
+    return [*(least for least, _ in bounds), bounds[-1][1]]

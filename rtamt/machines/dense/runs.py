@@ -1,8 +1,8 @@
 """Signals over the regions of dense time as runs of equal values, and their folds.
 
-`rtamt.program.dense_regions` says what positions are. A run lasts from its start to the next one;
-the last run of a signal lasts as far as the caller knows the signal. The last axis of values counts
-runs; axes in front of it count corners (`rtamt.machines.episode.machine`).
+`rtamt.program.dense_regions` explains positions. A run lasts from its start to the next one; the
+last run lasts as far as the caller knows the signal. The last axis of values counts runs; previous
+axes count corners (`rtamt.machines.episode.machine`).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Runs(NamedTuple):
     """Runs of one signal, or of elements of several numbers.
 
     Attributes:
-        starts: The positions at which runs begin, increasing.
+        starts: The positions of the starts, increasing.
         values: For every number of an element its values in each run.
     """
 
@@ -45,11 +45,11 @@ class Runs(NamedTuple):
         return self.values[-1]
 
     def places(self, positions: Positions) -> NDArray[np.intp]:
-        """Return the run in which each position lies."""
+        """Return the run of each position."""
         return self.starts.searchsorted(positions, "right") - 1
 
     def merged(self) -> Runs:
-        """Return the signal without runs that equal the run before, signs of zeros included."""
+        """Return the signal without runs that equal the previous run, signs of zeros included."""
         if len(self.starts) < 2:
             return self
         new = np.zeros(len(self.starts), bool)
@@ -63,7 +63,7 @@ class Runs(NamedTuple):
 
 
 def clipped(runs: Runs, begin: int, end: int | None = None) -> Runs:
-    """Return the runs from a position on; with an end, those that begin up to there."""
+    """Return the runs from a position on and, with an end, those that start up to there."""
     first = max(0, int(runs.starts.searchsorted(begin, "right")) - 1)
     after = len(runs.starts) if end is None else int(runs.starts.searchsorted(end, "right"))
     starts = runs.starts[first:after]
@@ -74,7 +74,7 @@ def clipped(runs: Runs, begin: int, end: int | None = None) -> Runs:
 
 
 def concatenated(*parts: Runs) -> Runs:
-    """Parts of a signal that follow one another."""
+    """Return consecutive parts of a signal as one."""
     parts = tuple(part for part in parts if len(part.starts)) or parts[:1]
     if len(parts) == 1:
         return parts[0]
@@ -84,7 +84,7 @@ def concatenated(*parts: Runs) -> Runs:
 
 
 def joint(signals: Sequence[Runs]) -> Runs:
-    """Signals that begin together as one, whose elements have all their numbers."""
+    """Return signals with a common start as one, whose elements have all their numbers."""
     if len(signals) == 1:
         return signals[0]
     starts = distinct(*(each.starts for each in signals))
@@ -92,11 +92,11 @@ def joint(signals: Sequence[Runs]) -> Runs:
 
 
 def paired(name: str, runs: Runs, end: int | None) -> Runs:
-    """Return the elements of a fold: of two operands p and q those at instants and at intervals.
+    """Return the elements of a fold: with two operands p and q, at instants and at intervals.
 
     At an instant the last number is q, at an interval also p is needed (for dual folds: p is
-    enough). Inside a run nothing tells an instant from an interval but at the end where the fold
-    begins: for futures the first position, else the last one.
+    enough). Inside a run an instant differs from an interval only at the start of the fold: the
+    first position for futures, the last one for pasts.
     """
     if len(runs.values) == 1 or not len(runs.starts):
         return runs
@@ -162,7 +162,7 @@ def slid(fold: LatticeFold, runs: Runs, lo: int, hi: int, begin: int, end: int |
         starts[starts >= begin if end is None else (starts >= begin) & (starts <= end)]
     )
     first, last = runs.places(starts + lo), runs.places(starts + hi)
-    found = np.empty((*corners, len(starts)))
+    folds = np.empty((*corners, len(starts)))
     power, size = runs.values, 1
     width = last - first + 1
     while True:
@@ -171,9 +171,9 @@ def slid(fold: LatticeFold, runs: Runs, lo: int, hi: int, begin: int, end: int |
             # Folds are idempotent: two windows of a power of two may overlap.
             left = tuple(a[..., first[now]] for a in power)
             right = tuple(a[..., last[now] - size + 1] for a in power)
-            found[..., now] = fold.combine_arrays(left, right)[-1]
+            folds[..., now] = fold.combine_arrays(left, right)[-1]
         if not (width >= 2 * size).any():
-            return Runs(starts, (found,)).merged()
+            return Runs(starts, (folds,)).merged()
         power = fold.combine_arrays(
             tuple(a[..., :-size] for a in power), tuple(a[..., size:] for a in power)
         )

@@ -2,16 +2,16 @@
 
 It computes the value at time 0 in three worlds. In ``NOW`` the episode ended with the last sample.
 In ``LOWER`` and ``UPPER`` it goes on, and every predicate is -inf or +inf at every unseen sample.
-But an unseen sample may not be there: in ``UPPER`` a minimum over the future skips it, in ``LOWER``
-a maximum, except for the sample of the window's own time, which is there whenever it is read. What
-has to hold before a witness of ``until`` is there too if the witness is
+But an unseen sample may not exist: a minimum over the future skips it in ``UPPER``, a maximum in
+``LOWER``, except for the sample of the window's own time, which exists whenever it is read. The
+condition before a witness of ``until`` exists too if the witness does
 (`rtamt.program.instructions.Window`). The program has no negations (`rtamt.program.placement`), so
 every register is monotone in the predicates, and the last two values are the bounds over all
 continuations and all ends.
 
 A trace that was cut (``finish(end="cut")``) has two more worlds. There the unseen samples of
-windows with an end are there, and windows without an end fold the recorded samples. If no sample
-of their operator was recorded, they have the values of ``LOWER`` and ``UPPER``.
+windows with an end exist, and windows without an end fold the recorded samples. If no sample of
+their operator was recorded, they have the values of ``LOWER`` and ``UPPER``.
 
 Take a register whose value depends on H samples of the future and E samples of the past. After
 sample t it has
@@ -20,13 +20,13 @@ sample t it has
 * open values of times t - H + 1 to t + E (in ``NOW`` to t), a list for each world;
 * a tail: one number for each world, its value at all later times.
 
-A window without an end inside another operator never settles. Its value u at the first open time
-is an unknown, and earlier values are lattice polynomials in the unknowns: monotone functions max
-over S of min(c_S, u_i for i in S), stored by their values at the corners u in {-inf, +inf}. Folds
-act corner by corner. A sample that settles replaces u by op(sample, u); a world replaces u by its
+A window without an end inside another operator never settles. Its value u at the first open time is
+an unknown, and earlier values are lattice polynomials in the unknowns: monotone functions max over
+S of min(c_S, u_i for i in S), stored by their values at the corners u in {-inf, +inf}. Folds act
+corner by corner. A sample that settles replaces u by op(sample, u); a world replaces u by its
 value.
 
-Operators that are read at time 0 alone keep one fold each (`rtamt.machines.episode.machine`).
+Operators that are read only at time 0 keep one fold each (`InitialFold`).
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class InitialFold(RunningFold):
         operands = self._operands
         if world in CUT and self._window.endless and self._window.begin > t:
             world = OPEN[world]
-        # A future without end speaks of recorded times alone if the trace was cut. It begins now:
+        # In a cut trace, a future without an end reads only recorded times. It starts now:
         # `rtamt.program.placement` writes a later begin as a shift.
         recorded = world == NOW or (world in CUT and self._end is None)
         last = t if recorded else t + operands.past

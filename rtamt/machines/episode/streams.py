@@ -22,7 +22,7 @@ NOW, LOWER, UPPER = WORLDS = range(3)
 CUT = CUT_LOWER, CUT_UPPER = range(3, 5)
 """The worlds of a trace that was cut, which are computed when it ends."""
 OPEN = {CUT_LOWER: LOWER, CUT_UPPER: UPPER}
-"""The world whose values an operator without end has where nothing of it was recorded."""
+"""The world with the values of an operator without an end of which nothing was recorded."""
 UNSEEN = (math.nan, -INF, INF, -INF, INF)
 """The value of a predicate at unseen samples in each world; nothing reads it in ``NOW``."""
 
@@ -72,11 +72,11 @@ class Stream(StateFields):
     Args:
         unknowns: The unknowns of the machine, which all streams share.
         corners: The number of corners of its settled values.
-        late: How many samples of the future a value depends on, apart from the unknowns.
-        past: For how many times after the last sample a value depends on samples.
+        late: The number of future samples that a value depends on, apart from the unknowns.
+        past: The number of times after the last sample whose values depend on samples.
 
     Attributes:
-        keep: How many settled values other registers read.
+        keep: The number of settled values that other registers read.
         t: Time of the last sample.
         last: Time of the last settled value, -1 before the first.
         history: The last settled values, a list for each corner.
@@ -105,7 +105,7 @@ class Stream(StateFields):
         raise NotImplementedError
 
     def append(self, value: Polynomial, time: int) -> None:
-        """Keep the settled value of the next time."""
+        """Store the settled value of the next time."""
         for values, number in zip(self.history, value, strict=True):
             values.append(number)
             del values[: -self.keep]
@@ -220,7 +220,7 @@ class _Fold(Stream):
         operands: The operands.
         lo: The first offset whose settled elements are read.
         hi: The last offset.
-        corners: The number of corners of its settled values; that of the operands by default.
+        corners: The number of corners of its settled values; default: that of the operands.
     """
 
     def __init__(self, operands: Operands, lo: int, hi: int, corners: int | None = None) -> None:
@@ -324,7 +324,7 @@ class _Window(_Fold):
     ) -> None:
         super().__init__(operands, window.lo or 0, hi, corners)
         self._skipping = skipping(window)
-        # In a trace that was cut, the values of so many recorded times are those of `OPEN`.
+        # In a cut trace, this number of last recorded times has the values of `OPEN`.
         self._unread: int | None = None
         if window.endless or window.hi is None:
             self._unread = window.begin if window.endless else 0

@@ -5,7 +5,7 @@ enclose every possible robustness. The robustness itself counts neutral predicat
 the smallest values.
 
 ================  ===================  =================
-gives             neutral predicates   uncertain values
+result            neutral predicates   uncertain values
 ================  ===================  =================
 the lower bound   -0.0                 smallest
 the robustness    0.0                  smallest
@@ -13,7 +13,7 @@ the upper bound   0.0                  largest
 ================  ===================  =================
 
 Variants that do not differ are one machine: the first two without neutral predicates, and the last
-two until the first uncertain value. From there the third continues from the state of the second.
+two until the first uncertain value, when the third continues from the state of the second.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rtamt.program.program import Program, ranges_of
 
 
 class SampleTerms(NamedTuple):
-    """The smallest and largest values of a sample and its terms; the same lists if all are known.
+    """The smallest and largest values of a sample and its terms; equal lists if all are known.
 
     Attributes:
         lower: The smallest values of the variables.
@@ -125,7 +125,7 @@ class PythonEpisodeVariants(Retiring, StateFields):
         return SampleTerms(lower, upper, [x.lower for x in ranges], [x.upper for x in ranges])
 
     def take(self, sample: SampleTerms) -> None:
-        """Take in a sample whose terms are known."""
+        """Take a sample whose terms are known."""
         if sample.least is not sample.greatest and not self._largest:
             self._largest = [self._twin()]
             self._largest[0].restore(self._result.state())
