@@ -49,7 +49,8 @@ class Events(Sequence[tuple[float, Any]]):
         InputTypeError: If values are not real numbers.
 
     Example:
-        >>> speed = rtamt.dense.Events([0, 1.5, 4], [10, 12, 11])
+        >>> from rtamt.dense import Events
+        >>> speed = Events([0, 1.5, 4], [10, 12, 11])
         >>> speed[1], len(speed), speed == [(0, 10), (1.5, 12), (4, 11)]
         ((1.5, 12.0), 3, True)
         >>> speed.values

@@ -344,7 +344,7 @@ def test_pickles_keep_text_and_arguments() -> None:
     twin = pickle.loads(pickle.dumps(spec))
     assert twin == spec
     assert (twin.text, twin.unit, twin.imports) == (text, "ms", {"Twist": "m"})
-    assert twin.given == {"T": Fraction(1, 10), "K": 3}
+    assert twin.overrides == {"T": Fraction(1, 10), "K": 3}
     assert twin.positions == spec.positions
 
 
