@@ -73,11 +73,11 @@ PENDULUM = Demo(
     signals={"cart": "obs[0]", "angle": "obs[1]"},
     duration=40.0,
     drivers={
-        "comes back": _balance(),
-        "stays away": _balance(leave=40.0),
+        "recovers": _balance(),
+        "drifts": _balance(leave=40.0),
         "lets go": _balance(gains=(0.0, 0.0, 0.0, 0.0)),
     },
-    shown="stays away",
+    shown="drifts",
 )
 
 

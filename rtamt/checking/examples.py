@@ -175,8 +175,8 @@ def examples(
         >>> text = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
         >>> for each in rtamt.examples(text, count=5)["spec"].examples:
         ...     print(f"{each.robustness:g}, {each.why}")
-        1, asked and answered
-        -1, the shortest violation; asked and not answered
+        1, triggered and answered
+        -1, the shortest violation; triggered and not answered
         3, never asked
         1, gnt >= 3 comes at the last moment of eventually[0:5]
         -1, gnt >= 3 comes one sample too late for eventually[0:5]
@@ -420,13 +420,13 @@ def _of_implications(formula: Formula, step: Fraction | None, unit: str) -> Iter
         inside = _inside(each, step, unit)
         wished = () if inside is each else ((replaced(formula, {each: inside}), True),)
         yield NearMiss(
-            "answered", f"asked and answered{name}", ((other, False),), wished, holds=True
+            "answered", f"triggered and answered{name}", ((other, False),), wished, holds=True
         )
         without = replaced(formula, {each: _make("true")})
         yield NearMiss(
-            "unanswered", f"asked and not answered{name}", ((without, True),), holds=False
+            "unanswered", f"triggered and not answered{name}", ((without, True),), holds=False
         )
-        yield NearMiss("never asked", f"never asked{name}", ((other, True),), holds=True)
+        yield NearMiss("never asked", f"never triggered{name}", ((other, True),), holds=True)
 
 
 def _inside(implication: Formula, step: Fraction | None, unit: str) -> Formula:

@@ -285,7 +285,7 @@ def explain(
         sample 1      1  req >= 3
         sample 1      4  req
         sample 3     -2  missing: gnt >= 3
-                           nowhere from sample 1 to sample 3; this is the nearest
+                           never from sample 1 to sample 3; this is the nearest
         >>> e.predicate, e.causes
         (<Formula req >= 3>, (Cause(variable='req', sample=1, value=4.0),))
 
@@ -408,7 +408,7 @@ def explain_dense(
         1.5 s      1  req >= 3
         1.5 s      4  req
           4 s     -1  missing: gnt >= 3
-                        nowhere from 1.5 s to 4.5 s; this is the nearest
+                        never from 1.5 s to 4.5 s; this is the nearest
         >>> e.predicate, e.causes
         (<Formula req >= 3>, (DenseCause(variable='req', time=1.5, value=4.0),))
 

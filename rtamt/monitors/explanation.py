@@ -209,7 +209,7 @@ class _Explained:
             first, last = part.window
             if first != last:
                 missing = part.role == "missing"
-                where, this = ("nowhere", "nearest") if missing else ("always", "least")
+                where, this = ("never", "nearest") if missing else ("always", "minimum")
                 span = f"from {self._at(first)} to {self._at(last)}"
                 yield "", "", f"  {where} {span}; this is the {this}"
             if part.outside is not None:

@@ -77,7 +77,7 @@ class Implications(_Implications):
         ('req >= 3 implies eventually[0:2](gnt >= 3)',)
         >>> found = response.evidence({"req": [0, 4, 0, 4], "gnt": [0, 0, 5, 5]})
         >>> print(found.triggers[0], found.vacuous, found.never_triggered)
-        asked 2x, first at sample 1 False False
+        triggered 2 times, first at sample 1 False False
         >>> bool(Implications("always(gnt >= 3)"))
         False
     """
@@ -147,7 +147,7 @@ class DenseImplications(_Implications):
         ... )
         >>> trace = {"req": [(0, 0), (1, 4), (1.5, 0), (6, 0)], "gnt": [(0, 5), (6, 5)]}
         >>> print(response.evidence(trace).triggers[0])
-        asked 1x, first at time 1
+        triggered 1 time, first at time 1
     """
 
     __slots__ = ("_compiled", "_options")

@@ -208,13 +208,13 @@ class Judgement:
         for each in self.triggers:
             # Where values are not known, its left side may hold at an instant.
             never = each.first is None and bool(self.unknown)
-            text = "not asked for certain" if never else str(each)
+            text = "not certainly triggered" if never else str(each)
             yield text if len(self.triggers) == 1 else f"{text}: {each.text}"
         if self.verdict is Verdict.UNDECIDED:
             if self.complete is Verdict.UNDECIDED:
-                yield f"no reading of the end decides it: it hangs on {self.undecided_because}"
+                yield f"undecided under every end mode: it depends on {self.undecided_because}"
             else:
-                yield f'if the trace is all there is, end="complete" says {self.complete.name}'
+                yield f'if nothing follows (end="complete"), the verdict is {self.complete.name}'
 
 
 @listed_in_signature(SampleOptions)
@@ -257,8 +257,8 @@ def judge(
         UNDECIDED: always(req >= 3 implies eventually[0:2](gnt >= 3))
         robustness -1, bounds -1 to 2 under end="cut"
         eventually[0:2](gnt >= 3) at 4 s: not recorded: 5 s to 6 s
-        asked 2x, first at sample 1
-        if the trace is all there is, end="complete" says VIOLATED
+        triggered 2 times, first at sample 1
+        if nothing follows (end="complete"), the verdict is VIOLATED
         >>> judge(spec, trace, period=1, end="complete").verdict.name
         'VIOLATED'
         >>> idle = judge(spec, {"req": [0, 0, 0], "gnt": [0, 0, 0]}, end="complete")
@@ -268,7 +268,7 @@ def judge(
         >>> print(judge("always(x > 1)", {"x": [3, float("nan"), 5]}, nan="unknown"))
         UNDECIDED: always(x > 1)
         robustness -inf, bounds -inf to 2 under end="cut"
-        no reading of the end decides it: it hangs on values of x that are not known
+        undecided under every end mode: it depends on values of x that are not known
     """
     mode = checked_end(end)
     program = compiled(judge, spec, period, options, online=False)
@@ -334,13 +334,13 @@ def judge_dense(
         UNDECIDED: always[0:8](gnt < 9)
         robustness 4, bounds -inf to 4 under end="cut"
         always[0:8](gnt < 9): not recorded: 6 s to 8 s
-        if the trace is all there is, end="complete" says SATISFIED
+        if nothing follows (end="complete"), the verdict is SATISFIED
         >>> print(
         ...     rtamt.dense.judge(
         ...         "always(req >= 3 implies eventually[0:2](gnt >= 3))", trace
         ...     ).triggers[0]
         ... )
-        asked 1x, first at time 1
+        triggered 1 time, first at time 1
 
         A value that is written once holds to the end of the others:
 

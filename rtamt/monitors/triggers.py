@@ -26,7 +26,7 @@ class TriggerCount:
     """How often an implication was triggered on a trace of samples.
 
     It is triggered at the recorded samples at which the formula reads it and its left side holds
-    for certain. ``str`` gives it in words, as in ``asked 2x, first at sample 1``.
+    for certain. ``str`` gives it in words, as in ``triggered 2 times, first at sample 1``.
 
     Attributes:
         text: The implication as text.
@@ -55,7 +55,7 @@ class DenseTriggerCount:
     """How often an implication was triggered on a trace in dense time.
 
     It is triggered at the recorded instants at which the formula reads it and its left side holds
-    for certain. ``str`` gives it in words, as in ``asked 2x, first at time 1.5``.
+    for certain. ``str`` gives it in words, as in ``triggered 2 times, first at time 1.5``.
 
     Attributes:
         text: The implication as text.
@@ -83,9 +83,10 @@ class DenseTriggerCount:
 
 def _in_words(row: TriggerCount | DenseTriggerCount, first: str) -> str:
     if row.first is None:
-        return "never asked"
+        return "never triggered"
     answer = ", satisfied without an answer" if row.vacuous else ""
-    return f"asked {row.count}x, first at {first}{answer}"
+    times = "time" if row.count == 1 else "times"
+    return f"triggered {row.count} {times}, first at {first}{answer}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,7 @@ def never(p: ConditionLike) -> Formula:
         >>> formula = never("x > 3")
         >>> print(formula)
         always not (x > 3)
-        >>> formula.in_words()
+        >>> rtamt.in_words(formula)
         'x is never above 3'
     """
     return (~_condition(p, "p")).always()
@@ -95,7 +95,7 @@ def minimum_duration(p: ConditionLike, duration: Exact) -> Formula:
         >>> formula = minimum_duration("heater > 0", 2)
         >>> print(formula)
         always(rise(heater > 0) implies always[0:2](heater > 0))
-        >>> print(formula.in_words())
+        >>> print(rtamt.in_words(formula))
         whenever heater becomes above 0, heater stays above 0 for the next 2 s;
         where the first sample counts as changed
     """
@@ -122,7 +122,7 @@ def recurrence(p: ConditionLike, within: Exact) -> Formula:
         >>> formula = recurrence("beat > 0", "500ms")
         >>> print(formula)
         always[500:inf ms] once[0:500ms](beat > 0)
-        >>> formula.in_words()
+        >>> rtamt.in_words(formula)
         'from 500 ms on, beat was above 0 within the last 500 ms'
     """
     window = _lasting(within, "within")
@@ -190,7 +190,7 @@ def response(request: ConditionLike, answer: ConditionLike, within: Exact) -> Fo
         >>> formula = response("req >= 3", "gnt >= 3", within=5)
         >>> print(formula)
         always(req >= 3 implies eventually[0:5](gnt >= 3))
-        >>> formula.in_words()
+        >>> rtamt.in_words(formula)
         'whenever req is at least 3, gnt reaches at least 3 within 5 s'
     """
     answered = _timed("eventually", _lasting(within, "within"), _condition(answer, "answer"))
@@ -242,7 +242,7 @@ def in_order(*several: ConditionLike, within: Exact | None = None) -> Formula:
         >>> formula = in_order("near > 0", "lifted > 0", within=2)
         >>> print(formula)
         eventually(near > 0 and eventually[0:2](lifted > 0))
-        >>> formula.in_words()
+        >>> rtamt.in_words(formula)
         'at some time, near is above 0 and lifted gets above 0 within 2 s'
     """
     if len(several) < 2:
@@ -309,7 +309,7 @@ def settling_time(
         >>> formula = settling_time("x", 1, 0.1, within=2)
         >>> print(formula)
         eventually[0:2] always(abs(x - 1) <= 0.1)
-        >>> formula.in_words()
+        >>> rtamt.in_words(formula)
         'within the first 2 s, the absolute value of (x - 1) stays at most 0.1 from then on'
         >>> print(settling_time("x", "goal", 0.1, within=2, after="moved > 0"))
         always(moved > 0 implies eventually[0:2] always(abs(x - goal) <= 0.1))
@@ -376,7 +376,7 @@ def rise_time(x: TermLike, low: AmountLike, high: AmountLike, within: Exact) -> 
         >>> formula = rise_time("x", 0.1, 0.9, within=2)
         >>> print(formula)
         always(rise(x >= 0.1) implies eventually[0:2](x >= 0.9))
-        >>> print(formula.in_words())
+        >>> print(rtamt.in_words(formula))
         whenever x becomes at least 0.1, x reaches at least 0.9 within 2 s;
         where the first sample counts as changed
     """
@@ -404,7 +404,7 @@ def rate_limit(rate: TermLike, most: AmountLike) -> Formula:
         >>> formula = rate_limit("speed", 2)
         >>> print(formula)
         always(abs(speed) <= 2)
-        >>> formula.in_words()
+        >>> rtamt.in_words(formula)
         'the absolute value of speed stays at most 2 at all times'
     """
     return (abs(_quantity(rate, "rate")) <= _amount(most, "most", minimum=0.0)).always()

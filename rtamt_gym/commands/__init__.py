@@ -6,22 +6,22 @@ To add a command: a row of `COMMANDS`, a module of the same name here, and a sec
 """
 
 COMMANDS = {
-    "demo": "watch a MuJoCo pendulum and a highway with good and bad drivers",
-    "init": "write a specification, a test and a job of CI to begin with",
-    "envs": "list what can be read from a Gymnasium environment",
-    "run": "watch episodes of a Gymnasium environment",
-    "evaluate": "say how often a policy satisfies each requirement, and how sure that is",
-    "compare": "say which of two evaluated policies satisfies requirements more often",
-    "sweep": "run a scenario on many points of a space",
+    "demo": "monitor a MuJoCo pendulum and a highway with good and bad drivers",
+    "init": "write a specification, a test and a CI job to start from",
+    "envs": "list the signals of a Gymnasium environment",
+    "run": "monitor episodes of a Gymnasium environment",
+    "evaluate": "measure how often a policy satisfies requirements, with intervals",
+    "compare": "compare how often two evaluated policies satisfy requirements",
+    "sweep": "simulate a scenario at many points of a space",
     "falsify": "search for an input that violates a requirement",
-    "replay": "run again what was found",
-    "report": "show results as a page",
-    "monitor": "judge recorded traces",
+    "replay": "run a saved case again",
+    "report": "show results as a page of HTML",
+    "monitor": "evaluate recorded traces",
     "mine": "find the tightest constant for which recorded traces satisfy a requirement",
-    "check": "say whether requirements can be satisfied, violated and asked, and agree",
-    "examples": "show traces that satisfy and violate requirements, as different as can be",
-    "explain": "say which samples of recorded traces decided",
-    "export": "write a monitor for Simulink and other tools, as an FMU",
+    "check": "check requirements for contradictions, tautologies and vacuity",
+    "examples": "show different traces that satisfy and violate requirements",
+    "explain": "show which samples of recorded traces decided a verdict",
+    "export": "write a monitor as an FMU, for Simulink and other tools",
 }
 """The help line of each command. Its module is imported when the command is given, and has two
 functions: ``add_arguments(parser)``, and ``run(options)``, which returns the exit code."""

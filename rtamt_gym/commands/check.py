@@ -33,8 +33,9 @@ from rtamt_gym.results.provenance import Provenance, plain_provenance
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Checks requirements without a simulation: whether each can be satisfied, violated and "
-        "asked, whether each of its parts decides something, and whether they agree. Every yes "
-        "comes with a trace that the monitors have judged, every no says how far it reaches."
+        "triggered, whether each of its parts has an effect, and whether all can be satisfied "
+        "together. Every yes comes with a trace that the monitors confirmed; every no states up "
+        "to which length it holds."
     )
     parser.epilog = "example: rtamt check requirements.stl --period 100ms --assume 'always(v >= 0)'"
     add_search(parser, horizon=10_000)
@@ -43,8 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         Option("--plot FILE", "draw the traces", read=Path),
         Option(
             "--same-as OTHER",
-            "say only whether the same traces satisfy this formula or .stl file; of several "
-            "requirements, those of the same names",
+            "only check whether the same traces satisfy this formula or .stl file; several "
+            "requirements are paired by name",
             repeat=True,
         ),
     )
@@ -112,7 +113,7 @@ def _compared(
     yield {
         "yes": "they are the same",
         "no": "they differ: see above",
-        "unknown": "no difference was found, but not all is known: see above",
+        "unknown": "no difference found, but some answers are unknown: see above",
     }[check.answer]
 
 
@@ -137,16 +138,17 @@ def _lines(
         yield ""
     yield from _traces(check)
     yield {
-        "yes": "nothing wrong was found",
-        "no": "something is wrong: see above",
-        "unknown": "nothing wrong was found, but not all is known: see above",
+        "yes": "no problems found",
+        "no": "problems found: see above",
+        "unknown": "no problems found, but some answers are unknown: see above",
     }[check.answer]
 
 
 def _traces(check: Check) -> Iterator[str]:
     for name, what, trace in check.traces():
         if what != "satisfied":
-            yield " ".join(filter(None, [name, f"{what}:"]))
+            purpose = what.replace("asked", "triggered")
+            yield " ".join(filter(None, [name, f"{purpose}:"]))
             yield from drawn(trace)
             yield ""
 
@@ -157,9 +159,9 @@ def _of_one(requirement: CheckedRequirement, file: str) -> Iterator[str]:
     yield from _said("violated", requirement.falsifiable)
     yield from _clashes(requirement.falsifiable, "as", file)
     for text, answer in requirement.triggers.items():
-        yield from _said("asked", answer, f": {text}")
+        yield from _said("triggered", answer, f": {text}")
     for idle in requirement.redundant:
-        yield from _row("idle", str(idle))
+        yield from _row("redundant", str(idle))
     for text, why in requirement.unknown.items():
         yield from _row("parts", f"unknown whether {text} decides something: {why}")
 
@@ -176,7 +178,7 @@ def _of_all(check: Check, together: Answer) -> Iterator[str]:
         yield from _row("conflict", ", ".join(check.conflict))
     for (name, text), answer in check.triggers.items():
         if answer.answer != "yes":
-            yield from _row("asked", f"{name}, where all are satisfied: {answer}: {text}")
+            yield from _row("triggered", f"{name}, where all are satisfied: {answer}: {text}")
     for one, other in check.implied.items():
         yield from _row("implied", f"{one} by {other}")
     for one, other in check.equal:

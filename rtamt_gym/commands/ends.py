@@ -31,12 +31,12 @@ def noted_ends() -> Iterator[list[str]]:
 
 _OPEN_END = [
     "note: the environment ended an episode while a specification was open, which",
-    "counts as satisfied. --at-termination says what its end means: complete for",
+    "counts as satisfied. --at-termination sets what its end means: complete for",
     "this, failure for a fall or a crash, cut where the episode could have gone on.",
 ]
 
 _CUT_WINDOW = [
     "note: the environment ended an episode inside a bounded window, and what the",
-    "window had not seen counts as satisfied. --at-termination says what its end",
+    "window had not seen counts as satisfied. --at-termination sets what its end",
     "means: cut leaves it open, failure violates it, complete is for this.",
 ]

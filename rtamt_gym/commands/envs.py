@@ -24,9 +24,9 @@ _MOST, _SHOWN = 8, 6
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Prints what the signals of specifications can read from an environment, each selector "
-        "with its value at reset and after a step with a random action; and how long a step "
-        "lasts. Without an id, lists the environments that are registered."
+        "Prints the selectors that signals can read from an environment, with their values at "
+        "reset and after a step with a random action, and how long a step lasts. Without an id, "
+        "lists the registered environments."
     )
     parser.epilog = "example: rtamt envs Hopper-v5 --env-kwarg frame_skip=2"
     add_options(
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--env-kwarg",
         Option(
             "--all",
-            "show all selectors; else long spaces are cut, and of a MuJoCo simulation the "
+            "show all selectors; otherwise long spaces are shortened, and for MuJoCo only "
             "positions and velocities are shown",
         ),
         Option("--seed S", "seed of the episode", default=0, read=whole),
@@ -93,7 +93,7 @@ def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
     if within is not None and within != period:
         yield f"a step of its simulation, which --substeps samples, lasts {number(within)} s"
     if env.spec and env.spec.max_episode_steps:
-        yield f"an episode has {env.spec.max_episode_steps} steps at most"
+        yield f"an episode has at most {env.spec.max_episode_steps} steps"
     yield _filled(f"obs: {described(env.observation_space)}")
     yield _filled(f"action: {described(env.action_space)}")
 
@@ -102,7 +102,7 @@ def _declared(scenario: Any) -> Iterator[str]:  # noqa: ANN401 - of rtamt_envs, 
     """Yield the declarations of a scenario: names, units, parameters, requirements."""
     if scenario is None:
         return
-    rows = [("", "name", "unit", "least", "greatest")]
+    rows = [("", "name", "unit", "minimum", "maximum")]
     for what, quantities in (("obs", scenario.observations), ("action", scenario.actions)):
         for i, quantity in enumerate(quantities):
             unit = quantity.unit or "-"
@@ -111,7 +111,7 @@ def _declared(scenario: Any) -> Iterator[str]:  # noqa: ANN401 - of rtamt_envs, 
             )
     yield from ("", *table(rows, "<<<>>"))
     if scenario.parameters:
-        rows = [("parameter", "default", "unit", "least", "greatest")]
+        rows = [("parameter", "default", "unit", "minimum", "maximum")]
         rows += [
             (
                 quantity.name,

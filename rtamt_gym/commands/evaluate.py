@@ -53,9 +53,10 @@ _MOST = 10_000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Plays episodes of a policy and prints how often it satisfies each requirement, with the "
-        "95% interval of that rate. Exits 0; with --target, 1 if a requirement falls short of it, "
-        "else 3 if one is undecided. Ctrl-C ends it with the episodes that are over, and 130."
+        "Runs episodes of a policy and prints how often it satisfies each requirement, with the "
+        "95% interval of that rate. Exits 0; with --target, 1 if a requirement misses it, "
+        "otherwise 3 if one is undecided. After Ctrl-C it prints the finished episodes and "
+        "exits 130."
     )
     parser.epilog = (
         "example: rtamt evaluate CartPole-v1 --policy sb3:model.zip --spec 'upright = "
@@ -67,9 +68,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--env-kwarg",
         Option(
             "--policy POLICY",
-            "who acts: sb3:FILE.zip (a model of Stable-Baselines3; its file holds pickled "
-            "objects, so trust it), module:function, from observation to action, module:Class, "
-            "made anew for each episode, random, zero, or baseline (a scenario's own)",
+            "the policy: sb3:FILE.zip (a model of Stable-Baselines3; its file contains pickled "
+            "objects, so load only files that you trust), module:function, from observation to "
+            "action, module:Class, created for each episode, random, zero, or baseline (a "
+            "scenario's own)",
             required=True,
         ),
         Option(
@@ -80,38 +82,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         Option("--signal NAME=SELECTOR", "what a variable reads, as for rtamt run", repeat=True),
         Option(
             "--episodes N",
-            f"number of episodes (default: {_EPISODES}); with --until-width or --target the most "
-            f"(default: {_MOST})",
+            f"number of episodes (default: {_EPISODES}); with --until-width or --target the "
+            f"maximum number (default: {_MOST})",
             read=positive,
         ),
         Option(
             "--until-width WIDTH",
-            "play until the interval of every rate is so wide: 0.05",
+            "run episodes until the interval of every rate is this narrow, such as 0.05",
             read=float,
         ),
         Option(
             "--target RATE",
-            "play until it is clear of every requirement whether it is satisfied in this share "
-            "of all episodes: 0.95",
+            "run episodes until the rate of every requirement is clearly above or below this "
+            "one, such as 0.95",
             read=float,
         ),
         Option(
             "--alpha CHANCE",
-            "the greatest chance of a wrong answer to --target",
+            "maximum probability of a wrong answer to --target",
             usual="0.05",
             read=float,
         ),
         Option(
             "--margin MARGIN",
-            "a rate so far below the target or more falls short of it; between the two either "
-            "answer is right",
+            "a rate lower than the target by this much or more misses it; between the two "
+            "either answer is right",
             usual="0.05",
             read=float,
         ),
         Option(
             "--interval",
-            "the 95% intervals of rates: exact holds the true rate in at least 95 of 100 "
-            "evaluations; wilson is narrower, and does in about 95, near 0 and 1 in far fewer",
+            "method of the 95% intervals of rates: exact contains the true rate in at least 95 "
+            "of 100 evaluations; wilson is narrower and contains it in about 95, but near 0 and "
+            "1 in far fewer",
             default="exact",
             choices=("exact", "wilson"),
         ),
@@ -126,7 +129,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
         Option(
             "--n-envs N",
-            "how many episodes run side by side in a process",
+            "how many episodes run in parallel in a process",
             default=1,
             read=positive,
         ),
@@ -137,10 +140,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         *EPISODES,
         "--require-triggered",
         "--require-answered",
-        Option("--save FILE", "write all of it as JSON, which rtamt compare reads", read=Path),
+        Option("--save FILE", "write the evaluation as JSON, which rtamt compare reads", read=Path),
         Option(
             "--report FILE",
-            "write it as a page of HTML, with the worst episodes as plots",
+            "write the evaluation as a page of HTML, with plots of the worst episodes",
             read=Path,
         ),
         trial="episode",

@@ -27,15 +27,18 @@ from rtamt_gym.tables import number
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Shows a few traces that satisfy each requirement and a few that violate it, as different "
-        "as they can be: answered at the last moment and one sample too late, never asked, exactly "
-        "at a threshold. Read them before a requirement is trusted. The monitors have judged each."
+        "Shows a few traces that satisfy each requirement and a few that violate it, as "
+        "different as possible: answered at the last moment and one sample too late, never "
+        "triggered, exactly at a threshold. Read them before you trust a requirement. The "
+        "monitors confirmed each verdict."
     )
     parser.epilog = "example: rtamt examples requirements.stl --period 100ms --save traces"
-    add_search(parser, horizon=1000, why=", as many traces are sought")
+    add_search(parser, horizon=1000, why=", because many traces are searched for")
     add_options(
         parser,
-        Option("--count N", "the most examples of a requirement", default=10, read=positive),
+        Option(
+            "--count N", "maximum number of examples of a requirement", default=10, read=positive
+        ),
     )
 
 

@@ -21,8 +21,9 @@ from rtamt_gym.results.warnings import (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Follows the robustness of a recorded trace from the specification through its formulas "
-        "down to the predicate and the sample or the time that decided it. Where several have the "
-        "same value, the first operand and the first sample are shown. Exits as rtamt monitor does."
+        "down to the predicate and the sample or time that decided it. If several have the same "
+        "value, the first operand and the first sample are shown. The exit codes are those of "
+        "rtamt monitor."
     )
     parser.epilog = "example: rtamt explain requirements.stl drive.csv --only near"
     add_traces(parser, "explain")

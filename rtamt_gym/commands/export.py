@@ -36,9 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "end the simulation when a violation is certain, unless the tool sets the parameter "
             "of this name",
         ),
-        Option(
-            "--only NAME", "the requirement that is monitored, of a text with several", several=True
-        ),
+        Option("--only NAME", "the requirement to export, if the text has several", several=True),
         "--constant",
         "--period",
         "--semantics",

@@ -47,11 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from rtamt_gym.search.falsification.optimizers import described
 
     parser.description = (
-        "Searches for an input with which a system violates one of its requirements. Prints what "
-        "was found, made as simple as it can be, and why it violates. Exits 1 if a requirement is "
-        "violated; else 3 if simulations failed, of which nothing is known, or if all leave a "
-        "requirement undecided; else 0, which is no guarantee. Ctrl-C ends the search with what it "
-        "has found so far, and 130."
+        "Searches for an input with which a system violates one of its requirements. Prints a "
+        "simplified input and why it violates. Exits 1 if a requirement is violated; otherwise "
+        "3 if simulations failed or if all leave a requirement undecided; otherwise 0, which is "
+        "not a proof. After Ctrl-C it prints the best input so far and exits 130."
     )
     parser.epilog = "example: rtamt falsify rtamt/AutomaticTransmission-v0 AT6a --save case.json"
     add_options(
@@ -72,7 +71,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set",
         Option(
             "--budget N",
-            "the most simulations of the search; a greater one goes on in the same --folder",
+            "maximum number of simulations; a larger number continues a search in the same "
+            "--folder",
             default=300,
             read=positive,
         ),
@@ -82,12 +82,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
         Option(
             "--optimizer NAME",
-            f"what chooses the inputs (default: portfolio). {described()}",
+            f"how inputs are chosen (default: portfolio). {described()}",
             default="portfolio",
         ),
         Option(
             "--no-reduce",
-            "leave the input as it was found; else up to 200 more simulations make it simpler",
+            "keep the input as found; otherwise up to 200 more simulations simplify it",
         ),
         "--policy",
         "--duration",
@@ -101,8 +101,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--require-answered",
         Option(
             "--save FILE",
-            "write what was found as a file that rtamt replay runs; where nothing was violated, "
-            "a file that is there stays",
+            "write the violation as a case for rtamt replay; without a violation an existing "
+            "file is kept",
             read=Path,
         ),
         Option("--plot FILE", "draw the input and the run", read=Path),

@@ -13,8 +13,8 @@ from rtamt_gym.starters import STARTERS, write_starter
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Writes a starter: a specification, a test and a job of CI that runs both. Each is what a "
-        "tutorial of the documentation begins with. Files that are there are not overwritten."
+        "Writes the files of a tutorial: a specification, a test and a CI job that runs both. "
+        "Existing files are not overwritten."
     )
     add_options(
         parser,

@@ -329,7 +329,7 @@ def _explanation(
     if late is not None and late.counted:
         head = f"{judgement}\nfrom {number(late.time)} s on it is {late.verdict}:\n"
     elif judgement.otherwise_complete:
-        head = f"{judgement}\nif the trace is all there is, it is {judgement.otherwise_complete}:\n"
+        head = f"{judgement}\nif nothing follows, it is {judgement.otherwise_complete}:\n"
     if isinstance(trace, EventTrace):
         return head + str(
             rtamt.dense.explain(requirement, trace.tables, semantics=reading.semantics)

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Finds the tightest value of a parameter for which all traces satisfy a requirement. A ? "
         "before a name makes it the parameter: always(speed < ?v), eventually[0:?t](x > 1). Exits "
-        "0 if there is such a value, else 2."
+        "0 if there is such a value, otherwise 2."
     )
     parser.epilog = "example: rtamt mine 'always(speed < ?v)' --range v=0:200 -- runs/*.csv"
     add_traces(parser, "mine", "the requirement: a formula, or the path of a .stl file")
@@ -38,15 +38,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         Option(
             "--range NAME=LOW:HIGH",
-            "the parameter, with its least and its greatest value, v=0:200; others have values, "
-            "--constant w=3",
+            "the parameter with its minimum and maximum, v=0:200; other parameters need a "
+            "value, --constant w=3",
             several=True,
             required=True,
         ),
         Option(
             "--tolerance STEP",
-            "the distance of two values that are told apart, 0 for all floats; not for a bound "
-            "of an interval, which is a multiple of the period",
+            "resolution of the value, 0 for all floats; not for a bound of an interval, which "
+            "is a multiple of the period",
             usual="the power of ten at or below a 100000th of the range",
         ),
         Option("--json", "write the outcome to standard output as strict JSON"),

@@ -45,9 +45,9 @@ _OVER_TIME = ("--out", "--plot", "--write-mcap")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Judges files of samples or events under one or more specifications. Columns that no "
-        "specification reads are ignored. Exits 2 if an argument or a trace was bad, else 1 on a "
-        "violation, else 3 if something is undecided, else 0."
+        "Evaluates files of samples or events under one or more specifications. Columns that no "
+        "specification reads are ignored. The exit code is the first that applies: 2 for a bad "
+        "argument or trace, 1 for a violation, 3 for an undecided requirement, otherwise 0."
     )
     parser.epilog = "example: rtamt monitor requirements.stl -- runs/*.csv --junit outcomes.xml"
     add_traces(parser, "monitor")
@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         Option(
             "-j N",
-            "the number of processes that judge traces",
+            "number of processes",
             default=1,
             read=positive,
             dest="workers",
@@ -74,7 +74,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             usual="a note reports it",
         ),
         Option("--min-traces N", "exit 2 if there are fewer than N traces", read=positive),
-        Option("--expect NAME", "exit 2 if no requirement with this name is judged", repeat=True),
+        Option(
+            "--expect NAME", "exit 2 if no requirement with this name is evaluated", repeat=True
+        ),
         Option("--junit FILE", "write the outcomes as JUnit XML, for CI systems", read=Path),
         Option(
             "--undecided",

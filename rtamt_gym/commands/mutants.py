@@ -40,29 +40,28 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
         group,
         Option(
             "--mutants",
-            "make mutants of each requirement, which is the requirement with one change, and say "
-            "which of them the traces notice; verdicts have no part in the exit code then",
+            "change each requirement in one place, and report which of these mutants the traces "
+            "kill; verdicts then do not change the exit code",
         ),
         Option(
             "--max-mutants N",
-            f"the most mutants of each requirement (default: {_MOST})",
+            f"maximum number of mutants of each requirement (default: {_MOST})",
             read=positive,
         ),
         Option(
             "--mutation KIND",
-            f"make mutants of this kind alone, {', '.join(rtamt.mutation.MUTATIONS)}",
+            f"make only mutants of this kind: {', '.join(rtamt.mutation.MUTATIONS)}",
             choices=tuple(rtamt.mutation.MUTATIONS),
             repeat=True,
         ),
         Option(
             "--min-killed SHARE",
-            "exit 3 if less than this share of a requirement's mutants is noticed, such as 80%",
+            "exit 3 if less than this share of a requirement's mutants is killed, such as 80%",
             read=_share,
         ),
         Option(
             "--write-killing-traces FOLDER",
-            "write a trace for each mutant that is missed which would notice it, as CSV; needs "
-            "the extra check",
+            "write a CSV trace for each surviving mutant that would kill it; needs the extra check",
             read=Path,
         ),
     )
@@ -323,4 +322,4 @@ def write_apart(
                 columns = {"time": tuple(float(i * period) for i in range(count)), **columns}
             write_samples(folder, f"{name}-{number}", columns)
             written += 1
-    return f"traces that notice what is missed: {written} in {folder}\n"
+    return f"traces that kill surviving mutants: {written} in {folder}\n"

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Runs a case that rtamt falsify --save, or Falsification.save, has written. A case is code "
-        "of its author, as a pickle is: it names modules, policies, FMUs, which are imported and "
-        "run. Exits 0 if it has the verdict that the file expects, 1 if it has another."
+        "Runs a case that rtamt falsify --save or Falsification.save wrote. A case is code of its "
+        "author, as a pickle is: it names modules, policies, FMUs, which are imported and run. "
+        "Exits 0 if the verdict is the one in the file, otherwise 1."
     )
     parser.epilog = "example: rtamt replay case.json --explain --plot run.png"
     add_options(

@@ -23,12 +23,12 @@ from rtamt_gym.results.warnings import (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Writes one page of HTML that needs no network: each requirement in words, how often it is "
-        "satisfied, the worst episode as a plot. Results are files: evaluations and comparisons, "
-        "the Parquet files and folders of sweeps and campaigns, saved cases, and what rtamt sweep, "
-        "falsify and monitor write with --json. Files are only read: a saved case is code of its "
-        "author, as a pickle is, and is run with --play alone. Then the exit code is 3 if it "
-        "cannot be played again, so that the page shows no run of it."
+        "Writes one page of HTML that needs no network: each requirement in words, how often it "
+        "is satisfied, and a plot of the worst episode. Results are files: evaluations and "
+        "comparisons, the Parquet files and folders of sweeps and campaigns, saved cases, and "
+        "the --json output of rtamt sweep, falsify and monitor. Files are only read: a saved "
+        "case is code of its author, as a pickle is, and only --play runs it. With --play the "
+        "exit code is 3 if a case cannot be run, so that the page shows no run of it."
     )
     parser.epilog = "example: rtamt report old.json new.json outcomes.json -o report.html"
     add_options(
@@ -48,19 +48,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
         Option(
             "--examples FILE",
-            "draw examples beside their requirements: what rtamt examples --json wrote",
+            "a file of rtamt examples --json; draws the examples next to their requirements",
             repeat=True,
         ),
         Option("--title TEXT", "the title of the page"),
         Option(
             "--play",
-            "play saved cases again, which imports and runs what they name: modules, policies, "
-            "FMUs; it is said first what that is",
+            "run saved cases, which imports the modules, policies and FMUs that they name; "
+            "standard error lists them first",
         ),
         Option(
             "--traces DIR",
             "read recorded traces below this folder too",
-            usual="below the present folder and the folder of the result alone",
+            usual="only below the current folder and the folder of the result",
             read=Path,
             repeat=True,
         ),
@@ -96,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
     options.output.write_text(render(report), encoding="utf-8")
     print(f"report: {options.output}", flush=True)
     warnings = [
-        VerdictWarning(f"{path} was not played again: {section.not_played}", fails=options.play)
+        VerdictWarning(f"{path} was not run: {section.not_played}", fails=options.play)
         for path, section in zip(paths, report.sections, strict=True)
         if section.not_played
     ]

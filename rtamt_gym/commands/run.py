@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Runs episodes of a registered Gymnasium environment under specifications and prints "
-        "their robustness and verdicts. Exits 0 whatever the verdicts are, 2 if an episode failed, "
-        "and with --require-triggered 3 if nothing has put a requirement to the test."
+        "their robustness and verdicts. Exits 0 for any verdicts, 2 if an episode failed, and "
+        "with --require-triggered 3 if no episode triggers a requirement."
     )
     parser.epilog = (
         "example: rtamt run CartPole-v1 --spec 'upright = always(abs(angle) < 0.1)' "
@@ -45,9 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--spec",
         Option(
             "--signal NAME=SELECTOR",
-            "what a variable reads (rtamt envs ENV_ID lists what there is): obs[2], action[0], "
-            "reward, info['speed'], qpos[1]; what a reset does not give needs a value for it: "
-            "u=action[0],0",
+            "what a variable reads (rtamt envs ENV_ID lists the selectors): obs[2], action[0], "
+            "reward, info['speed'], qpos[1]; a value that does not exist at reset needs a first "
+            "value: u=action[0],0",
             repeat=True,
         ),
         Option("--episodes N", "number of episodes", default=1, read=positive),
@@ -61,9 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--at-truncation",
         Option(
             "--policy POLICY",
-            "how to act: random, zero, baseline (a scenario's own), sb3:FILE.zip (a model of "
-            "Stable-Baselines3, which acts deterministically; its file holds pickled objects, so "
-            "trust it), or module:function, from observation to action",
+            "the policy: random, zero, baseline (a scenario's own), sb3:FILE.zip (a model of "
+            "Stable-Baselines3, deterministic; its file contains pickled objects, so load only "
+            "files that you trust), or module:function, from observation to action",
             default="random",
         ),
         "--seed",

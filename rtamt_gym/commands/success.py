@@ -38,17 +38,17 @@ _NAMED: Final = 5
 SUCCESS = (
     Option(
         "--success",
-        "judge the environment's own flag of success too: true at any step, at the last, "
+        "also evaluate the environment's own success flag: true at any step, at the last step, "
         "held for a time, and kept for that time until the end",
     ),
     Option(
         "--success-key KEY",
-        "the key of info that is the flag",
-        usual="success or is_success, which is there",
+        "the key of the flag in info",
+        usual="success or is_success, whichever exists",
     ),
     Option(
         "--hold TIME",
-        "how long held and kept ask for, such as 2s",
+        "the time of held and kept, such as 2s",
         usual="500ms, or the next multiple of a step",
     ),
 )

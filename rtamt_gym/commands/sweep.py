@@ -44,11 +44,11 @@ _SAMPLERS = ("sobol", "grid", "lhs", "random", "morris", "saltelli")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Runs a scenario, or another system, on many points of a space; prints the robustness and "
-        "the verdicts of its requirements. Exits 0 whatever the verdicts are, 3 if more "
-        "simulations failed than --allow-failures lets pass, or if nothing has put a requirement "
-        "to the test and --require-triggered is given. With --require-satisfied it exits 1 if "
-        "no simulation satisfies a requirement and some violate it."
+        "Simulates a scenario, or another system, at many points of a space; prints the "
+        "robustness and the verdicts of its requirements. Exits 0 for any verdicts, 3 if more "
+        "simulations failed than --allow-failures permits, and with --require-triggered 3 if no "
+        "simulation triggers a requirement. With --require-satisfied it exits 1 if no "
+        "simulation satisfies a requirement and some violate it."
     )
     parser.epilog = (
         "example: rtamt sweep rtamt/AutomaticTransmission-v0 --requirement AT2 --samples 100"
@@ -70,13 +70,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set",
         Option(
             "--samples N",
-            "how many points; of a grid, the values of each column: 4, or by name "
-            "frequency=4,amplitude=3; of morris, trajectories; of saltelli, a power of two",
+            "number of points; for grid, the number of values of each column: 4, or by name "
+            "frequency=4,amplitude=3; for morris, the number of trajectories; for saltelli, a "
+            "power of two",
             required=True,
         ),
         Option(
             "--sampler",
-            "how points are chosen; morris and saltelli print what moves the robustness",
+            "how points are chosen; morris and saltelli print which columns affect the robustness",
             default="sobol",
             choices=_SAMPLERS,
         ),

@@ -74,8 +74,8 @@ class TracesAsked:
 
 
 _SPECS = (
-    "the path of a .stl file or of a folder of them, name=path, or a formula; every requirement is "
-    "judged, which is a formula that no other formula of its text uses"
+    "the path of a .stl file or of a folder of them, name=path, or a formula; every requirement "
+    "is evaluated, which is a formula that no other formula of its text uses"
 )
 
 
@@ -98,7 +98,7 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         Option(
             "TRACE",
             f"the path of a {', '.join(others)} or {last} file or of the folder of a bag, or - "
-            "for CSV on stdin; behind -- several, folders and patterns too",
+            "for CSV on stdin; after -- also several, folders and patterns",
         ),
         "--only",
         "--constant",
@@ -106,8 +106,8 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         shared(
             "--period",
             about="time between samples, in seconds or with a unit, such as 100ms",
-            usual="the distance of two times; without a column of times, bounds count samples; a "
-            "bag is sampled at it, and a message holds until the next",
+            usual="from the times; without a column of times, bounds count samples; a bag is "
+            "sampled at this period, and a message holds until the next",
         ),
         *("--view", "--semantics", "--align", "--dense"),
     )
@@ -120,27 +120,27 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         group,
         Option(
             "--signal VARIABLE=COLUMN",
-            "the column of a variable that is called otherwise: 'speed=Vehicle Speed [km/h]'; in "
-            "a bag its topic and field, speed=/robot0/odom.twist.twist.linear.x, or the topic of "
-            "a message, cmd=/robot1/cmd_vel",
+            "the column of a variable with another name: 'speed=Vehicle Speed [km/h]'; in a bag "
+            "its topic and field, speed=/robot0/odom.twist.twist.linear.x, or the topic of a "
+            "message, cmd=/robot1/cmd_vel",
             repeat=True,
         ),
         Option(
             "--time COLUMN",
             "the column of times, or two, as in secs+nsecs (default: one called time, timestamp, "
-            "t, stamp, Time [s], elapsed_time, TimeUS, Zeit ...); of a bag log, when messages "
-            "were recorded, or header, what their stamps say",
+            "t, stamp, Time [s], elapsed_time, TimeUS, Zeit ...); for a bag log, when messages "
+            "were recorded, or header, the stamps of the messages",
             usual="log",
         ),
         Option(
             "--time-unit UNIT",
-            f"the unit of the times: {', '.join(UNITS)} (default: that in the name or the type of "
-            "the column, else s)",
+            f"the unit of the times: {', '.join(UNITS)} (default: the unit in the name or the "
+            f"type of the column, otherwise s)",
         ),
         Option(
             "--date-order",
             "whether dates such as 03/04/2024 have the day or the month first",
-            usual="such a date is refused where it matters",
+            usual="such a date is refused if the order matters",
             choices=get_args(DateOrder),
         ),
         Option(
@@ -150,18 +150,18 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         ),
         Option(
             "--one-trace",
-            "judge all rows of a table as one trace, though they look like several objects or "
-            "episodes",
+            "evaluate all rows of a table as one trace, although they look like several objects "
+            "or episodes",
             usual="such a table is refused",
         ),
         Option(
             "--separator CHARACTER",
-            "what stands between the cells of a text, such as ';' or tab",
-            usual="what its line of names has",
+            "the character between the cells of a text, such as ';' or tab",
+            usual="the one in the line of names",
         ),
         Option(
             "--skip N",
-            "leave out N lines of a text before the line of names",
+            "skip N lines of a text before the line of names",
             default=0,
             usual="lines that can only be comments or metadata",
             read=whole,
@@ -169,14 +169,13 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         Option(
             "--decimal MARK",
             "the decimal mark of a text, . or ,",
-            usual="the mark for which its cells are evidence; a file that can be read in two ways "
-            "is refused",
+            usual="the mark that the cells show; a file with two possible readings is refused",
         ),
         Option(
             "--missing",
-            "what an empty cell, or nan in a bag, does: it is an error, it has the value before, "
-            "its row is left out, or nothing is known of it there, as rtamt monitor alone can "
-            "judge, with the bounds and the verdict that this leaves",
+            "the meaning of an empty cell, or nan in a bag: raise, an error; hold, the value "
+            "before; drop, its row is left out; unknown, a value within unknown bounds, for "
+            "rtamt monitor and explain",
             default="raise",
             choices=get_args(Missing),
         ),
@@ -188,39 +187,39 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         ),
         Option(
             "--stale SECONDS",
-            "refuse a bag of which a topic is without a message for longer than this",
-            usual="its last value holds, and a long silence is said",
+            "refuse a bag if a topic has no message for longer than this",
+            usual="its last value holds, and a note reports a long silence",
             read=float,
         ),
         Option(
             "--same-time",
-            "which record counts where several records of a variable at one instant differ",
+            "which record counts if several records of a variable at one instant differ",
             usual="they are an error; in bags and ULog files the last counts",
             choices=get_args(SameTime),
         ),
         Option(
             "--max-gap TIME",
             "how long a value holds until the next record of its column, or with --dense and in "
-            "bags until the end of the recording, such as 10s, 500ms or 2h: where two are "
-            "farther apart, nothing is known between them",
-            usual="any time, and a gap of more than 10 usual steps is said",
+            "bags until the end of the recording, such as 10s, 500ms or 2h; after that it is "
+            "unknown",
+            usual="no limit, and a note reports a gap of more than 10 usual steps",
         ),
         Option(
             "--default NAME",
-            "take the declared default of this variable where a trace has no column of it, "
-            "though one is called nearly so, and under --no-defaults",
+            "use the declared default of this variable if a trace has no column of it, even if "
+            "a similar column exists or --no-defaults is set",
             repeat=True,
         ),
         Option(
             "--no-defaults",
-            "refuse a trace in which a variable would have its declared default",
-            usual="it has it, and a note says so",
+            "refuse a trace in which a variable would have its declared default value",
+            usual="the default is used, and a note reports it",
         ),
         Option(
             "--start",
-            "how the time counts in which some variables of a requirement have no value yet, "
-            "with --dense and in bags: unknown reports the worse of the verdicts without that "
-            "time and with unknown values in it; known leaves it out",
+            "how to count the time before all variables of a requirement have a value, with "
+            "--dense and in bags: unknown reports the worse of the verdicts without that time "
+            "and with unknown values in it; known leaves it out",
             default="unknown",
             choices=get_args(Start),
         ),

@@ -363,7 +363,7 @@ def _notes(
         if left := len(each.record) - len(rows):
             yield (
                 f"{counted(left, 'episode')} of {name} {'is' if left == 1 else 'are'} left out: "
-                "the other has no episode with such a seed"
+                f"{'B' if name == 'A' else 'A'} has no episode with the same seed"
             )
         if failed := [pair[side] for pair in rows if pair[side].error]:
             error = shorten(" ".join(failed[0].error.split()), 200)
@@ -374,8 +374,8 @@ def _notes(
         if ended := sum(_by_end(pair[side]) for pair in rows):
             was, its = ("is", "its") if ended == 1 else ("are", "their")
             yield (
-                f"{counted(ended, 'episode')} of {name} {was} violated {BY_END}, beside a "
-                f"robustness that holds: {its} robustness judges the samples alone"
+                f"{counted(ended, 'episode')} of {name} {was} violated {BY_END}, although "
+                f"the samples satisfy the requirement: {its} robustness covers only the samples"
             )
         if (reuse := each.record.provenance.reuse) is not None:
             yield from (f"{name}: {mixture.line('episode')}" for mixture in reuse.mixtures)
@@ -383,13 +383,13 @@ def _notes(
         yield from (f"{warning.text} of {name}" for warning in warnings if warning.kind == NEVER)
         if each.decision is not None:
             yield (
-                f"{name} ran until its answer was known, so its rate may lean to that answer; "
-                "a comparison is sound of fixed numbers of episodes"
+                f"{name} stopped once its answer was known, so its rate may be biased towards that "
+                "answer; compare fixed numbers of episodes"
             )
     if len({any(row.ended in STOPPED for row in item.record) for item in (a, b)}) == 2:
         yield (
-            "episodes of one side alone were stopped early, which leaves requirements open and "
-            "changes robustness and returns; a comparison is sound with the same stop="
+            "only one side stopped episodes early, which leaves requirements open and changes "
+            "robustness and returns; compare evaluations with the same stop="
         )
     if 2 * 0.5 ** len(rows) * requirements > LEVEL:
         yield f"{counted(len(rows), 'pair')} cannot show a difference of rates, however they end"

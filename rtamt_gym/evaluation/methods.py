@@ -145,7 +145,7 @@ class MethodComparison:
 
     def __str__(self) -> str:
         share = f"{100 * self.confidence:g} %"
-        head = ["method", "runs", "mean", share, "IQM", share, "least", "median"]
+        head = ["method", "runs", "mean", share, "IQM", share, "minimum", "median"]
         head += [f"above {self.baseline}", "p"]
         rows = [head]
         for name, result in self.methods.items():

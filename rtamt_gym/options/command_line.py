@@ -120,7 +120,7 @@ _SHARED = (
     ),
     Option(
         "--env-kwarg KEY=VALUE",
-        "an argument of the environment, its value in JSON or else text: frame_skip=2, "
+        "an argument of the environment, in JSON or as text: frame_skip=2, "
         "xml_file=./hopper.xml, 'config={\"duration\": 20}'",
         repeat=True,
     ),
@@ -136,7 +136,7 @@ _SHARED = (
         "what a variable reads, as for rtamt run; a scenario has signals for its own variables",
         repeat=True,
     ),
-    Option("--only NAME", "judge this requirement alone", repeat=True),
+    Option("--only NAME", "evaluate only this requirement", repeat=True),
     Option(
         "--constant NAME=VALUE",
         "the value of a constant, instead of the value in the text",
@@ -144,8 +144,7 @@ _SHARED = (
     ),
     Option(
         "--policy POLICY",
-        "the policy, where no signal sets the action: zero, baseline, sb3:FILE.zip or "
-        "module:function",
+        "the policy, if no signal sets the action: zero, baseline, sb3:FILE.zip or module:function",
         usual="the scenario's own",
     ),
     Option("--seed S", "seed of the first {trial}, one more for each further one", 0, read=whole),
@@ -169,7 +168,7 @@ _SHARED = (
     ),
     Option(
         "--folder FOLDER",
-        "keep finished {trial}s there; after an interruption the same command goes on, unless "
+        "keep finished {trial}s there; after an interruption the same command continues, unless "
         f"{_CHANGED}",
         read=Path,
     ),
@@ -185,8 +184,7 @@ _SHARED = (
     Option(
         "--require-triggered N",
         "exit 3 if a requirement with an implication is triggered in fewer than N {trial}s and "
-        "nothing is violated; N stands behind =, as in --require-triggered=5, and may be all "
-        "(default without =N: 1)",
+        "nothing is violated; write --require-triggered=5 or =all (default without =N: 1)",
         read=trials,
     ),
     Option(
@@ -200,8 +198,8 @@ _SHARED = (
     ),
     Option(
         "--distance OTHER",
-        "judge 'REQUIREMENT iff OTHER' instead of the requirement: it is violated where only one "
-        "of the two holds. OTHER may be a mutant that 'rtamt monitor --mutants' did not notice",
+        "evaluate 'REQUIREMENT iff OTHER' instead of the requirement: it is violated where only "
+        "one of the two holds. OTHER may be a mutant that survived 'rtamt monitor --mutants'",
     ),
     Option(
         "--vary NAME=LOW:HIGH",

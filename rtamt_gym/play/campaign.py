@@ -197,7 +197,7 @@ class _Note:
         if self._smallest == math.inf:
             return failed
         saved = f", {self._saved:.0f} s of simulation saved" if self._saved else ""
-        text = f"{self._violated} violated, least robustness {self._smallest:.3g}{saved}"
+        text = f"{self._violated} violated, minimum robustness {self._smallest:.3g}{saved}"
         return f"{text}, {failed}" if failed else text
 
 

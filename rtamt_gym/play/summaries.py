@@ -45,7 +45,7 @@ def run_table(episodes: Sequence[Episode]) -> list[str]:
     asks = any(
         outcome.trigger_count is not None for run in runs for outcome in run.outcomes.values()
     )
-    head = ("asked",) if asks else ()
+    head = ("triggered",) if asks else ()
     rows = [("ep", "driver", "steps", at_head, "spec", "robustness", "verdict", *head, "saved")]
     for count, run in enumerate(episodes, 1):
         if isinstance(run, Trial):
@@ -64,7 +64,7 @@ def run_table(episodes: Sequence[Episode]) -> list[str]:
                 when = course.decided_text(run.period) or "-"
             of_run = (str(count), shorten(run.label, 16), str(run.steps), when)
             asked = (times_text(course.outcome(run.period)) or "-",) if asks else ()
-            of_spec = (shorten(name, 16), course.final_text("+.3g"), course.verdict.name, *asked)
+            of_spec = (shorten(name, 15), course.final_text("+.3g"), course.verdict.name, *asked)
             if first:
                 rows.append((*of_run, *of_spec, _saved(run) if stops else ""))
             else:

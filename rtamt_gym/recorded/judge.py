@@ -163,8 +163,8 @@ class TraceJudgement:
         if self.verdict != Verdict.UNDECIDED:
             return ""
         if self.found.complete == Verdict.UNDECIDED:
-            return f"no --end decides it: it hangs on {self.found.undecided_because}"
-        return f"if the trace is all there is, --end complete says {self.found.complete.name}"
+            return f"undecided under every --end: it depends on {self.found.undecided_because}"
+        return f"if nothing follows (--end complete), the verdict is {self.found.complete.name}"
 
     @property
     def asked(self) -> list[str]:
@@ -192,8 +192,8 @@ class TraceJudgement:
             return ""
         what = f"{name} is " if name else ""
         return (
-            f"{what}SATISFIED if the trace is all there is, as --end complete takes it: windows "
-            "reach past its end, and --end cut says UNDECIDED"
+            f"{what}SATISFIED because --end complete assumes that nothing follows; windows reach "
+            "past the end, so --end cut leaves it UNDECIDED"
         )
 
     @property

@@ -14,7 +14,7 @@ def report(
 ) -> list[str]:
     """Write judgements in words and as a table."""
     several = len(judgements) > 1
-    rows = [("spec", "formula", "at the start", "least", "at", "violated from")]
+    rows = [("spec", "formula", "at the start", "minimum", "at", "violated from")]
     for name, judgement in judgements.items():
         for formula, values in judgement.series.items():
             series = values.instants
@@ -47,8 +47,8 @@ def report(
         if judgement.series and judgement.otherwise_complete:
             of_spec = f" of {name}" if several else ""
             notes.append(
-                f"robustness over time{of_spec} is that of a trace that is all there is, of which "
-                f"--end complete says {judgement.otherwise_complete}"
+                f"robustness over time{of_spec} assumes that nothing follows; with --end complete "
+                f"the verdict is {judgement.otherwise_complete}"
             )
         late = judgement.late_start
         if judgement.series and late is not None and late.counted:

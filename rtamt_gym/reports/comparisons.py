@@ -123,8 +123,8 @@ def of_methods(methods: MethodComparison) -> Section:
     if methods.tasks != ("",):
         facts.append(("tasks", ", ".join(methods.tasks)))
     intervals = f"{100 * methods.confidence:g} %, bootstrap of {methods.resamples} draws"
-    heads = ["method", "runs", "mean", "interval", "interquartile mean", "interval", "least"]
-    heads += ["quartiles", "greatest", f"chance to be above {methods.baseline}", "adjusted p"]
+    heads = ["method", "runs", "mean", "interval", "interquartile mean", "interval", "minimum"]
+    heads += ["quartiles", "maximum", f"chance to be above {methods.baseline}", "adjusted p"]
     wordy = {"method", "interval", *heads[-2:]}
     sentence = Text(methods.sentence, "sentence")
     table = Table(

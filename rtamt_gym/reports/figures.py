@@ -130,7 +130,7 @@ def _histogram(requirement: Requirement, noun: str) -> Figure:
     parts = [
         f"{negative} of {counted(len(values), noun)} below zero{by_end}{open_}.",
         f"Median {middle}, middle half {low} to {high}.",
-        f"Least {number(values[0])}, greatest {number(values[-1])}.",
+        f"Minimum {number(values[0])}, maximum {number(values[-1])}.",
     ]
     beyond = [
         f"{counted(count, noun)} at {number(value)}"
@@ -198,7 +198,8 @@ def convergence_figure(
     if steps:
         place, value = steps[-1]
         summary = (
-            f"The least robustness found is {number(value)}, in simulation {place} of {len(least)}."
+            f"The minimum robustness found is {number(value)}, in simulation {place} of "
+            f"{len(least)}."
         )
     data = {
         "requirement": name,
@@ -215,7 +216,7 @@ def convergence_figure(
         260,
         plain(data),
         words=_present(verdicts),
-        table=numbers_table(("simulation", "least robustness so far"), tuple(rows)),
+        table=numbers_table(("simulation", "minimum robustness so far"), tuple(rows)),
     )
 
 
@@ -253,11 +254,11 @@ def map_figure(
     if known:
         row, column = divmod(every.index(min(known)), len(xs))
         summary += (
-            f" The least is {number(min(known))}, at {x} = {number(xs[column])} and "
+            f" The minimum is {number(min(known))}, at {x} = {number(xs[column])} and "
             f"{y} = {number(ys[row])}."
         )
     if folded:
-        summary += " A cell is the least of several simulations."
+        summary += " A cell is the minimum of several simulations."
     if len(known) < len(every):
         summary += f" {counted(len(every) - len(known), 'cell')} without a result."
     texts = iter(aligned(every))

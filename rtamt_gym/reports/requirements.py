@@ -193,14 +193,13 @@ def evidence(requirement: Requirement, noun: str) -> Iterator[Text]:
     certain = " for certain" * requirement.unknown
     triggered, judged = requirement.asked or (0, 0)
     if triggered:
-        yield Text(f"Asked in {triggered} of {counted(judged, noun)}{certain}.", "asked")
+        yield Text(f"Triggered in {triggered} of {counted(judged, noun)}{certain}.", "asked")
         if requirement.vacuous:
             total = counted(requirement.vacuous, noun)
             yield Text(f"Satisfied without an answer in {total}.", "asked hollow")
     elif judged:
         word = never_triggered_word(unknown=requirement.unknown).capitalize()
-        text = f"{word}: no {noun} of {judged} put it to the test{certain}."
-        yield Text(text, "asked hollow")
+        yield Text(f"{word} in {counted(judged, noun)}.", "asked hollow")
     if requirement.defaults:
         counts = requirement.defaults.items()
         parts = ", ".join(f"{text} in {counted(count, noun)}" for text, count in counts)
@@ -225,7 +224,7 @@ def trials_table(
     columns: list[tuple[Column, Iterable[str], Iterable[float | None]]] = [
         (Column("robustness", "n"), *_numbers([t.robustness for t in trials])),
         (Column("progress", "n"), progress, [t.progress for t in trials]),
-        (Column("asked", "n"), map(_triggers, trials), [t.asked for t in trials]),
+        (Column("triggers", "n"), map(_triggers, trials), [t.asked for t in trials]),
         (Column(f"violated at ({unit})", "n"), *_numbers(times)),
         (Column(f"length ({unit})", "n"), *_numbers([t.duration for t in trials])),
         (Column("return", "n"), *_numbers([t.reward for t in trials])),

@@ -63,7 +63,7 @@ def of_search(found: Falsification, room: int) -> Section:
         notes.append(
             f"The input was made simpler by {counted(found.reductions, 'more simulation')}."
         )
-    notes.append(f"Seen, without any guarantee: {found.coverage}.")
+    notes.append(f"Coverage (not a proof): {found.coverage}.")
     if found.effects.without:
         notes.append(f"Note: {found.effects}.")
     notes += reuse_notes(record.provenance, "simulation")
@@ -157,7 +157,7 @@ def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
         policy=saved.policy or "",
         unit=unit,
         facts=(("robustness", number(saved.robustness)),),
-        notes=(f"The case was not played again: {note}" if run is None else note,),
+        notes=(f"The case was not run: {note}" if run is None else note,),
         requirements=(requirement,),
         versions=dict(saved.versions),
         not_played=note if run is None else "",

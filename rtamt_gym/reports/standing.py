@@ -95,7 +95,7 @@ def _mutants(sections: Sequence[Section]) -> str | None:
         return None
     scores = [score for mutants in tested for score in mutants.values()]
     killed = sum(score.count("noticed") for score in scores)
-    text = f"mutants noticed: {killed} of {sum(score.different for score in scores)}"
+    text = f"mutants killed: {killed} of {sum(score.different for score in scores)}"
     required, names = _required(sections)
     if not names or required is None:
         return text
@@ -147,5 +147,5 @@ def _runs(sections: Sequence[Section]) -> Iterator[str]:
         judged[section.noun] += max(requirement.counts.episodes for requirement in own) - lost
         failed[section.noun] += lost
     for noun in judged:
-        text = f"{counted(judged[noun], noun)} judged"
+        text = f"{counted(judged[noun], noun)} evaluated"
         yield f"{text}, {failed[noun]} failed" if failed[noun] else text

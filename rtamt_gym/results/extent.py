@@ -91,15 +91,16 @@ class LateStart:
         """The start in words: which variable is late, for how long, and what is left out."""
         start = f"from {number(self.time)} s on"
         if not self.of:
-            return f"judged {start}, with its first {self.what}"
+            return f"evaluated {start}, with its first {self.what}"
         names = ", ".join(f"'{name}'" for name in self.of)
-        first = f"where {names} {'has' if len(self.of) == 1 else 'have'} the first {self.what}"
-        missing = f"{number(self.time - self.begin)} s before it"
+        has_its = "has its" if len(self.of) == 1 else "have their"
+        first = f"where {names} {has_its} first {self.what}"
+        missing = f"the {number(self.time - self.begin)} s before it"
         rest = counted(self.before, self.what)
         if not self.counted:
-            return f"judged {start}, {first}: {missing} are left out, with {rest}"
+            return f"evaluated {start}, {first}: {missing} are left out, with {rest}"
         return (
-            f"{self.verdict} if judged {start}, {first}; {missing}, with {rest}, count with "
+            f"{self.verdict} if evaluated {start}, {first}; {missing}, with {rest}, count with "
             f"{names} unknown; --start known leaves them out"
         )
 

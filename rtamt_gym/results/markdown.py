@@ -34,7 +34,7 @@ def to_markdown(
         constants: The values of constants that replace those of the specifications, by name.
     """
     asked = {name for name in matrix.requirements if triggered_in(matrix, name) is not None}
-    names = [_escaped(name) + " | asked" * (name in asked) for name in matrix.requirements]
+    names = [_escaped(name) + " | triggers" * (name in asked) for name in matrix.requirements]
     heading = [label(matrix.word), *filter(None, [_escaped(failing_summary(warnings))])]
     lines = [f"# {', '.join(heading)}", ""]
     lines += [f"{_escaped(text)}  " for text in summary(matrix)]

@@ -66,7 +66,7 @@ class Matrix(Results):
         name, counts, least = result
         total = len(columns[name])
         words = [f"{value} in {n} of {counted(total, 'trace')}" for value, n in counts if n]
-        words.append(f"least {number(columns[name][least].robustness + 0.0)} in {least}")
+        words.append(f"minimum {number(columns[name][least].robustness + 0.0)} in {least}")
         return name, ", ".join(words)
 
     def worst_trace(self) -> tuple[str, str] | None:
@@ -82,7 +82,7 @@ class Matrix(Results):
         name, counts, least = result
         total = len(rows[name])
         words = [f"{n} of {counted(total, 'requirement')} {value}" for value, n in counts if n]
-        words.append(f"least {number(rows[name][least].robustness + 0.0)} of {least}")
+        words.append(f"minimum {number(rows[name][least].robustness + 0.0)} of {least}")
         return name, ", ".join(words)
 
 
@@ -138,7 +138,7 @@ def _column(matrix: Matrix, name: str, *, on_defaults: bool) -> list[str]:
     column = [f"{shorten(name, 16)}  {' ' * on_defaults}", *cells]
     if triggered_in(matrix, name) is None:
         return column
-    asked = ["asked", *(times_text(row.cell(name)) for row in matrix.rows)]
+    asked = ["triggers", *(times_text(row.cell(name)) for row in matrix.rows)]
     width, other = max(map(len, column)), max(map(len, asked))
     return [f"{a:>{width}}{b:>{other}}" for a, b in zip(column, asked, strict=True)]
 
@@ -229,13 +229,13 @@ def _blocks(
 ) -> Iterator[tuple[list[list[str]], list[list[str]]]]:
     """Yield the columns that fit next to the names, the first with lengths and verdicts."""
     names, head, part = first[0], first, list[list[str]]()
-    room = _WIDTH - sum(2 + max(map(len, column)) for column in head)
+    room = _WIDTH + 2 - sum(2 + max(map(len, column)) for column in head)
     for column in columns:
         width = 2 + max(map(len, column))
         if part and width > room:
             yield head, part
             head, part = [names], []
-            room = _WIDTH - 2 - max(map(len, names))
+            room = _WIDTH - max(map(len, names))
         part.append(column)
         room -= width
     yield head, part

@@ -151,14 +151,14 @@ def below(scores: Mapping[str, MutationScore], min_share: float | None) -> list[
 
 def score_text(name: str, score: MutationScore) -> str:
     """Return how many mutants of a requirement are noticed, in words."""
-    text = f"{name}: {score.count('noticed')} of {counted(score.different, 'mutant')} noticed"
+    text = f"{name}: {score.count('noticed')} of {counted(score.different, 'mutant')} killed"
     unknown = score.count("unknown")
-    return f"{text}; of {unknown} nobody knows whether they differ" if unknown else text
+    return f"{text}; {unknown} unknown" if unknown else text
 
 
 def score_lines(scores: Mapping[str, MutationScore], traces: int) -> Iterator[str]:
     """Return a table with a row for each requirement, and the mutants that no trace notices."""
-    rows = [["mutants", "made", "noticed", "missed", "unknown", "same", "share"]]
+    rows = [["mutants", "total", "killed", "survived", "unknown", "same", "share"]]
     for name, score in scores.items():
         counts = (score.count(item) for item in ("noticed", "missed", "unknown", "same"))
         numbers = [str(score.made), *map(str, counts), percent(score.share)]
@@ -167,7 +167,7 @@ def score_lines(scores: Mapping[str, MutationScore], traces: int) -> Iterator[st
     for name, score in scores.items():
         missed = [mutant for mutant in score.mutants if mutant.says in ("missed", "unknown")]
         same = [mutant for mutant in score.mutants if mutant.says == "same"]
-        of = f"none of {counted(traces, 'trace')} notices" if traces > 1 else "the trace misses"
+        of = f"survived all {traces} traces" if traces > 1 else "survived the trace"
         for head, part in ((f"{name}: {of}", missed), (f"{name}: the same, left out", same)):
             if part:
                 yield from ("", head)
@@ -181,7 +181,7 @@ def score_lines(scores: Mapping[str, MutationScore], traces: int) -> Iterator[st
             yield ""
             yield from wrapped(
                 f"{name}: {counted(score.left_out, 'mutant')} left out, which {look} at the first "
-                f"sample alone; --view step judges {them} at each"
+                f"sample only; --view step evaluates {them} at each"
             )
         if score.capped:
             yield ""

@@ -236,7 +236,7 @@ STATISTICS: Final = (
         "failed", "failed", lambda of: of.failed, style="red", shown=lambda of: of.failed > 0
     ),
     Statistic(
-        *("asked", "asked in", lambda of: of.triggered),
+        *("asked", "triggered", lambda of: of.triggered),
         shown=lambda of: of.triggered is not None,
         judged=True,
     ),
@@ -244,13 +244,13 @@ STATISTICS: Final = (
         *("progress", "progress", lambda of: of.progress, progress_text),
         shown=lambda of: of.progress is not None,
     ),
-    _height("least", "least", lambda heights: float(heights[0])),
+    _height("least", "minimum", lambda heights: float(heights[0])),
     # Of fewer than 20 it is the least.
     _height(
         "cvar", "CVaR 5%", expected_shortfall, shown=lambda of: len(of.robustness_values) >= 20
     ),
     _height("median", "median", lambda heights: float(heights[(len(heights) - 1) // 2])),
-    _height("greatest", "greatest", lambda heights: float(heights[-1]), where="counts"),
+    _height("greatest", "maximum", lambda heights: float(heights[-1]), where="counts"),
 )
 """What is told of a requirement over many trials, in the order of the columns."""
 

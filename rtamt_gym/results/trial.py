@@ -258,8 +258,8 @@ def end_note(trials: Iterable[Trial]) -> list[str]:
     if not any(value.by_end for trial in trials for value in trial.outcomes.values()):
         return []
     return [
-        f"VIOLATED beside a robustness that holds: violated {BY_END}. The",
-        "robustness judges the samples alone (--at-termination failure).",
+        f"VIOLATED although the samples satisfy it: violated {BY_END}. The",
+        "robustness covers only the samples (--at-termination failure).",
     ]
 
 

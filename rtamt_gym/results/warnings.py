@@ -31,7 +31,7 @@ INTERRUPTED: Final = 130
 """The exit code after Ctrl-C, as shells have it."""
 
 NEVER: Final = "never asked"
-"""The kind of a warning on a requirement that no trial triggered."""
+"""The kind of a warning on a requirement that no trial triggered, a failure type of JUnit."""
 
 _NAMED: Final = 3
 """The traces that a warning names."""
@@ -42,8 +42,8 @@ class VerdictWarning:
     """A warning on verdicts.
 
     Attributes:
-        text: The warning, as in ``never asked: up was put to the test in 0 of 40 traces``; empty if
-            the verdict itself says it.
+        text: The warning, as in ``never triggered: up in 0 of 40 traces``; empty if the verdict
+            itself says it.
         kind: The type of the failures that it makes in JUnit.
         requirement: The requirement that it is about; empty if it is about trials.
         cells: The text of each failure that it makes in JUnit, by trial and requirement; an empty
@@ -95,9 +95,7 @@ def exit_code(words: Collection[Word], warnings: Iterable[VerdictWarning] = ()) 
         (2, 1)
         >>> exit_code({"satisfied", "undecided"}), exit_code({"satisfied"})
         (3, 0)
-        >>> never = VerdictWarning(
-        ...     "never asked: up was put to the test in 0 of 3 traces", fails=True
-        ... )
+        >>> never = VerdictWarning("never triggered: up in 0 of 3 traces", fails=True)
         >>> exit_code({"satisfied"}, [never]), exit_code({"violated"}, [never])
         (3, 1)
     """
@@ -144,7 +142,7 @@ def evidence_warnings(
         triggered = sum(bool(outcome.trigger_count) for outcome in outcomes)
         if not triggered:
             word = never_triggered_word(unknown=bool(certain))
-            text = f"{word}: {name} was put to the test{certain} in 0 of {total}"
+            text = f"{word}: {name} in 0 of {total}"
             fails = required.triggered is not None
             never.append(VerdictWarning(text, NEVER, name, {cells: text}, fails=fails))
             continue
@@ -162,7 +160,7 @@ def evidence_warnings(
             seldom.append(VerdictWarning(text, kind, name, failing, fails=True))
         partly += map(VerdictWarning, _partly_triggered(name, outcomes, total, certain))
         if required.answered and not any(outcome.answered for outcome in outcomes):
-            text = f"never answered: {name} hung on an answer in 0 of {total}"
+            text = f"never answered: {name} depended on an answer in 0 of {total}"
             kind = "never answered"
             unanswered.append(VerdictWarning(text, kind, name, {cells: text}, fails=True))
     return [*never, *seldom, *partly, *unanswered]
@@ -315,7 +313,7 @@ def never_triggered_word(*, unknown: bool) -> str:
     Args:
         unknown: Whether values are unknown, so that the left side of an implication may hold.
     """
-    return "not asked for certain" if unknown else NEVER
+    return "not certainly triggered" if unknown else "never triggered"
 
 
 def trigger_line(results: Results, trial: str = "trace") -> str:
@@ -326,7 +324,7 @@ def trigger_line(results: Results, trial: str = "trace") -> str:
             certain = " for certain" * any(outcome.unknown for outcome in outcomes)
             triggered = sum(bool(outcome.trigger_count) for outcome in outcomes)
             parts.append(f"{name} in {triggered} of {counted(len(outcomes), trial)}{certain}")
-    return f"asked: {', '.join(parts)}" if parts else ""
+    return f"triggered: {', '.join(parts)}" if parts else ""
 
 
 def trigger_texts(
@@ -339,7 +337,7 @@ def trigger_texts(
         instant: Writes a sample, or in dense time a time.
     """
     return [
-        f"asked {row.count}x, first at {instant(row.first)}"
+        f"triggered {counted(row.count, 'time')}, first at {instant(row.first)}"
         + ", satisfied without an answer" * row.vacuous
         + f": {row.text}" * (len(implications) > 1)
         for row in implications

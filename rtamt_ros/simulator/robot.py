@@ -110,7 +110,7 @@ class Robot:
 
     def _take(self, twist: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
         command = np.array([twist.linear.x, twist.angular.z])
-        if np.isnan(command).any():  # the robot would be nowhere from then on
+        if np.isnan(command).any():  # the robot would be never from then on
             self._node.log(Level.WARN, "a command that is nan is left out")
             return
         low, high = np.array([each[2:] for each in SCENARIO.actions]).T

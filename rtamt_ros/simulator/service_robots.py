@@ -66,7 +66,7 @@ class ServiceRobots:
 
     def _take(self, robot: int, twist: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
         command = np.array([twist.linear.x, twist.linear.y])
-        if np.isnan(command).any():  # the robot would be nowhere from then on
+        if np.isnan(command).any():  # the robot would be never from then on
             self._node.log(Level.WARN, "a command that is nan is left out")
             return
         place = slice(2 * robot, 2 * robot + 2)

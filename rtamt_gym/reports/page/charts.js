@@ -142,7 +142,7 @@ function convergence(chart, c) {
       yaxis: axis(c, "robustness"),
       shapes: [zeroLine(c, "y")],
       annotations: [
-        note(c, "line: the least so far", { xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom" }),
+        note(c, "line: the minimum so far", { xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom" }),
       ],
     }),
   };

@@ -126,13 +126,13 @@ class Falsification:
     def not_violated(self) -> str:
         """What a search without a violation has shown: of judged simulations alone."""
         triggers = triggered_in(self.record, self.requirement)
-        but = ", and never asked" * (triggers is not None and not triggers[0])
+        but = ", and never triggered" * (triggers is not None and not triggers[0])
         undecided, judged = undecided_in(self.record, self.requirement)
         if 0 < judged == undecided:
             but += f", and is undecided in {undecided} of {counted(judged, 'simulation')}"
         if not self.failed:
             return f"not violated{but}"
-        total = counted(self.judged, "judged simulation")
+        total = counted(self.judged, "evaluated simulation")
         return f"not violated in {total}{but}; {self.failed} failed"
 
     def replay(self) -> Run:
@@ -306,7 +306,7 @@ class Falsification:
         if self.scales:
             scales = ", ".join(f"{text}: {number(it)}" for text, it in self.scales.items())
             lines += _wrapped(f"scales of the search: {scales}", "")
-        lines += _wrapped(f"seen, without any guarantee: {self.coverage}", "")
+        lines += _wrapped(f"coverage (not a proof): {self.coverage}", "")
         if self.effects.without:
             lines += _wrapped(f"note: {self.effects}", "")
         if self.failed:

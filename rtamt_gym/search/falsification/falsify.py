@@ -111,8 +111,8 @@ def falsify(
 
     A robustness over several units is decided by the one with the least numbers: of speed and rpm
     by the speed. Where predicates read different variables, optimizers therefore get it in units of
-    scales, by `rtamt.Specification.scaled`. Verdicts and `Falsification.robustness` belong to the
-    requirement itself.
+    scales, by `rtamt.scaled`. Verdicts and `Falsification.robustness` belong to the requirement
+    itself.
 
     The search ends with a further simulation for each input, in which this input alone is at the
     other end of its range. `Falsification.effects` lists the inputs that did not change the

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Literal, Unpack, get_args
+from typing import Final, Literal, Unpack, get_args
 
 import rtamt
 from rtamt import Explanation, InputError
@@ -32,6 +32,10 @@ from rtamt_gym.search.mining.values import (
 from rtamt_gym.tables import counted, number, shorten, wrapped
 
 __all__ = ["Mined", "Witness", "mine", "mined_over"]
+
+
+_SIDES: Final = {"least": "smallest", "greatest": "largest"}
+"""The words for the side of a mined value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +131,7 @@ class Mined:
         if self.triggers != 0:
             return ""
         what = f"{self.parameter} = {text_of(self.value)}"
-        return f"never asked: {what} was put to the test in 0 of {counted(self.traces, 'trace')}"
+        return f"never triggered: {what} in 0 of {counted(self.traces, 'trace')}"
 
     def to_json(self) -> str:
         """The value as a result of the kind ``"mined"``, whose trials are the witnesses."""
@@ -150,7 +154,7 @@ class Mined:
 
     def __repr__(self) -> str:
         return (
-            f"<Mined {self.parameter} = {text_of(self.value)}, the {self.side}: "
+            f"<Mined {self.parameter} = {text_of(self.value)}, the {_SIDES[self.side]}: "
             f"{shorten(self._formula, 60)} on {counted(self.traces, 'trace')}>"
         )
 
@@ -158,12 +162,14 @@ class Mined:
         name, witness = self.parameter, self.witness
         satisfy = "the trace satisfies" if self.traces == 1 else f"all {self.traces} traces satisfy"
         value, fails_at, low, high = map(text_of, (self.value, self.fails_at, self.low, self.high))
+        most = _SIDES[self.side]
         others = counted(len(self.witnesses) - 1, "other")
-        alike = f", and {others} alike" if len(self.witnesses) > 1 else ""
+        alike = f", nor does {others}" if len(self.witnesses) == 2 else f", nor do {others}"
+        alike *= len(self.witnesses) > 1
         checked = f"at the {self.probes} values that were tried from {low} to {high}"
         evaluations = counted(self.evaluations, "evaluation")
         texts = [
-            f"{name} = {value} is the {self.side} for which {satisfy} {self._formula}",
+            f"{name} = {value} is the {most} for which {satisfy} {self._formula}",
             f"at {name} = {fails_at} {witness.name} does not{alike}",
             f"no trace changes its verdict more than once {checked} ({evaluations})",
             *(f"note: {note}" for note in self.notes),
@@ -238,11 +244,11 @@ def mine(
         >>> fast = {"speed": [10.0, 22.0, 31.25, 12.0]}
         >>> mined = mine("always(speed < ?v)", [calm, fast], {"v": (0, 50)}, tolerance=0.1)
         >>> mined
-        <Mined v = 31.3, the least: always(speed < ?v) on 2 traces>
+        <Mined v = 31.3, the smallest: always(speed < ?v) on 2 traces>
         >>> mined.witness.name, round(mined.robustness, 2), mined.explanation.causes
         ('trace 1', 0.05, (Cause(variable='speed', sample=2, value=31.25),))
         >>> mine("eventually[0:?t](speed > 20)", [calm, fast], {"t": (0, 3)})
-        <Mined t = 1, the least: eventually[0:?t](speed > 20) on 2 traces>
+        <Mined t = 1, the smallest: eventually[0:?t](speed > 20) on 2 traces>
     """
     check_choice("end", end, (None, *get_args(End)))
     judged = checked_options(reading, mine, "samples")

@@ -61,7 +61,7 @@ class RobustnessMap:
         lines = table(rows, ">" * len(rows[0]))
         if max(map(len, lines)) > _WIDEST:
             return []
-        least = ", least over all else" if self.folded else ""
+        least = ", minimum over all else" if self.folded else ""
         return [f"robustness of {self.requirement} over {self.x}{least}:", *lines]
 
 

@@ -69,7 +69,7 @@ def draw_map(heights: RobustnessMap, space: Space, formula: str) -> Figure:
         ax.grid(visible=False)
         _write_cells(ax, heights)
     bar = figure.colorbar(shown, ax=ax)
-    least = " (least over all else)" if heights.folded else ""
+    least = " (minimum over all else)" if heights.folded else ""
     bar.set_label(f"robustness of {heights.requirement}{least}", fontsize=9.5)
     bar.ax.tick_params(labelsize=8.5)
     return figure

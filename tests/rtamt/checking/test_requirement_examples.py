@@ -152,7 +152,7 @@ def test_unproved_violation_is_not_called_shortest() -> None:
 
 def test_an_implication_that_nothing_asks_is_said() -> None:
     found = only("always((x > 1 and x < 0) implies y > 0) and eventually(y < 0)")
-    assert found.missing == ("asked and answered", "asked and not answered")
+    assert found.missing == ("triggered and answered", "triggered and not answered")
 
 
 def test_what_the_solver_does_not_know_is_said() -> None:

@@ -165,7 +165,7 @@ def test_the_text_names_both_sides() -> None:
         "0.3 s      1  gnt",
         "0.1 s      6  held: req >= 3",
         "0.3 s     -2  missing: gnt >= 3",
-        "                nowhere from 0.1 s to 0.3 s; this is the nearest",
+        "                never from 0.1 s to 0.3 s; this is the nearest",
     ]
 
 
@@ -320,7 +320,7 @@ def test_of_a_violated_response_the_request_and_the_grant_are_named(backend: Bac
         "  4 s      2  gnt",
         "1.5 s      6  held: req >= 3",
         "  4 s     -1  missing: gnt >= 3",
-        "                nowhere from 1.5 s to 4.5 s; this is the nearest",
+        "                never from 1.5 s to 4.5 s; this is the nearest",
     ]
     grant = why.contributions[1]
     assert (grant.role, grant.window, grant.open_begin, grant.open_end) == (

@@ -244,7 +244,7 @@ def test_it_prints_as_that_of_samples(backend: Backend) -> None:
         UNDECIDED: always[0:8](x >= 0)
         robustness 5, bounds -inf to 5 under end="cut"
         always[0:8](x >= 0): not recorded: 6 s to 8 s
-        if the trace is all there is, end="complete" says SATISFIED
+        if nothing follows (end="complete"), the verdict is SATISFIED
     """)
     assert pickle.loads(pickle.dumps(found)) == found
 

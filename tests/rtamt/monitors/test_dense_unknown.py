@@ -330,8 +330,8 @@ def test_it_prints_what_is_not_known(backend: Backend) -> None:
     assert str(found) == (
         "UNDECIDED: always(req > 0 implies eventually[0:2](gnt > 0))\n"
         'robustness -inf, bounds -inf to 1 under end="complete"\n'
-        "asked 1x, first at time 1\n"
-        "no reading of the end decides it: it hangs on values of req, gnt that are not\n"
+        "triggered 1 time, first at time 1\n"
+        "undecided under every end mode: it depends on values of req, gnt that are not\n"
         "    known"
     )
     assert pickle.loads(pickle.dumps(found)) == found

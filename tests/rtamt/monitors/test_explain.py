@@ -204,7 +204,7 @@ def test_an_explanation_is_a_table_with_names_times_and_the_values_that_decided(
         "101.5 s    2.5  gnt\n"
         "  101 s      2  held: req >= 3\n"
         "101.5 s   -0.5  missing: gnt >= 3\n"
-        "                  nowhere from 101 s to 102 s; this is the nearest"
+        "                  never from 101 s to 102 s; this is the nearest"
     )
     assert [step.name for step in explanation.steps] == ["out", None, "granted", None]
     assert [step.time for step in explanation.steps] == [100, 101, 101, 101.5]

@@ -301,7 +301,7 @@ def test_the_text_names_what_is_missing_and_the_way_out() -> None:
         UNDECIDED: always always[0:2](x > 0)
         robustness 2, bounds -inf to 2 under end="cut"
         always[0:2](x > 0): not recorded: 1 s to 2 s
-        if the trace is all there is, end="complete" says SATISFIED
+        if nothing follows (end="complete"), the verdict is SATISFIED
         """)
     assert str(judge("x >= 0", {"x": [0]})) == inspect.cleandoc("""
         SATISFIED: x >= 0
@@ -430,7 +430,7 @@ def test_no_way_out_is_promised_for_a_predicate_that_counts_0(backend: Backend) 
     assert str(found) == inspect.cleandoc("""
         UNDECIDED: always(req > 3)
         robustness 0, bounds 0 to 0 under end="cut"
-        no reading of the end decides it: it hangs on a predicate that counts 0
+        undecided under every end mode: it depends on a predicate that counts 0
         """)
 
 

@@ -144,19 +144,19 @@ def test_a_satisfied_response_without_a_request_says_so(backend: Backend) -> Non
     assert idle.triggers == (
         TriggerCount("req >= 3 implies eventually[0:2](gnt >= 3)", 0, 0, None, vacuous=True),
     )
-    assert str(idle).splitlines()[-1] == "never asked"
+    assert str(idle).splitlines()[-1] == "never triggered"
     trace = {"req": [3, 3, 0, 0, 0, 4, 0, 0], "gnt": [3, 3, 3, 0, 0, 5, 0, 0]}
     busy = judge(RESPONSE, trace, backend=backend)
     assert (busy.never_triggered, busy.vacuous) == (False, False)
-    assert str(busy).splitlines()[-1] == "asked 2x, first at sample 0"
+    assert str(busy).splitlines()[-1] == "triggered 2 times, first at sample 0"
     late = judge("eventually(a > 0) or (b > 0 implies c > 0)", {"a": [1], "b": [1], "c": [1]})
     assert str(late).splitlines()[-1] == (
-        "asked 1x, first at sample 0, satisfied without an answer"
+        "triggered 1 time, first at sample 0, satisfied without an answer"
     )
     several = judge("always(a implies b) and always(b implies c)", {"a": [0], "b": [-1], "c": [1]})
     assert str(several).splitlines()[-2:] == [
-        "asked 1x, first at sample 0: a implies b",
-        "never asked: b implies c",
+        "triggered 1 time, first at sample 0: a implies b",
+        "never triggered: b implies c",
     ]
 
 
@@ -177,17 +177,17 @@ def test_a_request_that_may_have_been_is_not_said_to_be_missing(backend: Backend
     for req, gnt, verdict in (([0, nan, 0], [0] * 3, "UNDECIDED"), ([nan], [5], "SATISFIED")):
         found = judge(RESPONSE, {"req": req, "gnt": gnt}, nan="unknown", backend=backend)
         assert (found.verdict.name, found.triggers[0].count) == (verdict, 0)
-        assert "not asked for certain" in str(found).splitlines()
-        assert "never asked" not in str(found)
+        assert "not certainly triggered" in str(found).splitlines()
+        assert "never triggered" not in str(found)
     events = {"req": [(0, 0.0), (1, nan), (2, 0.0)], "gnt": [(0, 0.0), (2, 0.0)]}
     dense = rtamt.dense.judge(
         "always(req >= 3 implies gnt >= 3)", events, nan="unknown", backend=backend
     )
-    assert "not asked for certain" in str(dense).splitlines()
+    assert "not certainly triggered" in str(dense).splitlines()
     several = "always(a > 0 implies b > 0) and always(b > 0 implies c > 0)"
     two = judge(several, {"a": [1], "b": [nan], "c": [1]}, nan="unknown", backend=backend)
-    assert "asked 1x, first at sample 0: a > 0 implies b > 0" in str(two)
-    assert "not asked for certain: b > 0 implies c > 0" in str(two)
+    assert "triggered 1 time, first at sample 0: a > 0 implies b > 0" in str(two)
+    assert "not certainly triggered: b > 0 implies c > 0" in str(two)
 
 
 def test_bounds_are_in_the_unit_of_the_text_and_whole_samples(backend: Backend) -> None:
@@ -210,7 +210,7 @@ def test_a_single_instant_of_dense_time_counts(backend: Backend) -> None:
     dated = {name: rtamt.dense.Events(dates, [0.0, 1.0]) for name in "ab"}
     found = rtamt.dense.judge("always(a > 0 implies b > 0)", dated, backend=backend)
     assert found.triggers[0].first == dates[1]
-    assert str(found.triggers[0]).startswith("asked 1x, first at time 2024-01-01T00:00:02")
+    assert str(found.triggers[0]).startswith("triggered 1 time, first at time 2024-01-01T00:00:02")
 
 
 def test_between_two_instants_that_are_read_nothing_is(backend: Backend) -> None:
@@ -290,7 +290,7 @@ def test_a_request_in_dense_time_may_be_between_two_values(
     spec = "always(a > 0 implies b > 0)"
     found = rtamt.dense.judge(spec, whole, backend=backend, **options)
     assert [astuple(each)[1:] for each in found.triggers] == [(3.0, 2, 0.0, False)]
-    assert str(found).splitlines()[-1] == "asked 2x, first at time 0"
+    assert str(found).splitlines()[-1] == "triggered 2 times, first at time 0"
 
 
 ENDS_OF_VALUES = "lower", "upper"

@@ -411,7 +411,7 @@ def test_a_judgement_says_what_is_not_known(backend: Backend) -> None:
         assert found.verdict is found.complete is Verdict.UNDECIDED
         assert found.unknown == ("x",)
         last = str(found).splitlines()[-1]
-        assert last.startswith("no reading of the end decides it: it hangs on values of x that")
+        assert last.startswith("undecided under every end mode: it depends on values of x that")
     known = judge("always(y > 2)", columns, nan="unknown", backend=backend)
     assert (known.unknown, known.undecided_because) == ((), "")
     with pytest.raises(InputError, match=r"^variable 'x' is nan at sample 1; pass nan='hold'"):

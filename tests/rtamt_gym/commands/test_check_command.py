@@ -23,9 +23,9 @@ def test_a_requirement_in_which_nothing_is_wrong(capsys: pytest.CaptureFixture[s
         f"spec: {RESPONSE}",
         "  satisfied  yes, in 1 sample",
         "  violated   yes, in 8 samples",
-        "  asked      yes, in 1 sample: req >= 3 implies eventually[0:5](gnt >= 3)",
+        "  triggered  yes, in 1 sample: req >= 3 implies eventually[0:5](gnt >= 3)",
     ]
-    assert lines[-1] == "nothing wrong was found"
+    assert lines[-1] == "no problems found"
     assert "spec violated:" in lines
     assert all(len(line) <= 80 for line in lines)
 
@@ -35,7 +35,7 @@ def test_requirements_that_do_not_agree(capsys: pytest.CaptureFixture[str]) -> N
     lines = capsys.readouterr().out.splitlines()
     assert "  together   no, by no trace of up to 16 samples, its end repeated" in lines
     assert "  conflict   low, high" in lines
-    assert lines[-1] == "something is wrong: see above"
+    assert lines[-1] == "problems found: see above"
 
 
 def test_clashes_and_idle_parts_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -46,14 +46,14 @@ def test_clashes_and_idle_parts_are_printed(capsys: pytest.CaptureFixture[str]) 
         "             clashes: always(x > 1) at 1:12",
         "             clashes: always(x < 0) at 1:22",
     ]
-    assert "  idle       x > 0 demands nothing more" in lines
+    assert "  redundant  x > 0 demands nothing more" in lines
 
 
 def test_what_is_unknown_is_no_pass(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "x * x >= 0"]) == 3
     lines = capsys.readouterr().out.splitlines()
     assert "  violated   unknown: it is not linear (mul)" in lines
-    assert lines[-1] == "nothing wrong was found, but not all is known: see above"
+    assert lines[-1] == "no problems found, but some answers are unknown: see above"
 
 
 def test_parts_of_which_nothing_is_known_are_said(capsys: pytest.CaptureFixture[str]) -> None:
@@ -61,7 +61,7 @@ def test_parts_of_which_nothing_is_known_are_said(capsys: pytest.CaptureFixture[
     out = " ".join(capsys.readouterr().out.split())
     assert "parts unknown whether y * y >= 0 decides something: it is not linear (mul)" in out
     assert "unknown whether a or b implies the other: it is not linear (mul)" in out
-    assert "nothing wrong was found, but not all is known: see above" in out
+    assert "no problems found, but some answers are unknown: see above" in out
 
 
 def test_what_requirements_say_of_each_other_is_printed(
@@ -78,7 +78,7 @@ def test_what_requirements_say_of_each_other_is_printed(
     assert (
         """\
   together   yes, in 6 samples
-  asked      a, where all are satisfied: no: x > 0 implies y > 0
+  triggered  a, where all are satisfied: no: x > 0 implies y > 0
   implied    a by b
   implied    c by b
   equal      b and d
@@ -287,7 +287,7 @@ def test_requirements_are_compared(capsys: pytest.CaptureFixture[str]) -> None:
     ]
     assert main(["check", "x * x >= 0", "--same-as", "x >= 0 or x < 0"]) == 3
     assert capsys.readouterr().out.splitlines()[-1] == (
-        "no difference was found, but not all is known: see above"
+        "no difference found, but some answers are unknown: see above"
     )
 
 

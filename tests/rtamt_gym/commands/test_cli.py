@@ -77,13 +77,13 @@ def test_monitor_prints_the_verdict_and_where_every_named_formula_fails(capsys: 
     assert main(["monitor", "spec.stl", "trace.csv"]) == 1
     assert capsys.readouterr().out == (
         "VIOLATED, robustness -1, certain from 1 s on\n"
-        "    asked 2x, first at 0.5 s\n"
+        "    triggered 2 times, first at 0.5 s\n"
         "trace.csv: 6 samples, one every 0.5 s, 0 s to 2.5 s\n"
         "  2.5 s long, longest gap 0.5 s\n"
         "\n"
-        "formula  at the start  least   at  violated from\n"
-        "safe               20     -1  1 s            1 s\n"
-        "out                -1     -1  0 s            0 s\n"
+        "formula  at the start  minimum   at  violated from\n"
+        "safe               20       -1  1 s            1 s\n"
+        "out                -1       -1  0 s            0 s\n"
     )
 
 
@@ -122,8 +122,8 @@ def test_monitor_reads_samples_without_times_from_stdin(
         "VIOLATED, robustness -inf, certain from sample 2 on\n"
         "stdin: 3 samples, bounds count samples\n"
         "\n"
-        "formula   at the start  least        at  violated from\n"
-        "(result)          -inf   -inf  sample 0       sample 0\n"
+        "formula   at the start  minimum        at  violated from\n"
+        "(result)          -inf     -inf  sample 0       sample 0\n"
     )
 
 

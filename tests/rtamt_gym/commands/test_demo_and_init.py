@@ -31,8 +31,8 @@ def highway() -> list[Run]:
 
 def test_the_pendulum_violates_what_its_controller_neglects(pendulum: list[Run]) -> None:
     assert verdicts(pendulum) == {
-        "comes back": {"upright": "SATISFIED", "returns": "SATISFIED"},
-        "stays away": {"upright": "UNDECIDED", "returns": "VIOLATED"},
+        "recovers": {"upright": "SATISFIED", "returns": "SATISFIED"},
+        "drifts": {"upright": "UNDECIDED", "returns": "VIOLATED"},
         "lets go": {"upright": "VIOLATED", "returns": "UNDECIDED"},
     }
 

@@ -118,7 +118,7 @@ def test_numbers_of_every_kind_are_found_at_every_depth(capsys: Output) -> None:
     assert main(["envs", "RtamtRich-v0"]) == 0
     assert capsys.readouterr().out == (
         "RtamtRich-v0: a step lasts 0.25 s, says env.unwrapped.control_timestep\n"
-        "an episode has 9 steps at most\n"
+        "an episode has at most 9 steps\n"
         "obs: Dict('arm': Box(shape=(2, 2), dtype=float64), 'lamp': Discrete(3, start=5),\n"
         "  'name': Text(1, 8, charset=ab), 'pair': Tuple(MultiBinary(2), MultiDiscrete([3\n"
         "  4])))\n"
@@ -196,7 +196,7 @@ def run_period(env: gym.Env[Any, Any]) -> float:
             "CartPole-v1",
             [
                 "CartPole-v1: a step lasts 0.02 s, says env.unwrapped.tau",
-                "an episode has 500 steps at most",
+                "an episode has at most 500 steps",
                 "obs: Box(shape=(4,), dtype=float32)",
                 "action: Discrete(2)",
             ],
@@ -206,7 +206,7 @@ def run_period(env: gym.Env[Any, Any]) -> float:
             [
                 "Hopper-v5: a step lasts 0.008 s, says env.unwrapped.dt",
                 "a step of its simulation, which --substeps samples, lasts 0.002 s",
-                "an episode has 1000 steps at most",
+                "an episode has at most 1000 steps",
                 "obs: Box(shape=(11,), dtype=float64)",
                 "action: Box(shape=(3,), dtype=float32)",
             ],

@@ -14,7 +14,9 @@ RESPONSE = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
 def test_examples_are_tables_with_a_reason(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["examples", RESPONSE]) == 0
     out = capsys.readouterr().out
-    assert out.startswith(f"spec: {RESPONSE}\n\n1 satisfied, robustness 1: asked and answered\n")
+    assert out.startswith(
+        f"spec: {RESPONSE}\n\n1 satisfied, robustness 1: triggered and answered\n"
+    )
     last = """\
 4 satisfied, robustness 1: gnt >= 3 comes at the last moment of eventually[0:5]
   sample  0  1-4  5
@@ -71,7 +73,7 @@ def test_what_is_unknown_is_no_pass(capsys: pytest.CaptureFixture[str]) -> None:
 def test_an_answer_that_is_missing_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     text = "always((x > 1 and x < 0) implies y > 0) and eventually(y < 0)"
     assert main(["examples", text]) == 0
-    assert "no trace shows it: asked and answered" in capsys.readouterr().out
+    assert "no trace shows it: triggered and answered" in capsys.readouterr().out
 
 
 def test_what_nobody_knows_and_the_next_requirement_are_said(

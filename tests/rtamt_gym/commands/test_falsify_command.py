@@ -60,10 +60,10 @@ def test_what_is_found_is_told_saved_drawn_and_run_again(capsys: Output) -> None
 def test_nothing_found_exits_0_and_says_what_was_seen(capsys: Output) -> None:
     told = lines(capsys, 0, "falsify", SYSTEM, "--vary", "height=1:2", "--budget", "9")
     assert " ".join(told[:2]) == (
-        f"granted of {SYSTEM} was not violated, and never asked:   robustness 1"
+        f"granted of {SYSTEM} was not violated, and never triggered:   robustness 1"
     )
     assert any(line.startswith("9 simulations; ") for line in told)
-    assert any("seen, without any guarantee: 9 simulations in 1 column" in line for line in told)
+    assert any("coverage (not a proof): 9 simulations in 1 column" in line for line in told)
 
 
 @pytest.mark.parametrize("more", [[], ["soon = always[0:2](gnt < 99)"]])

@@ -54,7 +54,7 @@ def refused(words: list[str], capsys: Output) -> str:
 def test_it_prints_the_constant_and_the_trace_that_decided(capsys: Output) -> None:
     assert main(["mine", BELOW, "--range", "v=0:200", "--", "runs"]) == 0
     assert capsys.readouterr().out == (
-        "v = 31.501 is the least for which all 2 traces satisfy always(speed < ?v)\n"
+        "v = 31.501 is the smallest for which all 2 traces satisfy always(speed < ?v)\n"
         "at v = 31.5 runs/b.csv does not\n"
         "no trace changes its verdict more than once at the 17 values that were tried\n"
         "  from 0 to 200 (50 evaluations)\n"
@@ -101,7 +101,7 @@ def test_a_file_has_a_mark_or_a_constant(capsys: Output) -> None:
 
 
 UNASKED = ["always(speed > ?v implies gnt < 0)", "--range", "v=0:100", "--", "runs"]
-NEVER = "never asked: v = 31.5 was put to the test in 0 of 2 traces\n"
+NEVER = "never triggered: v = 31.5 in 0 of 2 traces\n"
 
 
 def test_a_constant_that_is_never_asked_is_said_beside_the_json(capsys: Output) -> None:
@@ -214,4 +214,4 @@ def test_files_are_mined_without_gymnasium() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)  # noqa: PLW1510 - our own program
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("v = 31.501 is the least for which all 2 traces satisfy ")
+    assert done.stdout.startswith("v = 31.501 is the smallest for which all 2 traces satisfy ")

@@ -151,7 +151,7 @@ def test_traces_that_are_written_have_times_and_columns_as_the_suite_has(
         )
         == 0
     )
-    assert f"traces that notice what is missed: 9 in {folder}" in capsys.readouterr().out
+    assert f"traces that kill surviving mutants: 9 in {folder}" in capsys.readouterr().out
     for path in folder.iterdir():
         assert path.read_text().startswith("time,Speed\n0.0,")
     command = ["monitor", "--mutants", "--min-killed", "100%", *arguments[1:], arguments[0]]
@@ -173,10 +173,10 @@ def trace(tmp_path: Path) -> str:
 @pytest.mark.parametrize(
     ("arguments", "code", "line"),
     [
-        ([], 0, "spec: 2 of 22 mutants noticed\n"),
-        (["--min-killed", "0.05"], 0, "spec: 2 of 22 mutants noticed\n"),
-        (["--min-killed", "80%"], 3, "spec: 2 of 22 mutants noticed, which is 9 %\n"),
-        (["--mutation", "window", "--min-killed", "1"], 3, "spec: 0 of 3 mutants noticed"),
+        ([], 0, "spec: 2 of 22 mutants killed\n"),
+        (["--min-killed", "0.05"], 0, "spec: 2 of 22 mutants killed\n"),
+        (["--min-killed", "80%"], 3, "spec: 2 of 22 mutants killed, which is 9 %\n"),
+        (["--mutation", "window", "--min-killed", "1"], 3, "spec: 0 of 3 mutants killed"),
         (["--mutation", "constant", "--min-killed", "1"], 0, "constant"),
     ],
 )
@@ -199,7 +199,7 @@ def test_a_trace_that_cannot_be_judged_fails_as_ever(trace: str, capsys: Output)
     other.write_text("req\n1\n2\n")
     assert main(["monitor", "--mutants", ANSWERED, "--", trace, str(other)]) == 2
     told = capsys.readouterr()
-    assert "spec: 2 of 22 mutants noticed" in told.out
+    assert "spec: 2 of 22 mutants killed" in told.out
     assert "no column 'gnt'" in told.err
 
 
@@ -219,9 +219,9 @@ def test_without_a_solver_what_is_missed_is_not_known_to_differ(trace: str) -> N
     arguments = ["monitor", "--mutants", "--min-killed", "80%", ANSWERED, trace]
     told = run_without(["z3"], arguments)
     assert told.returncode == 3
-    assert "spec       22        2       0       20     0    9 %" in told.stdout
+    assert "spec        22       2         0       20     0    9 %" in told.stdout
     words = " ".join(told.stdout.split())
-    assert "20 nobody knows whether they differ, which is 9 %" in words
+    assert "killed; 20 unknown, which is 9 %" in words
     assert "not known whether mutants differ: " in words
     assert "'rtamt[check]'" in words or "[check]" in words
 
@@ -349,9 +349,9 @@ def test_the_page_says_what_is_noticed_and_what_is_missed(
     page = html.unescape((tmp_path / "page.html").read_text(encoding="utf-8"))
     (shown,) = re.findall(r'<section class="mutants".*?</section>', page, re.DOTALL)
     assert '<span class="violated" style="flex-grow:3"></span>' in shown
-    assert '<span aria-hidden="true">✗</span> <b>3</b> missed' in shown
+    assert '<span aria-hidden="true">✗</span> <b>3</b> survived' in shown
     assert "<b>0 %</b> " in shown
-    assert "noticed, 0 of 3" in shown
+    assert "killed, 0 of 3" in shown
     assert re.findall(r"<code>(.*?)</code>", shown) == [
         *("[0:1] -> [0:0]", "[0:1] -> [0:2]", "[0:1] -> [0:10]")
     ]
@@ -361,11 +361,11 @@ def test_the_page_says_what_is_noticed_and_what_is_missed(
 @pytest.mark.parametrize(
     ("least", "head"),
     [
-        ([], "? Mutants noticed: 2 of 22; 1 trace judged."),
-        (["--min-killed", "5%"], "✓ Passed: mutants noticed: 2 of 22; 1 trace judged."),
+        ([], "? Mutants killed: 2 of 22; 1 trace evaluated."),
+        (["--min-killed", "5%"], "✓ Passed: mutants killed: 2 of 22; 1 trace evaluated."),
         (
             ["--min-killed", "80%"],
-            "? Undecided: mutants noticed: 2 of 22, less than 80 % of spec; 1 trace judged.",
+            "? Undecided: mutants killed: 2 of 22, less than 80 % of spec; 1 trace evaluated.",
         ),
     ],
 )
@@ -396,7 +396,7 @@ def test_what_is_not_proved_to_be_the_same_is_not_noticed(tmp_path: Path, capsys
     assert main(["monitor", "--mutants", *command]) == 3
     said = " ".join(capsys.readouterr().out.split())
     assert "part, the same up to 16 samples" in said
-    assert "of 1 nobody knows whether they differ" in said
+    assert "1 unknown" in said
     assert (
         "not known whether mutants differ: no trace of up to 16 samples tells them apart; longer "
         "ones may" in said
@@ -409,7 +409,7 @@ def test_mutants_that_look_at_the_first_sample_alone_are_said(trace: str, capsys
     assert (found["made"], found["left_out"]) == (1, 1)
     main(["monitor", "--mutants", *command])
     said = " ".join(capsys.readouterr().out.split())
-    assert "spec: 1 mutant left out, which looks at the first sample alone; --view step" in said
+    assert "spec: 1 mutant left out, which looks at the first sample only; --view step" in said
     (found,) = answer(capsys, *command, "--view", "step")["mutants"]["requirements"].values()
     assert (found["made"], found["left_out"]) == (2, 0)
 

@@ -21,7 +21,7 @@ from rtamt_gym.results.outcome import Outcome
 
 Output = pytest.CaptureFixture[str]
 RESPONSE = "answered = always(req >= 3 implies eventually[0:1](gnt >= 3))"
-SAID = "never asked: answered was put to the test in 0 of 2 traces"
+SAID = "never triggered: answered in 0 of 2 traces"
 
 
 @pytest.fixture(autouse=True)
@@ -48,7 +48,7 @@ def test_it_is_said_in_a_line_at_the_end_always(
     assert run("idle.csv", *dense, command=command) == 0
     assert capsys.readouterr().out.splitlines()[-1] == SAID.replace("2 traces", "1 trace")
     assert run("idle.csv", "busy.csv", *dense, command=command) == 0
-    assert "never asked" not in capsys.readouterr().out
+    assert "never triggered" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
@@ -93,7 +93,7 @@ def test_what_may_have_been_asked_is_not_said_to_be_never_asked(
     dense: list[str], folder: Path, capsys: Output
 ) -> None:
     (folder / "holes.csv").write_text("time,req,gnt\n0,0,9\n1,nan,9\n2,0,9\n")
-    said = "not asked for certain: answered was put to the test for certain in 0 of 2 traces"
+    said = "not certainly triggered: answered in 0 of 2 traces"
     words = ["--missing", "unknown", *dense, "--require-triggered"]
     files = ["--json", "--junit", "out.xml", "--markdown", "out.md"]
     assert run("idle.csv", "holes.csv", *words, *files) == 3
@@ -105,16 +105,16 @@ def test_what_may_have_been_asked_is_not_said_to_be_never_asked(
     assert [each.get("unknown") for each in outcomes] == [None, ["req"]]
     assert outcome_of(outcomes[1]).unknown == ("req",)  # type: ignore[union-attr]
     markdown = (folder / "out.md").read_text()
-    assert markdown.startswith("# SATISFIED, not asked for certain: answered\n")
-    assert "asked: answered in 0 of 2 traces for certain" in markdown
+    assert markdown.startswith("# SATISFIED, not certainly triggered: answered\n")
+    assert "triggered: answered in 0 of 2 traces for certain" in markdown
     written = (folder / "out.xml").read_text()
     assert f'message="{said}"' in written
-    assert written.count("not asked for certain: req &gt;= 3 implies") == 1
-    assert written.count("never asked: req &gt;= 3 implies") == 1  # of idle.csv all is known
+    assert written.count("not certainly triggered: req &gt;= 3 implies") == 1
+    assert written.count("never triggered: req &gt;= 3 implies") == 1  # of idle.csv all is known
     section = section_of("result.json", ROOM)
-    assert "; not asked for certain: answered" in str(standing_of([section]))
+    assert "; not certainly triggered: answered" in str(standing_of([section]))
     page = render(Report("made up", "rtamt", (section,)))
-    assert "Not asked for certain: no trace of 2 put it to the test for certain." in page
+    assert "Not certainly triggered in 2 traces." in page
     assert "ever asked" not in page
     # A trace that asks for certain is enough.
     assert run("busy.csv", "holes.csv", *words) == 0
@@ -152,7 +152,7 @@ def test_an_implication_of_several_that_nothing_asked_is_said_and_fails_nothing(
     both = "both = always((req >= 3 implies gnt > 1) and (req >= 9 implies gnt > 1))"
     assert main(["monitor", both, "--require-triggered", "--", "idle.csv", "busy.csv"]) == 0
     said = capsys.readouterr().out.splitlines()[-2:]
-    assert said == ["", "never asked in both: req >= 9 implies gnt > 1 in 0 of 2 traces"]
+    assert said == ["", "never triggered in both: req >= 9 implies gnt > 1 in 0 of 2 traces"]
 
 
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
@@ -160,13 +160,13 @@ def test_a_trace_that_needed_no_answer_is_said(dense: list[str], capsys: Output)
     either = "either = eventually(gnt > 5) or eventually(req >= 3 implies gnt > 99)"
     assert main(["monitor", either, "busy.csv", *dense]) == 0
     out = capsys.readouterr().out.splitlines()
-    assert out[1] == "    asked 1x, first at 1 s, satisfied without an answer"
+    assert out[1] == "    triggered 1 time, first at 1 s, satisfied without an answer"
     assert out[-2:] == ["", "satisfied without an answer: either in 1 of 1 trace"]
 
 
 EITHER = "either = eventually(gnt > 5) or eventually(req >= 3 implies gnt > 99)"
 LATE = "late = always(req >= 3 implies always[0:60](gnt >= 3))"
-SAID_ANSWERED = "never answered: either hung on an answer in 0 of 1 trace"
+SAID_ANSWERED = "never answered: either depended on an answer in 0 of 1 trace"
 
 
 @pytest.fixture(autouse=True)
@@ -199,7 +199,7 @@ def test_it_asks_for_a_request_too(capsys: Output) -> None:
     for switches in (["--require-answered"], ["--require-answered", "--require-triggered"]):
         assert main(["monitor", RESPONSE, "--", "idle.csv", *switches]) == 3
         last = capsys.readouterr().out.splitlines()[-1]
-        assert last == "never asked: answered was put to the test in 0 of 1 trace"
+        assert last == "never triggered: answered in 0 of 1 trace"
 
 
 def test_one_trace_that_hangs_on_an_answer_is_enough() -> None:
@@ -208,7 +208,7 @@ def test_one_trace_that_hangs_on_an_answer_is_enough() -> None:
 
 def test_what_is_open_and_a_violation_by_an_answer(capsys: Output) -> None:
     assert main(["monitor", LATE, "--require-answered", "--", "busy.csv"]) == 3
-    assert "never answered: late hung on an answer" in capsys.readouterr().out
+    assert "never answered: late depended on an answer" in capsys.readouterr().out
     violated = RESPONSE.replace("gnt >= 3", "gnt >= 10")
     assert main(["monitor", violated, "--require-answered", "--", "busy.csv"]) == 1
     assert "never answered" not in capsys.readouterr().out

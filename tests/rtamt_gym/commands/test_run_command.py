@@ -47,7 +47,7 @@ RUN = ["run", "RtamtFalls-v0", "--signal", "x=obs[0]", "--policy", "zero"]
 INVARIANT = ["--spec", "always(x < 9)"]
 NOTE = """
 note: the environment ended an episode while a specification was open, which
-counts as satisfied. --at-termination says what its end means: complete for
+counts as satisfied. --at-termination sets what its end means: complete for
 this, failure for a fall or a crash, cut where the episode could have gone on.
 """
 
@@ -228,7 +228,7 @@ def test_an_error_is_cut_to_three_lines_and_others_are_counted(capsys: Output) -
     assert below[0].startswith("  ValueError: diverged, 1: far far")
     assert below[2].endswith("...")
     assert below[3:5] == ["  and 1 other error", ""]
-    assert below[5:] == ["never asked: never was put to the test in 0 of 3 episodes"]
+    assert below[5:] == ["never triggered: never in 0 of 3 episodes"]
     assert max(map(len, out.splitlines())) <= 80
     rows = [line.split() for line in out.splitlines() if "ERROR" in line]
     assert rows == [

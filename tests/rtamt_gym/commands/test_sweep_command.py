@@ -45,8 +45,8 @@ def test_a_grid_prints_its_map(capsys: Output) -> None:
     assert lines(capsys, *arguments, "--sampler", "grid", "--samples", "height=3,limit=2") == [
         "granted: always[0:10s](req >= 3 implies eventually[0:5s](gnt >= 3))",
         "",
-        "requirement  satisfied  violated  asked in  least  median  greatest",
-        "granted              4         2    4 of 6     -2       1         1",
+        "requirement  satisfied  violated  triggered  minimum  median  maximum",
+        "granted              4         2     4 of 6       -2       1        1",
         "",
         "6 simulations, 90 simulated seconds",
         "",

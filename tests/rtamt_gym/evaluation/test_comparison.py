@@ -188,7 +188,7 @@ def test_a_requirement_that_was_never_asked_is_noted_of_each_side() -> None:
         "at_termination": "complete",
     }
     notes = compare("zero", lean, "CartPole-v1", **asked).notes
-    said = "never asked: far was put to the test in 0 of 3 episodes"
+    said = "never triggered: far in 0 of 3 episodes"
     assert notes[:2] == (f"{said} of A", f"{said} of B")
 
 

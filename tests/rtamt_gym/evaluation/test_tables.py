@@ -31,11 +31,11 @@ def test_an_evaluation_is_a_table_of_its_requirements() -> None:
         "Task-v0 under sb3:ppo.zip",
         "4 episodes, seeds 5 to 8",
         "",
-        "requirement  satisfied   95% interval  violated  least  median",
-        "near             75.0%   19.4 to 99.4         1  -0.25     0.5",
-        "slow            100.0%  39.8 to 100.0         0      1       2",
-        "all              75.0%   19.4 to 99.4         1  -0.25     0.5",
-        "least, median: of the robustness",
+        "requirement  satisfied   95% interval  violated  minimum  median",
+        "near             75.0%   19.4 to 99.4         1    -0.25     0.5",
+        "slow            100.0%  39.8 to 100.0         0        1       2",
+        "all              75.0%   19.4 to 99.4         1    -0.25     0.5",
+        "minimum, median: of the robustness",
         "95% interval: holds the true rate in at least 95 of 100 evaluations",
         "",
         "near: always(near > 0)",
@@ -53,8 +53,8 @@ def test_an_evaluation_is_a_table_of_its_requirements() -> None:
 def test_columns_of_open_and_failed_episodes_stand_where_there_are_some() -> None:
     mixed = evaluation_of({"near": [0.5, FAILED, 1.0]}, undecided=[2])
     assert evaluation_table(mixed).splitlines()[3:5] == [
-        "requirement  satisfied  95% interval  violated  open  failed  least  median",
-        "near             33.3%   0.8 to 90.6         0     1       1    0.5     0.5",
+        "requirement  satisfied  95% interval  violated  open  failed  minimum  median",
+        "near             33.3%   0.8 to 90.6         0     1       1      0.5     0.5",
     ]
     assert evaluation_table(mixed).endswith(
         "1 of 3 episodes failed, which counts as not satisfied; the first with seed 1:\n"
@@ -86,14 +86,14 @@ def test_robustness_at_an_early_stop_of_open_episodes_is_marked(ended: RunEnd, s
     made = evaluation_of({"near": [0.5, 2.0, 1.0], "slow": [0.5, 2.0, 1.0]}, undecided=[0, 2])
     rows = [replace(row, ended=ended) for row in made.record]
     stopped = replace(made, record=Record(rows, made.record.requirements, made.system))
-    assert f"least, median: of the robustness{said}" in str(stopped).splitlines()
+    assert f"minimum, median: of the robustness{said}" in str(stopped).splitlines()
 
 
 def test_an_evaluation_whose_episodes_all_failed_has_a_table() -> None:
     failed = evaluation_of({"near": [FAILED, FAILED]})
     assert evaluation_table(failed).splitlines()[3:5] == [
-        "requirement  satisfied  95% interval  violated  failed  least  median",
-        "near              0.0%   0.0 to 84.2         0       2      -       -",
+        "requirement  satisfied  95% interval  violated  failed  minimum  median",
+        "near              0.0%   0.0 to 84.2         0       2        -       -",
     ]
 
 
@@ -122,7 +122,7 @@ def test_every_line_fits_80_columns(names: list[str], data: st.DataObject) -> No
 def test_long_names_and_formulas_are_shortened_with_a_mark() -> None:
     evaluation = evaluation_of({LONG: [1.0, -1.0]}, formulas={LONG: "always(gap > 1) and " * 9})
     lines = str(evaluation).splitlines()
-    assert lines[4].startswith("never_closer_than_the_braki...")
+    assert lines[4].startswith("never_closer_than_the_bra...")
     assert "..." in lines[4]
     assert lines[8].endswith("...")
 

@@ -171,12 +171,12 @@ SEARCH = [
 def test_a_search_that_saw_failures_exits_3_unless_they_are_allowed(
     allowed: list[str], code: int, words: str, capsys: Output
 ) -> None:
-    reason = f"not violated in 10 judged simulations; 10 failed ({words})"
+    reason = f"not violated in 10 evaluated simulations; 10 failed ({words})"
     assert main(["falsify", *SEARCH, *allowed]) == code
     told = capsys.readouterr().out.splitlines()
     assert all(len(line) <= 80 for line in told)
     assert " ".join(" ".join(told).split()).endswith(reason)
-    head = "spec of half was not violated in 10 judged simulations; 10 failed: robustness 1"
+    head = "spec of half was not violated in 10 evaluated simulations; 10 failed: robustness 1"
     assert told[0] == head
     at = told.index("10 of 20 simulations failed, the first with x=0:")
     assert told[at + 1].startswith("  ValueError: no step of the solver is small enough to go on")

@@ -185,7 +185,7 @@ def test_a_case_whose_system_leaves_has_no_verdict(capsys: Output) -> None:
         error = message.removeprefix("rtamt: error: ")
         line = (
             f"playing case.json, which imports {name.partition(':')[0]} "
-            f"case.json was not played again: InputError: {error}"
+            f"case.json was not run: InputError: {error}"
         )
         assert " ".join(err.split()) == line.strip()
-        assert "The case was not played again: InputError: " in Path("page.html").read_text()
+        assert "The case was not run: InputError: " in Path("page.html").read_text()

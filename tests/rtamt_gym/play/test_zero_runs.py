@@ -134,7 +134,7 @@ def test_the_first_violation_by_no_margin_is_told(
     write(tmp_path)
     assert main(["monitor", "safe = x > 0; always(safe)", "trace.csv"]) == 1
     assert capsys.readouterr().out.splitlines()[4:] == [
-        "formula   at the start        least   at  violated from",
+        "formula   at the start      minimum   at  violated from",
         "safe                 2  0, violated  1 s            1 s",
         "(result)   0, violated  0, violated  0 s            0 s",
     ]
@@ -156,5 +156,5 @@ def test_a_zero_of_a_predicate_left_out_is_no_violation(
     if command != "explain":
         assert out.startswith(
             "UNDECIDED, robustness 0\n"
-            "    no --end decides it: it hangs on a predicate that counts 0\n"
+            "    undecided under every --end: it depends on a predicate that counts 0\n"
         )

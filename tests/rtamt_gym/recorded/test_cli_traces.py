@@ -55,7 +55,7 @@ def test_explain_prints_the_way_from_the_specification_to_the_sample(capsys: Out
         "0.5 s      2  req >= 3\n"
         "0.5 s      5  req\n"
         "  1 s     -2  missing: gnt >= 3\n"
-        "                nowhere from 0.5 s to 1 s; this is the nearest\n"
+        "                never from 0.5 s to 1 s; this is the nearest\n"
         "\n"
         "even.csv: 4 samples, one every 0.5 s, 0 s to 1.5 s\n"
         "  1.5 s long, longest gap 0.5 s\n"
@@ -78,7 +78,7 @@ def test_explain_prints_the_way_to_the_time_in_a_trace_of_events(
         "0.35 s      2  req >= 3\n"
         "0.35 s      5  req\n"
         "0.35 s     -3  missing: gnt >= 3\n"
-        "                 nowhere from 0.35 s to 0.85 s; this is the nearest\n"
+        "                 never from 0.35 s to 0.85 s; this is the nearest\n"
         "\n"
         f"{trace}: 6 events, 0 s to {end} s, {end} s long, longest gap {gap}\n"
         f"{EMPTY if trace == 'wide.csv' else ''}"
@@ -123,17 +123,17 @@ def test_several_specifications_are_judged_each(capsys: Output) -> None:
     assert main(["monitor", "spec.stl", "first=calm.stl", "always(gnt < 5)", "even.csv"]) == 1
     assert capsys.readouterr().out == (
         "out: VIOLATED, robustness -2, certain from 1 s on\n"
-        "    asked 1x, first at 0.5 s\n"
+        "    triggered 1 time, first at 0.5 s\n"
         "first: SATISFIED, robustness 4, at the end of the trace\n"
         "spec3: SATISFIED, robustness 1, at the end of the trace\n"
         "even.csv: 4 samples, one every 0.5 s, 0 s to 1.5 s\n"
         "  1.5 s long, longest gap 0.5 s\n"
         "\n"
-        "spec   formula   at the start  least   at  violated from\n"
-        "out    granted             -3     -3  0 s            0 s\n"
-        "       out                 -2     -2  0 s            0 s\n"
-        "first  (result)             4      4  0 s              -\n"
-        "spec3  (result)             1      1  0 s              -\n"
+        "spec   formula   at the start  minimum   at  violated from\n"
+        "out    granted             -3       -3  0 s            0 s\n"
+        "       out                 -2       -2  0 s            0 s\n"
+        "first  (result)             4        4  0 s              -\n"
+        "spec3  (result)             1        1  0 s              -\n"
     )
     assert main(["monitor", "calm.stl", "always(gnt < 5)", "even.csv"]) == 0
 
@@ -215,15 +215,15 @@ def test_dense_takes_rows_as_events_wide_or_one_by_one(trace: str, capsys: Outpu
     assert main(["monitor", "--dense", "spec.stl", "calm.stl", trace, "--out", "r.csv"]) == 1
     assert capsys.readouterr().out == (
         "out: VIOLATED, robustness -2, certain from 0.85 s on\n"
-        "    asked 1x, first at 0.35 s\n"
+        "    triggered 1 time, first at 0.35 s\n"
         "calm: SATISFIED, robustness 4, at the end of the trace\n"
         f"{trace}: 6 events, 0 s to {end} s, {end} s long, longest gap {gap}\n"
         f"{EMPTY if trace == 'wide.csv' else ''}"
         "\n"
-        "spec  formula   at the start  least   at  violated from\n"
-        "out   granted             -3     -3  0 s            0 s\n"
-        "      out                 -2     -2  0 s            0 s\n"
-        "calm  (result)             4      4  0 s              -\n"
+        "spec  formula   at the start  minimum   at  violated from\n"
+        "out   granted             -3       -3  0 s            0 s\n"
+        "      out                 -2       -2  0 s            0 s\n"
+        "calm  (result)             4        4  0 s              -\n"
         "robustness: r.csv\n"
     )
     written = rows(Path("r.csv"))

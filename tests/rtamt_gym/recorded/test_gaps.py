@@ -412,7 +412,7 @@ def test_a_hole_is_said_and_the_verdict_goes_by_what_is_known(capsys: Output) ->
     assert main(["monitor", "always(x > 4)", "run.csv", "--max-gap", "1s"]) == 3
     assert capsys.readouterr().out == (
         "UNDECIDED, robustness between -inf and 1\n"
-        "    no --end decides it: it hangs on values of x that are not known\n"
+        "    undecided under every --end: it depends on values of x that are not known\n"
         "run.csv: 200 samples, one every 0.1 s, 0 s to 19.9 s\n"
         "  19.9 s long, longest gap 11.1 s\n"
         "note: values are unknown where nothing was recorded for more than 1 s (a hole of\n"

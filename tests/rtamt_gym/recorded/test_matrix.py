@@ -44,23 +44,23 @@ def test_a_table_says_what_every_requirement_came_to_on_every_trace(capsys: Outp
     assert main(["monitor", "req.stl", "--", "runs"]) == 1
     out, err = capsys.readouterr()
     assert out == (
-        "trace       length  period  verdict    near    slow    answered  asked\n"
-        "runs/a.csv   1.5 s   0.5 s  SATISFIED     2      16           2     1x\n"
-        "runs/b.csv   1.5 s   0.5 s  VIOLATED   -0.5 V    -1 V         3     0x\n"
-        "runs/c.csv   1.5 s   0.5 s  VIOLATED      0 V    16          -1 U   1x\n"
-        "runs/d.csv   1.5 s   0.5 s  UNDECIDED     2       1          -1 U   1x\n"
+        "trace       length  period  verdict    near    slow    answered  triggers\n"
+        "runs/a.csv   1.5 s   0.5 s  SATISFIED     2      16           2        1x\n"
+        "runs/b.csv   1.5 s   0.5 s  VIOLATED   -0.5 V    -1 V         3        0x\n"
+        "runs/c.csv   1.5 s   0.5 s  VIOLATED      0 V    16          -1 U      1x\n"
+        "runs/d.csv   1.5 s   0.5 s  UNDECIDED     2       1          -1 U      1x\n"
         "\n"
         "numbers are robustness; V: violated, U: undecided, E: error, else satisfied\n"
         "4 traces, 3 requirements: 3 violated, 2 undecided, 7 satisfied\n"
-        "worst requirement: near, violated in 2 of 4 traces, least -0.5 in runs/b.csv\n"
-        "worst trace: runs/b.csv, 2 of 3 requirements violated, least -1 of slow\n"
-        "asked: answered in 3 of 4 traces\n"
+        "worst requirement: near, violated in 2 of 4 traces, minimum -0.5 in runs/b.csv\n"
+        "worst trace: runs/b.csv, 2 of 3 requirements violated, minimum -1 of slow\n"
+        "triggered: answered in 3 of 4 traces\n"
         "note on runs/b.csv: constant over the whole trace: req (0), gnt (0)\n"
         "note on runs/c.csv and 1 more: constant over the whole trace: gnt (0)\n"
         "\n"
         "answered is undecided in runs/c.csv and 1 more\n"
         "    eventually[0:1](gnt >= 3) at 1 s: not recorded: 2 s\n"
-        "    if the trace is all there is, --end complete says VIOLATED\n"
+        "    if nothing follows (--end complete), the verdict is VIOLATED\n"
     )
     assert err == ""
 
@@ -116,26 +116,26 @@ def test_a_trace_that_cannot_be_read_keeps_no_other_from_being_judged(
     assert main(["monitor", "req.stl", "--", *traces, "-j", workers]) == 2
     out, err = capsys.readouterr()
     assert out == (
-        "trace        length  period  verdict    near    slow    answered  asked\n"
-        "runs/a.csv    1.5 s   0.5 s  SATISFIED     2      16           2     1x\n"
+        "trace        length  period  verdict    near    slow    answered  triggers\n"
+        "runs/a.csv    1.5 s   0.5 s  SATISFIED     2      16           2        1x\n"
         "runs/aa.csv     0 s          ERROR        -1 V    28             E\n"
-        "runs/b.csv    1.5 s   0.5 s  VIOLATED   -0.5 V    -1 V         3     0x\n"
+        "runs/b.csv    1.5 s   0.5 s  VIOLATED   -0.5 V    -1 V         3        0x\n"
         "runs/bb.csv   0.5 s   0.5 s  ERROR        -1 V       E           E\n"
-        "runs/c.csv    1.5 s   0.5 s  VIOLATED      0 V    16          -1 U   1x\n"
-        "runs/d.csv    1.5 s   0.5 s  UNDECIDED     2       1          -1 U   1x\n"
+        "runs/c.csv    1.5 s   0.5 s  VIOLATED      0 V    16          -1 U      1x\n"
+        "runs/d.csv    1.5 s   0.5 s  UNDECIDED     2       1          -1 U      1x\n"
         "no.csv                       ERROR           E       E           E\n"
         "\n"
         "numbers are robustness; V: violated, U: undecided, E: error, else satisfied\n"
         "7 traces, 3 requirements: 6 errors, 5 violated, 2 undecided, 8 satisfied\n"
-        "worst requirement: near, violated in 4 of 6 traces, least -1 in runs/aa.csv\n"
-        "worst trace: runs/b.csv, 2 of 3 requirements violated, least -1 of slow\n"
-        "asked: answered in 3 of 4 traces\n"
+        "worst requirement: near, violated in 4 of 6 traces, minimum -1 in runs/aa.csv\n"
+        "worst trace: runs/b.csv, 2 of 3 requirements violated, minimum -1 of slow\n"
+        "triggered: answered in 3 of 4 traces\n"
         "note on runs/b.csv: constant over the whole trace: req (0), gnt (0)\n"
         "note on runs/c.csv and 1 more: constant over the whole trace: gnt (0)\n"
         "\n"
         "answered is undecided in runs/c.csv and 1 more\n"
         "    eventually[0:1](gnt >= 3) at 1 s: not recorded: 2 s\n"
-        "    if the trace is all there is, --end complete says VIOLATED\n"
+        "    if nothing follows (--end complete), the verdict is VIOLATED\n"
     )
     assert err == (
         "rtamt: error: runs/aa.csv, line 2, column 'req': expected a number, got 'x'\n"
@@ -285,7 +285,7 @@ def test_an_error_of_ours_is_code_2_and_keeps_no_other_trace_from_being_judged(
     out, err = capsys.readouterr()
     assert out.splitlines()[1:3] == [
         "runs/a.csv   1.5 s   0.5 s  ERROR           E       E           E",
-        "runs/b.csv   1.5 s   0.5 s  VIOLATED   -0.5 V    -1 V         3     0x",
+        "runs/b.csv   1.5 s   0.5 s  VIOLATED   -0.5 V    -1 V         3        0x",
     ]
     assert err.startswith("Traceback (most recent call last):\n")
     assert err.count("ZeroDivisionError: division by zero") == 2
@@ -329,7 +329,7 @@ def test_explain_takes_many_traces_and_ends_with_the_same_code(capsys: Output) -
         "\n"
         "UNDECIDED, robustness -1\n"
         "    eventually[0:1](gnt >= 3) at 1.5 s: not recorded: 2 s to 2.5 s\n"
-        "    if the trace is all there is, --end complete says VIOLATED\n"
+        "    if nothing follows (--end complete), the verdict is VIOLATED\n"
         "\n"
         "runs/d.csv: 4 samples, one every 0.5 s, 0 s to 1.5 s\n"
         "  1.5 s long, longest gap 0.5 s\n"

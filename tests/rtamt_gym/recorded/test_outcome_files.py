@@ -52,7 +52,7 @@ robustness -1 at 0 s, decided by gap > 2 at 0.5 s
 CONSTANT = "constant over the whole trace: req (0), gnt (0)"
 DESCRIBED = "near.csv: 3 samples, one every 0.5 s, 0 s to 1 s, 1 s long, longest gap 0.5 s"
 WHY_OPEN = "eventually[0:1](gnt >= 3) at 0.5 s: not recorded: 1 s to 1.5 s"
-WAY_OUT = "if the trace is all there is, --end complete says VIOLATED"
+WAY_OUT = "if nothing follows (--end complete), the verdict is VIOLATED"
 BAD = "bad.csv, line 2: expected 4 values (time, gap, req, gnt), got 3"
 
 
@@ -116,8 +116,8 @@ def test_junit_says_how_often_a_requirement_was_put_to_the_test(folder: Path) ->
         for case in root.iter("testcase")
     }
     text = "req >= 3 implies eventually[0:1](gnt >= 3)"
-    asked = {"asked": "1"}, f"asked 1x, first at sample 1: {text}"
-    never = {"asked": "0", "vacuous": "true", "never_asked": "true"}, f"never asked: {text}"
+    asked = {"asked": "1"}, f"triggered 1 time, first at sample 1: {text}"
+    never = {"asked": "0", "vacuous": "true", "never_asked": "true"}, f"never triggered: {text}"
     said = {("good.csv", "answered"): asked, ("open.csv", "answered"): asked}
     said |= {("near.csv", "answered"): never}
     assert {name: each for name, each in found.items() if each[0]} == said
@@ -170,10 +170,10 @@ def test_what_nothing_has_asked_fails_in_junit_and_markdown_where_that_is_asked_
     assert main([*words, "--require-triggered", "--", *traces]) == 2
     asked = {(trace, "rare"): ("failure", "never asked") for trace in traces[:3]}
     assert failures_in(folder / "out.xml") == alone | asked
-    assert (folder / "out.md").read_text().startswith("# ERROR, never asked: rare\n")
+    assert (folder / "out.md").read_text().startswith("# ERROR, never triggered: rare\n")
     found = ET.parse(folder / "out.xml").getroot().find(".//failure")  # noqa: S314 - our own
     assert found is not None
-    message = "never asked: rare was put to the test in 0 of 3 traces"
+    message = "never triggered: rare in 0 of 3 traces"
     assert found.get("message") == message
     assert f"\n\n{message}\nSATISFIED, robustness 5" in str(found.text)
     # One trace that asks is enough.
@@ -201,7 +201,7 @@ def test_a_trace_that_is_too_short_fails_in_junit_and_markdown(folder: Path) -> 
     never = {(trace, "answered"): ("failure", "never asked") for trace in ("long.csv", "good.csv")}
     assert failures_in(folder / "out.xml") == short | never
     heading = (folder / "out.md").read_text().partition("\n")[0]
-    assert heading == "# SATISFIED, never asked: answered; shorter than 5 s: good.csv (1 s)"
+    assert heading == "# SATISFIED, never triggered: answered; shorter than 5 s: good.csv (1 s)"
     # What is violated fails as a violation.
     assert main(["monitor", "calm = always(gap > 9)", *files, "--", "good.csv"]) == 1
     assert failures_in(folder / "out.xml") == {("good.csv", "calm"): ("failure", "violation")}
@@ -229,13 +229,13 @@ def test_markdown_is_a_table_with_what_is_wrong_below(folder: Path, capsys: Outp
 # ERROR
 
 4 traces, 2 requirements: 2 errors, 1 violated, 1 undecided, 4 satisfied{"  "}
-worst requirement: near, violated in 1 of 3 traces, least -1 in near.csv{"  "}
-worst trace: near.csv, 1 of 2 requirements violated, least -1 of near{"  "}
-asked: answered in 2 of 3 traces{"  "}
+worst requirement: near, violated in 1 of 3 traces, minimum -1 in near.csv{"  "}
+worst trace: near.csv, 1 of 2 requirements violated, minimum -1 of near{"  "}
+triggered: answered in 2 of 3 traces{"  "}
 note on near.csv: constant over the whole trace: req (0), gnt (0){"  "}
 note on open.csv: constant over the whole trace: gnt (0){"  "}
 
-| trace | verdict | near | answered | asked |
+| trace | verdict | near | answered | triggers |
 |---|---|---:|---:|---:|
 | good.csv | SATISFIED | 2 | 2 | 1x |
 | near.csv | VIOLATED | -1 V | 3 | 0x |
@@ -321,7 +321,7 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
     options = ["--json", "--junit", "out.xml"]
     assert main(["monitor", "req.stl", *options, "--", "near.csv", "bad.csv"]) == 2
     out, err = capsys.readouterr()
-    said = "outcomes: out.xml\nnever asked: answered was put to the test in 0 of 1 trace\n"
+    said = "outcomes: out.xml\nnever triggered: answered in 0 of 1 trace\n"
     assert err == f"{said}rtamt: error: {BAD}\n"
     kept = strict(out)
     assert {name: each for name, each in kept.items() if name not in OTHERS} == {

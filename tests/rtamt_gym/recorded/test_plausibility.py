@@ -140,11 +140,11 @@ def test_an_undecided_verdict_says_what_was_not_recorded_and_the_way_out(capsys:
     assert capsys.readouterr().out == (
         "UNDECIDED, robustness inf\n"
         "    always[20:30](x > 5): not recorded: 20 s to 30 s\n"
-        "    if the trace is all there is, --end complete says SATISFIED\n"
+        "    if nothing follows (--end complete), the verdict is SATISFIED\n"
         "trace.csv: 11 samples, one every 1 s, 0 s to 10 s, 10 s long, longest gap 1 s\n"
         "\n"
-        "formula  at the start  least   at  violated from\n"
-        "late              inf    inf  0 s              -\n"
+        "formula  at the start  minimum   at  violated from\n"
+        "late              inf      inf  0 s              -\n"
     )
 
 
@@ -169,14 +169,14 @@ def test_each_requirement_is_named_with_its_verdict(capsys: Output) -> None:
         "slow: SATISFIED, robustness 1, at the end of the trace\n"
         "late: UNDECIDED, robustness inf\n"
         "    always[20:30](x > 5): not recorded: 20 s to 30 s\n"
-        "    if the trace is all there is, --end complete says SATISFIED\n"
+        "    if nothing follows (--end complete), the verdict is SATISFIED\n"
         "trace.csv: 11 samples, one every 1 s, 0 s to 10 s, 10 s long, longest gap 1 s\n"
         "\n"
-        "spec  formula  at the start  least   at  violated from\n"
-        "near  near               -1     -1  0 s            0 s\n"
-        "slow  limit               1      1  0 s              -\n"
-        "      slow                1      1  0 s              -\n"
-        "late  late              inf    inf  0 s              -\n"
+        "spec  formula  at the start  minimum   at  violated from\n"
+        "near  near               -1       -1  0 s            0 s\n"
+        "slow  limit               1        1  0 s              -\n"
+        "      slow                1        1  0 s              -\n"
+        "late  late              inf      inf  0 s              -\n"
     )
 
 

@@ -306,6 +306,6 @@ def test_a_default_holds_in_every_command(
     text = TEXT.replace("limit)", "limit + ?v)")
     assert main(["mine", text, "--range", "v=-1:1", path]) == 0
     out = capsys.readouterr().out
-    assert out.startswith("v = -0.24999 is the least for which the trace satisfies ")
+    assert out.startswith("v = -0.24999 is the smallest for which the trace satisfies ")
     note = f"note: {path}: 'limit' is 0.5, its default: there is no such column"
     assert note in " ".join(out.split())

@@ -107,16 +107,16 @@ def test_the_report_says_what_is_unknown_where_and_what_it_leaves_out(
     assert main(["monitor", "specs.stl", "run.csv", "--missing", "unknown"]) == 1
     assert capsys.readouterr().out == (
         "late: UNDECIDED, robustness between -1 and inf\n"
-        "    no --end decides it: it hangs on values of gnt that are not known\n"
-        "    asked 1x, first at 5 s\n"
+        "    undecided under every --end: it depends on values of gnt that are not known\n"
+        "    triggered 1 time, first at 5 s\n"
         "calm: SATISFIED, robustness 5, at the end of the trace\n"
         "worst: VIOLATED, robustness between -inf and -1, certain from 5 s on\n"
         "run.csv: 4 samples, one every 1 s, 5 s to 8 s, 3 s long, longest gap 2 s of gnt\n"
         "note: empty cells are unknown samples (gnt: 1, the first in run.csv, line 3)\n"
         "note: no robustness over time of late, worst: values of gnt are not known\n"
         "\n"
-        "spec  formula  at the start  least   at  violated from\n"
-        "calm  calm                5      5  5 s              -\n"
+        "spec  formula  at the start  minimum   at  violated from\n"
+        "calm  calm                5        5  5 s              -\n"
     )
 
 
@@ -169,7 +169,7 @@ def test_outcomes_keep_their_form_and_a_page_shows_them(folder: Path, capsys: Ou
     ]
     late, worst = trial["outcomes"]["late"], trial["outcomes"]["worst"]
     assert (late["verdict"], late["lower"], late["upper"]) == ("UNDECIDED", -1.0, "inf")
-    assert late["way_out"].endswith("it hangs on values of gnt that are not known")
+    assert late["way_out"].endswith("it depends on values of gnt that are not known")
     assert (worst["lower"], worst["upper"]) == ("-inf", -1.0)
     assert worst["explanation"] == "not explained: values of gnt are not known"
     (folder / "outcomes.json").write_text(text)

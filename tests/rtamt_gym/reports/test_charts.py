@@ -41,7 +41,7 @@ def test_a_map_says_whether_a_cell_stands_for_several_simulations() -> None:
     options: dict[str, Any] = {"samples": 3, "sampler": "grid", "period": 1, "progress": False}
     one = of_record(sweep(tank, SPECS, [INFLOW, LEAK], **options), ROOM)
     several = of_record(sweep(raised, SPECS, [INFLOW, LEAK, start], **options), ROOM)
-    says = "A cell is the least of several simulations."
+    says = "A cell is the minimum of several simulations."
     assert says not in chart(one, "map").summary
     folded = chart(several, "map")
     assert folded.summary.endswith(f" {says}")

@@ -168,7 +168,7 @@ def test_a_saved_case_says_how_often_its_run_was_asked(
     assert section.requirements[0].asked == (1 - bool(least), 1)
     said = standing_of([section])
     assert said is not None
-    assert ("never asked: shut" in said.text) is (least > 0)
+    assert ("never triggered: shut" in said.text) is (least > 0)
     # What is shown of a run with another verdict is the verdict of the file.
     other = json.loads((tmp_path / "case.json").read_text(encoding="utf-8"))
     other["expected"]["verdict"] = "VIOLATED"
@@ -181,7 +181,7 @@ def test_a_saved_case_is_played_again_or_shown_as_it_is(tmp_path: Path) -> None:
     searched().save(path, system="tank_of_test:tank")
     saved = SavedCase.load(path)
     alone = of_case(saved, ROOM, play=True)
-    assert alone.notes == (f"The case was not played again: {alone.not_played}",)
+    assert alone.notes == (f"The case was not run: {alone.not_played}",)
     assert alone.not_played.startswith("InputError: there is no module 'tank_of_test'")
     assert alone.requirements[0].worst == ()
     assert alone.requirements[0].trials[0].robustness == pytest.approx(saved.robustness, rel=1e-5)

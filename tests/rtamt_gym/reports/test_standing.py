@@ -99,32 +99,32 @@ def test_each_requirement_and_each_run_counts_once(drawn: list[Drawn]) -> None:
     assert sorted(said) == sorted(f"{count} {word}" for word, count in tally.items() if count)
     wanted = []
     for noun, count in judged.items():
-        text = f"{count} {noun}{'' if count == 1 else 's'} judged"
+        text = f"{count} {noun}{'' if count == 1 else 's'} evaluated"
         wanted.append(text + (f", {failed[noun]} failed" if failed[noun] else ""))
     never = [name for name, each in asked.items() if not any(each)]
-    assert others == [*wanted, *([f"never asked: {', '.join(never)}"] if never else [])]
+    assert others == [*wanted, *([f"never triggered: {', '.join(never)}"] if never else [])]
 
 
 @pytest.mark.parametrize(
     ("words", "answer", "text"),
     [
-        (["satisfied"] * 3, None, "Passed: of 1 requirement 1 satisfied; 3 episodes judged."),
+        (["satisfied"] * 3, None, "Passed: of 1 requirement 1 satisfied; 3 episodes evaluated."),
         (
             ["satisfied", "violated"],
             "satisfied",
-            "Passed: of 1 requirement 1 satisfied; 2 episodes judged.",
+            "Passed: of 1 requirement 1 satisfied; 2 episodes evaluated.",
         ),
         (
             ["satisfied", "failed"],
             "violated",
-            "Failed: of 1 requirement 1 violated; 1 episode judged, 1 failed.",
+            "Failed: of 1 requirement 1 violated; 1 episode evaluated, 1 failed.",
         ),
         (
             ["failed"],
             None,
-            "Undecided: of 1 requirement 1 failed; 0 episodes judged, 1 failed.",
+            "Undecided: of 1 requirement 1 failed; 0 episodes evaluated, 1 failed.",
         ),
-        ([], None, "Undecided: of 1 requirement 1 undecided; 0 episodes judged."),
+        ([], None, "Undecided: of 1 requirement 1 undecided; 0 episodes evaluated."),
     ],
 )
 def test_the_answer_to_a_target_counts_and_nothing_judged_is_no_pass(
@@ -150,8 +150,8 @@ def test_a_comparison_judges_nothing() -> None:
 def test_the_line_is_at_the_head_of_the_page_once() -> None:
     page = render(EXAMPLE)
     text = (
-        "Failed: of 3 requirements 2 violated, 1 failed; 19 episodes judged, 1 failed; "
-        "13 simulations judged, 1 failed; 2 traces judged, 1 failed."
+        "Failed: of 3 requirements 2 violated, 1 failed; 19 episodes evaluated, 1 failed; "
+        "13 simulations evaluated, 1 failed; 2 traces evaluated, 1 failed."
     )
     assert page.count(text) == 1
     assert page.index(text) < page.index("At a glance")
@@ -174,11 +174,11 @@ def test_the_page_says_what_makes_a_verdict_hollow(
         write_report("page.html", "out.json")
         text = re.sub("<[^>]*>", " ", Path("page.html").read_text(encoding="utf-8"))
         said[len(names)] = " ".join(text.partition("As a formula")[0].split())
-    never = "Passed: of 2 requirements 2 satisfied; 1 trace judged; never asked: answered; "
+    never = "Passed: of 2 requirements 2 satisfied; 1 trace evaluated; never triggered: answered; "
     assert f"{never}on defaults: below." in said[1]
-    assert "Never asked: no trace of 1 put it to the test." in said[1]
+    assert "Never triggered in 1 trace." in said[1]
     assert "Rests on a default: limit = 0.5 in 1 trace." in said[1]
-    both = "Passed: of 2 requirements 2 satisfied; 2 traces judged; on defaults: below."
+    both = "Passed: of 2 requirements 2 satisfied; 2 traces evaluated; on defaults: below."
     assert both in said[2]
-    assert "Asked in 1 of 2 traces." in said[2]
+    assert "Triggered in 1 of 2 traces." in said[2]
     assert "Rests on a default: limit = 0.5 in 2 traces." in said[2]

@@ -58,7 +58,7 @@ def test_a_page_of_a_case_imports_nothing_and_names_the_option(case: Path, capsy
     assert main(["report", "case.json", "-o", "page.html"]) == 0
     assert not Path("imported").exists()
     said = "a report only reads; --play runs the case, which imports stranger"
-    assert f"case.json was not played again: {said}" in " ".join(capsys.readouterr().err.split())
+    assert f"case.json was not run: {said}" in " ".join(capsys.readouterr().err.split())
     assert said in Path("page.html").read_text(encoding="utf-8")
     for result in (case, SavedCase.load(case)):
         write_report("page.html", result)

@@ -181,10 +181,10 @@ def test_the_page_tells_the_statistics_that_the_terminal_does() -> None:
     shown = section_of(evaluation, ROOM).requirements[0]
     (facts,) = (block for block in shown.blocks if isinstance(block, Facts))
     assert {name: text for name, text, _ in facts.rows} == {
-        "least": "0",
+        "minimum": "0",
         "CVaR 5%": "0.5",
         "median": "19",
-        "greatest": "39",
+        "maximum": "39",
     }
     assert evaluation.requirements["near"].interval == shown.interval
     kept = json.loads(evaluation.to_json())["results"]["near"]

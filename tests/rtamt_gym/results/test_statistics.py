@@ -132,8 +132,8 @@ def test_every_statistic_is_in_the_files_of_a_record(tmp_path: Path) -> None:
 def test_twenty_episodes_have_the_column_on_the_terminal() -> None:
     few, many = (evaluation_of({"near": [1.0, *range(1, n)]}) for n in (19, 20))
     assert "CVaR 5%" not in str(few)
-    assert "least  CVaR 5%  median" in str(many)
-    assert "least, CVaR 5%, median: of the robustness" in str(many).splitlines()
+    assert "minimum  CVaR 5%  median" in str(many)
+    assert "minimum, CVaR 5%, median: of the robustness" in str(many).splitlines()
 
 
 def test_where_all_failed_there_is_no_robustness_to_tell() -> None:

@@ -48,7 +48,7 @@ NAMED = (
     "of each instant",
     "of the newest instant",
     "--end complete",
-    "if the trace is all there is",
+    "if nothing follows",
 )
 """The words by which a text says why the two differ."""
 
@@ -447,7 +447,7 @@ def test_commands_say_where_another_end_has_another_sign(
     assert names_it(text) or not differs(text), text
     table = re.search(r"^\(result\) +(\S+)", text, re.MULTILINE)
     moved = kind in MOVED and (command == ["explain"] or table is not None)
-    assert ("--end complete" in text or "if the trace is all there is" in text) == moved or (
+    assert ("--end complete" in text or "if nothing follows" in text) == moved or (
         "UNDECIDED" in text
     ), text
 

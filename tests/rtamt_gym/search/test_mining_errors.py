@@ -179,7 +179,7 @@ def test_a_constant_of_the_text_or_of_a_specification_is_a_parameter_too() -> No
         result = mine(requirement, [CALM, FAST], {"v": (0, 50)}, constants={"w": 2})
         assert result.value == 15.6251
         assert repr(result) == (
-            "<Mined v = 15.6251, the least: always(speed < 15.6251 * 2) on 2 traces>"
+            "<Mined v = 15.6251, the smallest: always(speed < 15.6251 * 2) on 2 traces>"
         )
     several = rtamt.parse("const float v = 3; a = always(speed < v); b = always(speed < 2 * v)")
     found = [
@@ -199,7 +199,7 @@ def test_marks_leave_every_other_character_in_its_place() -> None:
 
 def test_what_is_printed_fits_a_terminal_and_tells_what_was_found() -> None:
     assert str(mine(BELOW, [CALM, FAST], {"v": (0, 50)})) == (
-        "v = 31.2501 is the least for which all 2 traces satisfy always(speed < ?v)\n"
+        "v = 31.2501 is the smallest for which all 2 traces satisfy always(speed < ?v)\n"
         "at v = 31.25 trace 1 does not\n"
         "no trace changes its verdict more than once at the 17 values that were tried\n"
         "  from 0 to 50 (49 evaluations)\n"
@@ -215,4 +215,4 @@ def test_what_is_printed_fits_a_terminal_and_tells_what_was_found() -> None:
     long = " and ".join(f"always(speed < {i} + ?v)" for i in range(20))
     shown = str(mine(long, FAST, {"v": (0, 50)}))
     assert max(map(len, shown.splitlines())) <= 80
-    assert shown.startswith("v = 31.2501 is the least for which the trace satisfies always(")
+    assert shown.startswith("v = 31.2501 is the smallest for which the trace satisfies always(")

@@ -147,8 +147,8 @@ def test_errors_are_kept_with_what_came_before_and_the_sweep_goes_on() -> None:
 def test_a_sweep_prints_its_requirements_and_the_map_of_a_grid() -> None:
     done = sweep(tank, DRY, [INFLOW, LEAK], samples=3, sampler="grid", period=1)
     head, line, empty, took, *rest = str(done).splitlines()
-    assert head == "requirement  satisfied  violated  least  median  greatest"
-    assert line == "dry                  8         1  -0.73   0.682         1"
+    assert head == "requirement  satisfied  violated  minimum  median  maximum"
+    assert line == "dry                  8         1    -0.73   0.682        1"
     assert took == "9 simulations, 171 simulated seconds"
     assert (empty, rest) == (
         "",
