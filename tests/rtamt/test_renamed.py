@@ -78,7 +78,7 @@ def test_page_lists_every_row() -> None:
     for tables, form in ((ATTRIBUTES, "{}.{}"), (KEYWORDS, "{}({}=)")):
         for owner, names in tables.items():
             expected |= {form.format(owner, a): form.format(owner, b) for a, b in names.items()}
-    assert rows == expected | OPTIONS
+    assert rows == expected | dict(OPTIONS)
 
 
 @pytest.mark.parametrize("name", compat.__all__)

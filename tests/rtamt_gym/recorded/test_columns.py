@@ -372,7 +372,7 @@ def test_a_variable_may_be_called_otherwise() -> None:
 )
 def test_bad_words_about_columns_are_refused(arguments: dict[str, str], message: str) -> None:
     with pytest.raises(rtamt.InputError) as caught:
-        read_columns(**arguments)  # type: ignore[arg-type]
+        read_columns(**arguments)
     assert str(caught.value) == message
 
 
