@@ -27,12 +27,9 @@ from typing import NamedTuple, SupportsIndex
 from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import place
 from rtamt.program.program import Program
+from rtamt_arrays.continuations import EpisodeOutlook, EpisodeRows
 from rtamt_arrays.functions import FUNCTIONS, Elements
-from rtamt_arrays.layout import Cells, Layout
-from rtamt_arrays.operations import Operations, Tensor
-from rtamt_arrays.outlook import EpisodeOutlook
-from rtamt_arrays.rows import EpisodeRows
-from rtamt_arrays.terms import (
+from rtamt_arrays.inputs import (
     ArrayReader,
     ArraySample,
     StateField,
@@ -44,9 +41,16 @@ from rtamt_arrays.terms import (
     terms,
     zeros,
 )
-from rtamt_arrays.worlds import WORLDS, Arrival, BoundsReading, EpisodeState, Worldview
-
-__all__ = ["EpisodeArrays"]
+from rtamt_arrays.layout import (
+    WORLDS,
+    Arrival,
+    BoundsReading,
+    Cells,
+    EpisodeState,
+    Layout,
+    Worldview,
+)
+from rtamt_arrays.operations import Operations, Tensor
 
 INF = math.inf
 

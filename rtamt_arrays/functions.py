@@ -15,18 +15,6 @@ from dataclasses import dataclass
 from rtamt.program.algebra import FOLDS, Element
 from rtamt_arrays.operations import Operations, Tensor
 
-__all__ = [
-    "FUNCTIONS",
-    "Elements",
-    "Fold",
-    "Lattice",
-    "exact",
-    "fold_all",
-    "prefixes",
-    "slide",
-    "suffixes",
-]
-
 Elements = tuple[Tensor, ...]
 """The numbers of an element of a fold, as arrays."""
 

@@ -1,16 +1,28 @@
-"""Robustness of whole traces on arrays, many at once."""
+"""Robustness of whole traces on arrays, many at once.
+
+Smooth min and max, and how far robustness made of them may be from the standard one.
+
+Of numbers x and a temperature T, the smooth max is T log(sum(exp(x / T))) and the smooth min the
+negative of that of the negated numbers. They have a gradient everywhere, to which each number
+contributes by its share of the sum.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Literal, SupportsIndex
 
+import numpy as np
+
+from rtamt.errors import InputError, InputTypeError, brief
+from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Map, Window
 from rtamt.program.program import Program
-from rtamt_arrays.functions import FUNCTIONS, Fold, Lattice, slide
+from rtamt.typing import Align, Period
+from rtamt_arrays.functions import FUNCTIONS, Fold, Lattice, exact, slide
+from rtamt_arrays.inputs import ArrayReader, Spec, dtype_name, program_of, refused, terms, whole
 from rtamt_arrays.operations import Operations, Tensor
-from rtamt_arrays.terms import terms
-
-__all__ = ["evaluated"]
 
 
 def evaluated(
@@ -65,3 +77,174 @@ def evaluated(
         return result
     count = o.as_integers(wrong).sum(0)
     return o.where(count > 0, math.nan, result)
+
+
+RobustnessSemantics = Literal["standard", "smooth"]
+"""How robustness is made: of min and max, or of smooth ones."""
+
+_Error = tuple[float, float]
+"""How far a smooth value may lie below the standard one, and above it, at temperature 1."""
+
+
+def lattice_of(
+    o: Operations,
+    reader: ArrayReader,
+    semantics: RobustnessSemantics,
+    temperature: Tensor | None,
+) -> Lattice:
+    """The functions in place of min and max.
+
+    Raises:
+        InputError: On other semantics, or a temperature that is missing, not wanted, or not
+            a finite number above 0.
+        InputTypeError: On a temperature that is no number.
+    """
+    if semantics == "standard":
+        if temperature is not None:
+            text = (
+                "expected no temperature with semantics='standard', got "
+                f"{reader.shown(temperature)}; semantics='smooth' has one"
+            )
+            refused(reader, InputError, text)
+        return exact(o)
+    if semantics != "smooth":
+        hint = reader.nearest(str(semantics), ["standard", "smooth"])
+        text = f"expected semantics 'standard' or 'smooth', got {semantics!r}{hint}"
+        refused(reader, InputError, text)
+    if temperature is None:
+        text = "expected a temperature with semantics='smooth', got none"
+        refused(reader, InputError, text)
+    if getattr(temperature, "shape", None) == () and not isinstance(temperature, np.generic):
+        array = reader.taken(temperature)
+        if array is not None:
+            # No error can depend on what is in an array.
+            return _smooth(o, o.where((array > 0.0) & ~o.isinf(array), array, math.nan))
+    number, (least, most) = _checked(reader, temperature), reader.limits
+    if not least <= number <= most:
+        text = (
+            f"expected a temperature from {least:.3g} to {most:.3g}, in which "
+            f"{dtype_name(reader.dtype)} has all its digits, got {number}"
+        )
+        refused(reader, InputError, text)
+    return _smooth(o, number)
+
+
+def _checked(reader: ArrayReader | None, temperature: object) -> float:
+    if isinstance(temperature, bool) or not isinstance(
+        temperature, int | float | np.floating | np.integer
+    ):
+        shown = brief if reader is None else reader.shown
+        text = f"expected a number as temperature, got {shown(temperature)}"
+        refused(reader, InputTypeError, text)
+    if not 0.0 < temperature < math.inf:
+        text = f"expected a finite temperature above 0, got {temperature}"
+        refused(reader, InputError, text)
+    return temperature if isinstance(temperature, int | float) else float(temperature)
+
+
+def _smooth(o: Operations, temperature: Tensor) -> Lattice:
+    lattice = exact(o)
+
+    def greater(x: Tensor, y: Tensor) -> Tensor:
+        # Infinite numbers are chosen: their gradients would be no numbers. So are those beside
+        # which the temperature is nothing.
+        infinite = o.isinf(x / temperature) | o.isinf(y / temperature)
+        both = (o.where(infinite, 0.0, each) / temperature for each in (x, y))
+        return o.where(infinite, lattice.greater(x, y), temperature * o.logaddexp(*both))
+
+    return Lattice(lambda x, y: -greater(-x, -y), greater)
+
+
+def smoothing_error(
+    spec: Spec,
+    samples: SupportsIndex,
+    temperature: float,
+    period: Period | None = None,
+    *,
+    align: Align | None = None,
+) -> tuple[float, float]:
+    """How far smooth robustness may lie below the standard one, and above it.
+
+    A smooth max of n numbers is at most T log n above theirs, a smooth min as far below. The
+    bounds of a formula follow from those of its parts, and hold at every time of any trace: with
+    smooth robustness s and bounds (below, above), the standard one is in [s - above, s + below].
+    So s > above proves that the requirement holds, and s < -below that it is violated.
+
+    Args:
+        spec: As for ``evaluate``.
+        samples: Samples of the traces, 1 or more.
+        temperature: A finite number above 0.
+        period: As for ``evaluate``.
+        align: As for ``evaluate``.
+
+    Returns:
+        Two numbers of 0 or more, in the unit of the robustness.
+
+    Raises:
+        SpecificationError: On bounds that are no whole number of samples.
+        InputError: On fewer samples than 1, or a temperature that is not finite and above 0.
+        InputTypeError: On what are no numbers.
+
+    Example:
+        >>> below, above = smoothing_error("always[0:9](x > 0)", 100, 0.5)
+        >>> round(below, 4), above  # 0.5 * log(10): the least of 10 numbers
+        (1.1513, 0.0)
+    """
+    number = whole(samples)
+    if number is None:
+        raise InputTypeError(f"expected a whole number of samples, got {brief(samples)}")
+    if number < 1:
+        raise InputError(f"expected 1 sample or more, got {number}")
+    scale = _checked(None, temperature)
+    below, above = _error(program_of(spec, period, align, online=False), number)
+    return scale * below, scale * above
+
+
+def _error(program: Program, n: int) -> _Error:
+    program = program.clamped(n)
+    errors: list[_Error] = [(0.0, 0.0)] * program.terms
+    for instruction in program.instructions[program.terms :]:
+        match instruction:
+            case Map("min", (a, b)):
+                errors.append(_lesser(errors[a], errors[b]))
+            case Map("max", (a, b)):
+                errors.append(_greater(errors[a], errors[b]))
+            case Map("neg", (a,)):
+                errors.append((errors[a][1], errors[a][0]))
+            case Window(name, lo, hi, args):
+                width = (n if hi is None else hi) - (-n if lo is None else lo) + 1
+                combine = FOLDS[name].made(_lesser, _greater)
+                errors.append(_widened(combine, tuple(errors[a] for a in args), width)[-1])
+            case _:
+                msg = "an input or another function behind the terms"
+                raise AssertionError(msg)
+    return errors[program.result]
+
+
+def _widened(
+    combine: Callable[[tuple[_Error, ...], tuple[_Error, ...]], tuple[_Error, ...]],
+    element: tuple[_Error, ...],
+    width: int,
+) -> tuple[_Error, ...]:
+    """The error of a fold of so many elements, combined in the order of `functions.slide`."""
+    power, size = element, 1
+    result: tuple[_Error, ...] | None = None
+    while True:
+        if width & size:
+            result = power if result is None else combine(result, power)
+        size *= 2
+        if size > width:
+            return result or element
+        power = combine(power, power)
+
+
+def _lesser(x: _Error, y: _Error) -> _Error:
+    return _log_add_exp(x[0], y[0]), max(x[1], y[1])
+
+
+def _greater(x: _Error, y: _Error) -> _Error:
+    return max(x[0], y[0]), _log_add_exp(x[1], y[1])
+
+
+def _log_add_exp(x: float, y: float) -> float:
+    return max(x, y) + math.log1p(math.exp(-abs(x - y)))

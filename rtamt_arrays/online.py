@@ -20,8 +20,7 @@ from typing import NamedTuple, SupportsIndex, assert_never
 from rtamt.program.instructions import Map, Window
 from rtamt.program.program import Delay, Program, schedule
 from rtamt_arrays.functions import FUNCTIONS, Elements, Fold, exact
-from rtamt_arrays.operations import Operations, Tensor
-from rtamt_arrays.terms import (
+from rtamt_arrays.inputs import (
     ArrayReader,
     ArraySample,
     StateField,
@@ -33,8 +32,7 @@ from rtamt_arrays.terms import (
     terms,
     zeros,
 )
-
-__all__ = ["OnlineMonitor", "OnlineReading", "OnlineState"]
+from rtamt_arrays.operations import Operations, Tensor
 
 
 class OnlineState(NamedTuple):

@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-__all__ = ["Operations", "Tensor"]
-
 Tensor = Any
 """An array of JAX, or a tensor of torch: neither library's types are needed to check this one."""
 

@@ -13,9 +13,8 @@ from typing import Any, Literal, NamedTuple, get_args
 from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt.typing import Align, End, Period
-from rtamt_arrays.monitors import ArrayMonitors
+from rtamt_arrays.monitor_set import ArrayMonitors, ArrayPanel, PanelState, Taken
 from rtamt_arrays.operations import Operations, Tensor
-from rtamt_arrays.panel import ArrayPanel, PanelState, Taken
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.infos import end_info, optional_keys, spec_state, step_info
@@ -24,14 +23,6 @@ from rtamt_gym.judging.specs import ConstantValue, SpecsLike, load_specs
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions, View
 from rtamt_gym.shaping import Mode, Shaping, ShapingNumbers, clip, least, outcome, settle
 from rtamt_gym.wrappers.observing import StateFeatures
-
-__all__ = [
-    "JudgedStep",
-    "OnViolation",
-    "RequirementOptions",
-    "RequirementState",
-    "StepJudge",
-]
 
 OnViolation = Literal["terminate", "truncate", "report"]
 """What happens to an episode at a certain violation."""

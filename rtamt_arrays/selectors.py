@@ -18,8 +18,6 @@ from rtamt_arrays.operations import Tensor
 from rtamt_gym.signals.signals import ParsedSignal, SignalLike, Source, parse_signals
 from rtamt_gym.signals.sources import STEP
 
-__all__ = ["SOURCES", "ArraySignals", "ArrayStep"]
-
 
 class ArrayStep(NamedTuple):
     """What a signal reads: of many environments, or of one where a function gets it.

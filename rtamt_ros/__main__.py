@@ -2,7 +2,7 @@
 
 import sys
 
-from rtamt_ros.ending import run_module
+from rtamt_ros.process import run_module
 
 
 def main() -> int:

@@ -15,9 +15,7 @@ from rtamt_ros.core.settings import StaleAs
 from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, UNITS, Qos, read
-from rtamt_ros.pauses import shorten_pauses
-
-__all__ = ["main"]
+from rtamt_ros.process import shorten_pauses
 
 _PROGRAM = "ros_stl_monitor.py"
 _NODE = "stl_monitor"

@@ -12,8 +12,6 @@ from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_ros.middleware import Middleware
 
-__all__ = ["Generation", "RosArguments", "chosen", "open_node", "split"]
-
 Generation = Literal[1, 2]
 
 _LIBRARIES: dict[Generation, str] = {1: "rospy", 2: "rclpy"}

@@ -10,8 +10,6 @@ from collections.abc import Callable, Collection, Sequence
 from enum import IntEnum
 from typing import Any, Protocol
 
-__all__ = ["Handle", "Level", "Middleware"]
-
 
 class Level(IntEnum):
     """How bad a state is, with the numbers of ``diagnostic_msgs/DiagnosticStatus``."""

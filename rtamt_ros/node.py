@@ -10,14 +10,13 @@ from typing import Any
 
 from rtamt import InputError, Specification, parse
 from rtamt.errors import nearest
-from rtamt_ros.core.classes import check_input, check_output
-from rtamt_ros.core.combined import Combined
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.judges import Judges
-from rtamt_ros.core.outputs import bound_topics, outputs_of
-from rtamt_ros.core.publishing import BOUNDS, Diagnostics, Publishing
+from rtamt_ros.core.publishing import BOUNDS, Combined, Diagnostics, Publishing
 from rtamt_ros.core.report import RequirementReport, counted, seconds
+from rtamt_ros.core.requirements import bound_topics, outputs_of
 from rtamt_ros.core.settings import Settings
+from rtamt_ros.messages import check_input, check_output
 from rtamt_ros.middleware import Handle, Level, Middleware
 
 __all__ = ["MonitorNode", "RequirementReport", "Settings"]

@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import Any
 
-__all__ = ["Made", "Packed"]
-
 _PROBES = (
     (1_700_000_123_456_789_012, 0.1234567890123),
     (1_700_000_321_012_345_678, -0.0),

@@ -20,8 +20,6 @@ from rtamt.errors import alternatives, brief, is_one_of
 from rtamt_ros.core.judges import Judges
 from rtamt_ros.core.settings import Settings, StaleAs
 
-__all__ = ["DEPTH", "PARAMETERS", "UNITS", "Qos", "read"]
-
 Qos = Literal["best_effort", "reliable"]
 DEPTH = 100  # 0.1 s of a topic of 1 kHz
 UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}

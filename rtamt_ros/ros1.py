@@ -26,15 +26,12 @@ import std_msgs.msg
 
 from rtamt import InputError
 from rtamt.errors import nearest
-from rtamt_ros.callback import Callback, answered
-from rtamt_ros.ending import Ending
-from rtamt_ros.grid_timer import GridTimer
+from rtamt_ros.callbacks import Callback, GridTimer, answered
 from rtamt_ros.messages import installed
 from rtamt_ros.middleware import Handle, Level, Publisher
 from rtamt_ros.packed import Made, Packed
+from rtamt_ros.process import Ending
 from rtamt_ros.ros1_master import Displaced, MasterLink, Refused
-
-__all__ = ["DISPLACED", "REFUSED", "Ros1", "legal_name"]
 
 # The messages of the package rtamt_msgs, which few have installed: they are made at run time.
 _STAMPED = ("FloatStamped", "FloatMessage")
@@ -118,7 +115,7 @@ class Ros1:
         return not rospy.rostime.is_wallclock()
 
     def wait_for_another(self, now: int) -> None:
-        """Waits as `rtamt_ros.grid_timer.NodeClock` says."""
+        """Waits as `rtamt_ros.callbacks.NodeClock` says."""
         ticked = rospy.rostime.get_rostime_cond()
         with ticked:
             if _now() == now:

@@ -13,8 +13,6 @@ from rospy.impl import registration
 
 from rtamt_ros.middleware import Level
 
-__all__ = ["Displaced", "MasterLink", "Refused"]
-
 _UNKNOWN = "the master at {} did not know this node"
 PATIENCE = 2.0
 """Seconds for an answer: a master may hang, and a node that ends waits for none."""

@@ -1,6 +1,6 @@
 """The middleware of ROS 2, on rclpy.
 
-It, its own `rtamt_ros.ros2_subscription` and `rtamt_ros.ros2_hearing`, and
+It, its own `rtamt_ros.ros2_subscription` and `rtamt_ros.ros2_subscription`, and
 `rtamt_ros.ros2_lifecycle` are the only modules that import rclpy and messages of ROS 2.
 """
 
@@ -30,17 +30,13 @@ from rclpy.type_support import check_for_type_support
 from rclpy.utilities import remove_ros_args
 
 from rtamt import InputError
-from rtamt_ros.callback import Callback, answered
-from rtamt_ros.ending import Ending
-from rtamt_ros.grid_timer import GridTimer
+from rtamt_ros.callbacks import Callback, GridTimer, answered
 from rtamt_ros.messages import installed
 from rtamt_ros.middleware import Handle, Level, Publisher
 from rtamt_ros.packed import Made, Packed
 from rtamt_ros.parameters import DEPTH, Qos
-from rtamt_ros.ros2_hearing import Hearing
-from rtamt_ros.ros2_subscription import Ros2Subscription
-
-__all__ = ["Ros2"]
+from rtamt_ros.process import Ending
+from rtamt_ros.ros2_subscription import Hearing, Ros2Subscription
 
 _SECOND = 1_000_000_000
 

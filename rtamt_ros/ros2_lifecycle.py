@@ -20,11 +20,8 @@ from rtamt.errors import nearest
 from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, read
-from rtamt_ros.pauses import shorten_pauses
+from rtamt_ros.process import shorten_pauses
 from rtamt_ros.ros2 import Ros2
-
-__all__ = ["LifecycleMonitor", "main", "run"]
-
 
 _SEVERAL_TYPES = ("spec", "spec_file", "period", "stale")
 

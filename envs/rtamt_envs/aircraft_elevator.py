@@ -61,7 +61,6 @@ from rtamt_gym.inputs.ranges import Parameter, Signal
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["SCENARIO"]
 
 _STEPPING = stepping(10)
 _SUPPLY = 1000.0  # kPa

@@ -32,8 +32,6 @@ their inner ones, as far as the failures allow.
 from rtamt_envs.compiled import compiled
 from rtamt_envs.scenario import Floats
 
-__all__ = ["ACTIVE", "ISOLATED", "OFF", "PASSIVE", "STANDBY", "decide", "pressure_failed"]
-
 ISOLATED, OFF, PASSIVE, STANDBY, ACTIVE = 0.0, 1.0, 2.0, 3.0, 4.0
 
 _CIRCUIT = (0, 1, 1, 2)  # the hydraulic circuit of each actuator

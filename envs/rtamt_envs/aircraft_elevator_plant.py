@@ -17,8 +17,6 @@ import numpy as np
 from rtamt_envs.compiled import compiled
 from rtamt_envs.scenario import Floats
 
-__all__ = ["PERIOD", "SIDE", "advance", "stepping"]
-
 SIDE = 10  # numbers in the state of a side
 PERIOD = 0.01  # seconds from one sample of the control laws to the next
 

@@ -51,7 +51,6 @@ from rtamt_gym.inputs.ranges import Parameter, Signal
 if TYPE_CHECKING:  # it is optional
     from matplotlib.figure import Figure
 
-__all__ = ["SCENARIO"]
 
 _PERIOD: Final = 0.01
 _STEPS_PER_COMPARISON: Final = 4.0

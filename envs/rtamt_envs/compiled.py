@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Literal, TypeVar, cast
 
-__all__ = ["compiled", "in_loops"]
-
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 from rtamt_envs.compiled import compiled
 from rtamt_envs.scenario import Floats
 
-__all__ = ["first_crossing"]
-
 _FINEST = 2.0**-30  # beside an extremum, intervals this short differ from their ends by rounding
 
 

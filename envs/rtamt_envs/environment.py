@@ -14,8 +14,6 @@ from rtamt_envs.lanes import ScenarioLanes
 from rtamt_envs.scenario import Declared, EpisodeSoFar, Floats, Quantity, Scenario, scenario_of
 from rtamt_gym.checks.extras import naming_extra
 
-__all__ = ["ScenarioEnv", "box", "numbers"]
-
 _ONE = np.ones(1, np.bool_)
 
 

@@ -12,8 +12,6 @@ from rtamt import InputError, StateError
 from rtamt_envs.compiled import compiled, in_loops
 from rtamt_envs.scenario import Bools, Floats, Scenario
 
-__all__ = ["ScenarioLanes"]
-
 _FIRST = np.ones(1, np.bool_)
 
 _Generators = Sequence[np.random.Generator]

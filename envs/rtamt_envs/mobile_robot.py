@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["ROUTE", "SCENARIO", "clearance", "drive", "next_point", "unicycle"]
 
 PERIOD = 0.1
 RADIUS = 0.2

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from rtamt_envs.scenario import EpisodeSoFar, Quantity, Scenario
 from rtamt_gym.drawing import SIGNAL, tidy
 
-__all__ = ["draw_courses", "figure_of", "frame"]
-
 _DPI = 100
 
 

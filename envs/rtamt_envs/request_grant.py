@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["SCENARIO"]
 
 PERIOD = 0.1
 LONGEST = 10.0

@@ -26,16 +26,6 @@ from rtamt_gym.inputs.ranges import Parameter, Signal
 if TYPE_CHECKING:  # it is optional
     from matplotlib.figure import Figure
 
-__all__ = [
-    "SCENARIOS",
-    "Bools",
-    "Declared",
-    "EpisodeSoFar",
-    "Floats",
-    "Quantity",
-    "Scenario",
-    "scenario_of",
-]
 
 SCENARIOS: dict[str, tuple[str, int]] = {
     "AircraftElevator": ("aircraft_elevator", 1000),

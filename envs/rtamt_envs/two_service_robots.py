@@ -47,8 +47,6 @@ else:
         """Stands for the class of PettingZoo, whose form is enough where it is not installed."""
 
 
-__all__ = ["SCENARIO", "ParallelRobots", "parallel_env"]
-
 PERIOD = 0.1
 RADIUS = 0.3
 """Radius of a robot, in metres."""

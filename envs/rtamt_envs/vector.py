@@ -16,8 +16,6 @@ from rtamt_envs.environment import box, numbers
 from rtamt_envs.lanes import ScenarioLanes
 from rtamt_envs.scenario import Bools, Declared, Floats, scenario_of
 
-__all__ = ["ScenarioVectorEnv"]
-
 
 class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
     """Many simulations of a scenario in lockstep: ``gym.make_vec("rtamt/ChasingCars-v0", 100)``.

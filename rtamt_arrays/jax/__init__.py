@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from rtamt.typing import Align, Period
-from rtamt_arrays.compiling import Spec, program_of
 from rtamt_arrays.episode import EpisodeArrays
+from rtamt_arrays.inputs import ArraySample, Spec, program_of, traces
 from rtamt_arrays.jax.operations import JaxOperations, JaxReader
-from rtamt_arrays.offline import evaluated
+from rtamt_arrays.layout import BoundsReading, EpisodeState
+from rtamt_arrays.offline import RobustnessSemantics, evaluated, lattice_of, smoothing_error
 from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
 from rtamt_arrays.operations import Tensor
-from rtamt_arrays.smooth import RobustnessSemantics, lattice_of, smoothing_error
-from rtamt_arrays.terms import ArraySample, traces
-from rtamt_arrays.worlds import BoundsReading, EpisodeState
 
 __all__ = [
     "BoundsReading",

@@ -11,8 +11,6 @@ import numpy as np
 from rtamt.errors import InputError, InputTypeError, brief, nearest
 from rtamt_arrays.operations import Tensor
 
-__all__ = ["JaxOperations", "JaxReader"]
-
 
 class JaxOperations:
     """The operations that the walks over a program ask for."""

@@ -7,15 +7,13 @@ from collections.abc import Mapping
 import torch
 
 from rtamt.typing import Align, Period
-from rtamt_arrays.compiling import Spec, program_of
-from rtamt_arrays.offline import evaluated
+from rtamt_arrays.inputs import ArraySample, Spec, program_of, traces
+from rtamt_arrays.layout import BoundsReading, EpisodeState
+from rtamt_arrays.offline import RobustnessSemantics, evaluated, lattice_of, smoothing_error
 from rtamt_arrays.online import OnlineReading, OnlineState
 from rtamt_arrays.operations import Tensor
-from rtamt_arrays.smooth import RobustnessSemantics, lattice_of, smoothing_error
-from rtamt_arrays.terms import ArraySample, traces
 from rtamt_arrays.torch.monitors import TorchEpisodeMonitor, TorchOnlineMonitor
 from rtamt_arrays.torch.operations import TorchOperations, TorchReader
-from rtamt_arrays.worlds import BoundsReading, EpisodeState
 
 __all__ = [
     "BoundsReading",

@@ -18,8 +18,7 @@ import torch
 
 from rtamt import InputError
 from rtamt.errors import InputTypeError, brief, no_such
-from rtamt_arrays.monitors import ArrayMonitors
-from rtamt_arrays.panel import Taken
+from rtamt_arrays.monitor_set import ArrayMonitors, Taken
 from rtamt_arrays.requirements import (
     JudgedStep,
     OnViolation,

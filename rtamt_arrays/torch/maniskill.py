@@ -10,7 +10,7 @@ import gymnasium as gym
 import torch
 
 from rtamt import InputError
-from rtamt_arrays.monitors import ArrayMonitors
+from rtamt_arrays.monitor_set import ArrayMonitors
 from rtamt_arrays.requirements import JudgedStep, RequirementOptions, StepJudge
 from rtamt_arrays.selectors import ArraySignals, ArrayStep
 from rtamt_arrays.torch import episode, online

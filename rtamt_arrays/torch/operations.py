@@ -9,10 +9,8 @@ from torch.autograd import forward_ad
 from torch.autograd.forward_ad import unpack_dual
 
 from rtamt.errors import InputError, InputTypeError, brief, nearest
+from rtamt_arrays.inputs import refused
 from rtamt_arrays.operations import Tensor
-from rtamt_arrays.terms import refused
-
-__all__ = ["TorchOperations", "TorchReader"]
 
 
 class TorchOperations:

@@ -22,7 +22,7 @@ import numpy as np
 
 from rtamt import Formula, InputError
 from rtamt.errors import nearest
-from rtamt_gym.benchmarks.missing import benchmark
+from rtamt_gym.benchmarks import benchmark
 from rtamt_gym.signals.signals import SignalLike, Step
 from rtamt_gym.success import flag, one_sided
 

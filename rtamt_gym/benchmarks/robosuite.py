@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium import spaces
 
 from rtamt import InputTypeError
-from rtamt_gym.benchmarks.missing import benchmark
+from rtamt_gym.benchmarks import benchmark
 
 __all__ = ["TASKS", "RobosuiteEnv", "make"]
 

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from rtamt_gym.datasets.episodes import RecordedEpisode
 from rtamt_gym.signals.columns import Batch, Floats, Lanes
 
-__all__ = ["JudgedTape", "Playback", "Tape", "play"]
-
 
 class Tape:
     """Episodes one behind the other: a row for every sample, and one for lanes that have none.

@@ -12,9 +12,14 @@ from rtamt import InputError, InputTypeError, Specification
 from rtamt.errors import Argument, nearest
 from rtamt.typing import Period
 from rtamt_gym.checks.names import listing
-from rtamt_gym.datasets.episodes import RecordedEpisode, RelabelledEpisode, part, size_of
+from rtamt_gym.datasets.episodes import (
+    RecordedEpisode,
+    RelabelledEpisode,
+    SignalReader,
+    part,
+    size_of,
+)
 from rtamt_gym.datasets.playback import JudgedTape, Playback, Tape, play
-from rtamt_gym.datasets.reading import SignalReader
 from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, with_unknown_start
@@ -27,8 +32,6 @@ from rtamt_gym.signals.sources import STEP
 from rtamt_gym.wrappers.reward import ShapingOptions
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 from rtamt_gym.wrappers.vector_reward import VectorStlReward
-
-__all__ = ["KeepEpisodes", "RelabelOptions", "relabel"]
 
 KeepEpisodes = Literal["all", "satisfied"] | Callable[[RelabelledEpisode], bool]
 """Which episodes are kept."""

@@ -17,8 +17,6 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.datasets.episodes import RecordedEpisode, RelabelledEpisode, read_episode, space_of
 from rtamt_gym.signals.signals import ParsedSignal
 
-__all__ = ["Store", "described", "episodes_of", "is_dataset", "spaces_of"]
-
 
 def is_dataset(given: object) -> bool:
     """Whether it is a dataset of Minari, which is loaded if one exists."""

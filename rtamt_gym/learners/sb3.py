@@ -18,10 +18,9 @@ from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.evaluate import evaluate_policy
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.sequential import RatioTest
-from rtamt_gym.learners.best import Best
+from rtamt_gym.learners.best import Best, Target
 from rtamt_gym.learners.metrics import Satisfaction, evaluation_metrics, no_outcomes, successes
 from rtamt_gym.learners.sb3_policy import as_trained
-from rtamt_gym.learners.target import Target
 from rtamt_gym.play.runner import Requirements
 from rtamt_gym.signals.signals import SignalLike
 

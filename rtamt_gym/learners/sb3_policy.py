@@ -29,8 +29,6 @@ from stable_baselines3.common.vec_env.stacked_observations import StackedObserva
 
 from rtamt import InputError
 
-__all__ = ["AsTrained", "as_trained"]
-
 Layer = Any
 """What one wrapper does to a batch of observations: a function, or a stack that remembers."""
 

@@ -15,8 +15,6 @@ from pathlib import Path
 
 from rtamt import InputError
 
-__all__ = ["STARTERS", "Starter", "write_starter"]
-
 JOB = ".github/workflows/requirements.yml"
 """Where a starter's ``job.yml`` is written."""
 

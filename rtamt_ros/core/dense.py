@@ -10,14 +10,11 @@ from typing import Any
 import rtamt
 from rtamt import InputError, Specification, SpecificationError, Verdict
 from rtamt.machines.readout import moved
-from rtamt_ros.core.account import Account
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
-from rtamt_ros.core.report import RequirementReport, seconds
+from rtamt_ros.core.report import Account, RequirementReport, seconds
 from rtamt_ros.core.requirements import SubscribedRequirement, unbounded
 from rtamt_ros.core.settings import Settings
-
-__all__ = ["DenseJudge"]
 
 _Events = dict[str, list[tuple[float, float]]]
 

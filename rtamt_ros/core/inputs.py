@@ -10,8 +10,6 @@ from typing import Any
 from rtamt.language import SubscribedField
 from rtamt_ros.core.settings import Settings
 
-__all__ = ["Input"]
-
 _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError, OverflowError)
 
 _Arrival = tuple[int, int, list[float], int]

@@ -22,8 +22,6 @@ from rtamt_ros.core.requirements import SubscribedRequirement, requirements_of
 from rtamt_ros.core.sampled import SampledJudge
 from rtamt_ros.core.settings import Settings
 
-__all__ = ["Judges"]
-
 
 class Judges:
     """Judges every requirement of some specifications.

@@ -1,18 +1,114 @@
-"""Reports as messages on topics, and as diagnostics."""
+"""Messages of ``diagnostic_msgs``, of which a row is the state of a requirement.
+
+One message for each sample, with what is known of all requirements.
+
+Reports as messages on topics, and as diagnostics.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import groupby
 from operator import attrgetter
+from typing import Any
 
 from rtamt import InputError, Verdict
-from rtamt_ros.core.outputs import Output
 from rtamt_ros.core.report import RequirementReport, seconds
-from rtamt_ros.core.statuses import Statuses
+from rtamt_ros.core.requirements import Output
 from rtamt_ros.middleware import Level, Middleware, Publisher
 
-__all__ = ["BOUNDS", "Diagnostics", "Publishing"]
+
+class Statuses:
+    """Makes messages of ``diagnostic_msgs/DiagnosticArray``.
+
+    Args:
+        middleware: The node of ROS.
+
+    Attributes:
+        array: The class of the messages.
+
+    Raises:
+        InputError: If ``diagnostic_msgs`` is not installed.
+    """
+
+    def __init__(self, middleware: Middleware) -> None:
+        self._middleware = middleware
+        self.array, self._status, self._pair = (
+            middleware.message_class("diagnostic_msgs", name)
+            for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
+        )
+
+    def made(self, time: int, rows: Iterable[tuple[str, Level, str, Mapping[str, str]]]) -> Any:  # noqa: ANN401 - the classes of ROS have no types
+        """A message with a time; a row is a name, a level, a text, and values by name."""
+        array = self.array()
+        self._middleware.set_stamp(array, time)
+        array.status = [self._row(*row) for row in rows]
+        return array
+
+    def _row(self, name: str, level: Level, text: str, values: Mapping[str, str]) -> object:
+        status = self._status()
+        # A byte is a number in ROS 1, and bytes in ROS 2.
+        status.level = bytes([level]) if self._middleware.generation == 2 else int(level)
+        status.name, status.message, status.hardware_id = name, text, ""
+        for key, value in values.items():
+            pair = self._pair()
+            pair.key, pair.value = key, value
+            status.values.append(pair)
+        return status
+
+
+class Combined:
+    """Publishes ``diagnostic_msgs/DiagnosticArray``: a header with a time, and rows with names.
+
+    It is the type of message with both that every ROS has, and that nobody has to build. The stamp
+    is the time of the sample, and each field what is known then: robustness that is late says what
+    it is about, and lies within bounds of the same message.
+
+    Args:
+        middleware: The node of ROS.
+        topic: Where they are published; the last is kept.
+
+    Raises:
+        InputError: If ``diagnostic_msgs`` is not installed, or ROS refuses the topic.
+    """
+
+    def __init__(self, middleware: Middleware, topic: str) -> None:
+        self._statuses = Statuses(middleware)
+        self._publisher = middleware.publisher(topic, self._statuses.array)
+
+    def publish(self, reports: Sequence[RequirementReport]) -> None:
+        """Publish the reports of samples, a message for each; all of a sample are neighbours."""
+        for time, its in groupby(reports, attrgetter("time")):
+            rows = [(each.name, each.level, each.text, _values(each)) for each in its]
+            if time > 0:
+                self._publisher.publish(self._statuses.made(time, rows))
+
+    def close(self) -> None:
+        """Close the publisher."""
+        self._publisher.close()
+
+
+def _values(report: RequirementReport) -> dict[str, str]:
+    """What is known of a requirement, with numbers that read back as they were."""
+    return {
+        "robustness": _exact(report.robustness),
+        "at": "" if report.about is None else _exact_seconds(report.about),
+        "lower": _exact(report.lower),
+        "upper": _exact(report.upper),
+        "verdict": "" if report.verdict is None else report.verdict.name,
+        "asked": "" if report.asked is None else " ".join(map(str, report.asked)),
+    }
+
+
+def _exact(value: float | None) -> str:
+    return "" if value is None else repr(float(value))
+
+
+def _exact_seconds(time: int) -> str:
+    """A time to the nanosecond."""
+    return "{}.{:09d}".format(*divmod(time, 1_000_000_000))
+
 
 BOUNDS = {"lower": "Float64", "upper": "Float64", "verdict": "Int8"}
 """What is published of a requirement beside its robustness, and the messages of ``std_msgs``."""

@@ -13,8 +13,6 @@ import numpy as np
 
 from rtamt import InputError
 
-__all__ = ["CsvRecord"]
-
 
 class CsvRecord:
     """Writes a file for each run of a monitor: ``run.csv``, ``run-2.csv``, ``run-3.csv``.

@@ -1,23 +1,168 @@
-"""A requirement on samples: the last values, once a period."""
+"""The named formulas of a requirement for which no monitor can wait as a whole.
+
+How often the implications of a requirement were put to the test up to now.
+
+A requirement on samples: the last values, once a period.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, cast
 
-from rtamt import EpisodeMonitor, InputError, Monitor, SpecificationError, Verdict
+from rtamt import (
+    EpisodeMonitor,
+    Formula,
+    InputError,
+    Monitor,
+    Specification,
+    SpecificationError,
+    Verdict,
+)
 from rtamt.machines.readout import moved
-from rtamt_ros.core.account import Account
-from rtamt_ros.core.asked import AskedCounts
-from rtamt_ros.core.formulas import Formulas
+from rtamt.program.implications import implications
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
-from rtamt_ros.core.report import RequirementReport, seconds
+from rtamt_ros.core.report import Account, RequirementReport, holds, seconds
 from rtamt_ros.core.requirements import SubscribedRequirement, unbounded
 from rtamt_ros.core.settings import Settings
 
-__all__ = ["SampledJudge"]
+
+class Formulas:
+    """Gives the robustness of every named formula by itself.
+
+    `Monitor` gives it, late by the latency of the formula. Where the formula has an unbounded
+    future inside, for which no monitor can wait, `EpisodeMonitor` gives the robustness if the run
+    ended now.
+
+    Args:
+        specification: The requirement.
+        variables: The order of the values of a sample.
+        options: The options of the monitors.
+
+    Attributes:
+        values: The robustness of every named formula with the last sample.
+        latencies: Samples by which the value of every named formula is late.
+    """
+
+    def __init__(
+        self, specification: Specification, variables: Sequence[str], options: Mapping[str, Any]
+    ) -> None:
+        self.values: dict[str, float] = {}
+        self._monitors: dict[str, tuple[Monitor | EpisodeMonitor, list[int]]] = {}
+        self._result: list[str] = []
+        for name, formula in specification.formulas.items():
+            if formula is specification.formula:
+                self._result.append(name)
+                continue
+            monitor = _monitor(
+                replace(specification, formula=formula, formulas={}, uses={}), options
+            )
+            places = [variables.index(each) for each in monitor.variables]
+            self._monitors[name] = monitor, places
+        self.latencies = dict.fromkeys(self._result, 0) | {
+            name: monitor.latency if isinstance(monitor, Monitor) else 0
+            for name, (monitor, _) in self._monitors.items()
+        }
+
+    def update(self, sample: Sequence[float], robustness: float) -> None:
+        """Take in a sample, with which the requirement has this robustness.
+
+        Raises:
+            InputError: If a term is no number.
+        """
+        self.values = dict.fromkeys(self._result, robustness)
+        for name, (monitor, places) in self._monitors.items():
+            self.values[name] = monitor.update(*[sample[place] for place in places])
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        for monitor, _ in self._monitors.values():
+            monitor.reset()
+
+
+def _monitor(specification: Specification, options: Mapping[str, Any]) -> Monitor | EpisodeMonitor:
+    try:
+        return Monitor(specification, **options)
+    except SpecificationError:  # an unbounded future inside the formula
+        return EpisodeMonitor(specification, **options)
+
+
+class AskedCounts:
+    """Counts the samples at which the left sides of implications hold for certain.
+
+    Of implications that a requirement asks at every sample: ``always(p implies q)``, several joined
+    by ``and``. They are counted as `rtamt.judge` counts them on the whole trace, a sample as
+    soon as the latency of the left side has passed since.
+
+    Args:
+        specification: The requirement.
+        variables: The order of the values of a sample.
+        options: The period, and how bounds are aligned.
+
+    Attributes:
+        counts: For each implication, in the order of the text, its samples; None if nobody can
+            count them: the requirement has none, or others too, a left side is about a future
+            without an end, or not all values of a sample were known.
+    """
+
+    def __init__(
+        self, specification: Specification, variables: Sequence[str], options: Mapping[str, Any]
+    ) -> None:
+        self._monitors: list[tuple[Monitor, list[int]]] = []
+        formula = specification.formula
+        found = list(dict.fromkeys(_asked_always(specification, formula, always=False)))
+        self._countable = bool(found) and {*found} == {*implications(formula)}
+        for each in implications(formula) if self._countable else ():
+            left = replace(
+                specification, formula=cast("Formula", each.args[0]), formulas={}, uses={}
+            )
+            try:
+                monitor = Monitor(left, **options)
+            except SpecificationError:  # an unbounded future
+                self._countable = False
+                break
+            places = [variables.index(name) for name in monitor.variables]
+            self._monitors.append((monitor, places))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self.counts: tuple[int, ...] | None = None
+        if self._countable:
+            self.counts = (0,) * len(self._monitors)
+        for monitor, _ in self._monitors:
+            monitor.reset()
+
+    def update(self, sample: Sequence[float]) -> None:
+        """Take in a sample."""
+        if self.counts is not None:
+            found = [
+                monitor.update(*[sample[place] for place in places])
+                for monitor, places in self._monitors
+            ]
+            # nan: the latency of the left side has not passed yet.
+            news = [value == value and holds(value) for value in found]  # noqa: PLR0124
+            self.counts = tuple(map(sum, zip(self.counts, news, strict=True)))
+
+    def stop(self) -> None:
+        """Count no more, as values are not known."""
+        self.counts = None
+
+
+def _asked_always(specification: Specification, formula: Formula, *, always: bool) -> list[Formula]:
+    """The implications that a formula asks at every sample."""
+    name = "" if formula.op is None else formula.op.name
+    parts = cast("Sequence[Formula]", formula.args)
+    if name == "and":
+        return [
+            each for part in parts for each in _asked_always(specification, part, always=always)
+        ]
+    if not always and unbounded(specification, formula) == "always":
+        return _asked_always(specification, parts[0], always=True)
+    return [formula] if always and name == "implies" else []
 
 
 class SampledJudge:

@@ -11,8 +11,6 @@ from typing import Literal
 from rtamt import InputError
 from rtamt.errors import Argument
 
-__all__ = ["Settings", "StaleAs"]
-
 StaleAs = Literal["restart", "unknown"]
 """What a stale input does to a run: it ends it, or its values are not known in it."""
 
@@ -42,7 +40,7 @@ class Settings:
             restart has a file of its own, ``NAME-2.csv``; of several requirements each has,
             ``NAME-REQUIREMENT.csv``.
         combined: A topic for one message a sample with what is known of all requirements, as
-            `rtamt_ros.core.combined.Combined` says; empty: none.
+            `rtamt_ros.core.publishing.Combined` says; empty: none.
 
     Raises:
         InputError: On a period or a time that is not positive, or on `align` or `combined` in dense

@@ -2,12 +2,12 @@
 
 import sys
 
-from rtamt_ros.ending import run_module
+from rtamt_ros.process import run_module
 
 
 def main() -> int:
     """Runs the robot, the controller or both; returns the exit code."""
-    return run_module("rtamt_ros.simulator.robot")
+    return run_module("rtamt_ros.simulator.command")
 
 
 if __name__ == "__main__":

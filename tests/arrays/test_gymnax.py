@@ -20,7 +20,7 @@ from rtamt_arrays.jax import gymnax as wrappers
 from rtamt_arrays.jax.functional import StlFuncEnv
 from rtamt_arrays.jax.gymnax import StlEnvironment
 from rtamt_arrays.jax.operations import JaxOperations
-from rtamt_arrays.monitors import ArrayMonitors
+from rtamt_arrays.monitor_set import ArrayMonitors
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.requirements import StepJudge
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import rtamt_arrays.jax as arrays
 from rtamt.errors import InputError, InputTypeError
 from rtamt.program.algebra import FUNCTIONS
-from rtamt_arrays import functions, smooth
+from rtamt_arrays import functions, offline
 from rtamt_arrays.operations import Tensor
 
 pytestmark = pytest.mark.usefixtures("doubles")
@@ -268,7 +268,7 @@ def test_functions_are_those_of_programs() -> None:
 
 
 def test_the_examples_of_docstrings_show_what_happens() -> None:
-    for module in (arrays, smooth):
+    for module in (arrays, offline):
         done = doctest.testmod(module)
         assert done.attempted
         assert not done.failed

@@ -25,7 +25,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 import rtamt
 import rtamt_arrays.torch as arrays
 from rtamt.errors import InputError, InputTypeError, RtamtError
-from rtamt_arrays import smooth
+from rtamt_arrays import offline
 from rtamt_arrays.operations import Tensor
 
 
@@ -535,7 +535,7 @@ def test_what_another_library_made_is_refused() -> None:
 def test_the_examples_of_docstrings_show_what_happens() -> None:
     before = torch.get_default_dtype()
     torch.set_default_dtype(torch.float32)
-    done = [doctest.testmod(module) for module in (arrays, smooth)]
+    done = [doctest.testmod(module) for module in (arrays, offline)]
     torch.set_default_dtype(before)
     assert all(each.attempted for each in done)
     assert not any(each.failed for each in done)

@@ -18,7 +18,7 @@ from array_requirements import RequirementContract
 from isaaclab.managers import ManagerTermBase, StandInEnv, TermCfg
 
 from rtamt import InputError, InputTypeError, VectorEpisodeMonitor
-from rtamt_arrays.monitors import ArrayMonitors
+from rtamt_arrays.monitor_set import ArrayMonitors
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.requirements import StepJudge
 from rtamt_arrays.torch import episode, isaaclab, online

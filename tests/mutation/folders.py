@@ -176,9 +176,8 @@ def _arrays(name: str, library: str, *sources: str) -> Folder:
 _ARRAYS: Final = tuple(
     f"rtamt_arrays/{name}.py"
     for name in (
-        *("compiling", "costs", "episode", "functions", "instants", "layout", "monitors"),
-        *("offline", "online", "operations", "outlook", "panel", "requirements", "rows"),
-        *("selectors", "smooth", "terms", "worlds"),
+        *("continuations", "episode", "functions", "inputs", "layout", "monitor_set"),
+        *("offline", "online", "operations", "requirements", "selectors"),
     )
 )
 _TOP: Final = ("demo", "drawing", "libraries", "markup", "success", "tables")

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rtamt_ros.ending import Ending
+from rtamt_ros.process import Ending
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -75,7 +75,7 @@ def test_where_python_handles_signals_it_leaves_them_alone() -> None:
 
 INTERRUPTED = """
 import os, signal, sys
-from rtamt_ros.ending import run_module
+from rtamt_ros.process import run_module
 
 left = int(sys.argv[2])
 
@@ -92,7 +92,7 @@ sys.exit(run_module(sys.argv[1], sys.argv[3:]))
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("event", [1, 3, 30, 100, 300])
-@pytest.mark.parametrize("module", ["rtamt_ros.command", "rtamt_ros.simulator.robot"])
+@pytest.mark.parametrize("module", ["rtamt_ros.command", "rtamt_ros.simulator.command"])
 def test_ctrl_c_before_there_is_a_node_says_nothing(module: str, event: int) -> None:
     """At whatever Python does: at the number of an event that it announces to who audits it."""
     words = [module, str(event), "--ros", "1"] + ["--spec", "x > 1"] * ("command" in module)

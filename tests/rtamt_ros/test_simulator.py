@@ -11,7 +11,8 @@ from rtamt_envs.mobile_robot import ROUTE, SCENARIO
 from scenario_courses import course, made, random_actions
 
 from rtamt import InputError
-from rtamt_ros.simulator.robot import Robot, RobotController, Stuck, Surge, main
+from rtamt_ros.simulator.command import main
+from rtamt_ros.simulator.robots import Robot, RobotController, Stuck, Surge
 
 ODOM, CMD = "robot0/odom", "robot0/cmd_vel"
 

@@ -21,8 +21,8 @@ from rtamt_ros.command import _parser as parser_of_monitor
 from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, read
-from rtamt_ros.simulator.robot import Robot, RobotController
-from rtamt_ros.simulator.robot import _parser as parser_of_robot
+from rtamt_ros.simulator.command import _parser as parser_of_robot
+from rtamt_ros.simulator.robots import Robot, RobotController
 
 BEGIN = 1_795_333_330_934_702_000
 ROBOT = BEGIN + 5 * SECOND + 40 * MS

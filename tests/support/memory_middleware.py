@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rtamt import InputError
-from rtamt_ros.callback import answered
+from rtamt_ros.callbacks import answered
 from rtamt_ros.middleware import Handle, Level, Publisher
 from rtamt_ros.packed import Made
 

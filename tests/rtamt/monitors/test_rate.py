@@ -23,7 +23,7 @@ from rtamt import (
     VectorEpisodeMonitor,
     VectorMonitor,
 )
-from rtamt_arrays.compiling import program_of
+from rtamt_arrays.inputs import program_of
 
 inf, nan = math.inf, math.nan
 

@@ -7,7 +7,7 @@ import pytest
 
 from rtamt import InputError
 from rtamt_gym.evaluation.sequential import RatioTest
-from rtamt_gym.learners.target import MOST, Target
+from rtamt_gym.learners.best import MOST, Target
 
 TRAININGS, TESTS = 400, 20
 

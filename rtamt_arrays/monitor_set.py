@@ -1,26 +1,250 @@
-"""The monitors of several specifications in many environments, as pure functions of arrays."""
+"""What makes the monitors of an array library.
+
+The robustness of a formula at every instant, on arrays.
+
+The costs of steps on arrays: `rtamt_gym.judging.costs` says what they are.
+
+The monitors of several specifications in many environments, as pure functions of arrays.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from rtamt import Specification
 from rtamt.program.instructions import Window
 from rtamt.program.program import Program
 from rtamt.typing import Align, Period
-from rtamt_arrays.costs import ArrayCosts, CostState
 from rtamt_arrays.episode import EpisodeArrays
-from rtamt_arrays.instants import ArrayInstants, InstantState
-from rtamt_arrays.monitors import ArrayMonitors
+from rtamt_arrays.layout import BoundsReading, EpisodeState
+from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
 from rtamt_arrays.operations import Operations, Tensor
-from rtamt_arrays.worlds import BoundsReading, EpisodeState
-from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.monitors import MonitorValues, make_monitors
+from rtamt_gym.judging.costs import Cost, Demand, keyed_costs, measured_demands, step_costs
+from rtamt_gym.judging.monitors import MonitorValues, make_monitors, options_of_parts
 from rtamt_gym.options.evaluation import EvaluationOptions
 
-__all__ = ["ArrayPanel", "PanelState", "Taken"]
+
+class MakesEpisodes(Protocol):
+    """The function ``episode`` of an array library."""
+
+    def __call__(
+        self, spec: Specification, period: Period | None, *, align: Align | None
+    ) -> EpisodeArrays:
+        """The monitor of a specification."""
+
+
+class MakesOnline(Protocol):
+    """The function ``online`` of an array library."""
+
+    def __call__(
+        self, spec: Specification, period: Period | None, *, align: Align | None
+    ) -> OnlineMonitor:
+        """The monitor of a specification."""
+
+
+class ArrayMonitors(NamedTuple):
+    """Both functions, for one kind of floats.
+
+    Attributes:
+        episode: Makes monitors of episodes.
+        online: Makes monitors of every instant.
+    """
+
+    episode: MakesEpisodes
+    online: MakesOnline
+
+
+class InstantState(NamedTuple):
+    """What is known of the instants of each lane.
+
+    Attributes:
+        newest: The state of the monitor of single instants.
+        sofar: That of the monitor of the samples so far, whose robustness stands for that of the
+            first instant until it is known.
+    """
+
+    newest: OnlineState
+    sofar: EpisodeState
+
+
+class ArrayInstants:
+    """`rtamt_gym.judging.monitors.VectorInstantMonitor` as pure functions of arrays.
+
+    Args:
+        monitors: Makes the monitors.
+        operations: The operations of the array library.
+        spec: The specification.
+        period: As for `rtamt.Monitor`.
+        align: As for `rtamt.Monitor`.
+
+    Attributes:
+        judge: Gives bounds and verdict of ``always(formula)`` over the same samples.
+
+    Raises:
+        SpecificationError: As `rtamt.Monitor` does.
+    """
+
+    def __init__(
+        self,
+        monitors: ArrayMonitors,
+        operations: Operations,
+        spec: Specification,
+        period: Period | None,
+        align: Align | None,
+    ) -> None:
+        self._o = operations
+        self._newest = monitors.online(spec, period, align=align)
+        self._sofar = monitors.episode(spec, period, align=align)
+        self.judge = monitors.episode(spec.always(), period, align=align)
+
+    def init(self, lanes: int) -> InstantState:
+        """The state before the first sample."""
+        return InstantState(self._newest.init(lanes), self._sofar.init(lanes))
+
+    def reset(self, state: InstantState, mask: Tensor) -> InstantState:
+        """Return the state in which the lanes of the mask have not taken a sample."""
+        return InstantState(
+            self._newest.reset(state.newest, mask), self._sofar.reset(state.sofar, mask)
+        )
+
+    def begin(
+        self, state: InstantState, sample: Mapping[str, Tensor], mask: Tensor
+    ) -> tuple[InstantState, Tensor]:
+        """Lanes of the mask begin with a sample; gives its robustness."""
+        newest, reading = self._newest.begin(state.newest, sample, mask)
+        sofar, of_first = self._sofar.begin(state.sofar, sample, mask)
+        return InstantState(newest, sofar), self._known(reading, of_first.robustness)
+
+    def update(
+        self, state: InstantState, sample: Mapping[str, Tensor]
+    ) -> tuple[InstantState, Tensor]:
+        """Every lane takes a sample; gives the robustness of the newest instant that is known."""
+        newest, reading = self._newest.update(state.newest, sample)
+        sofar, of_first = self._sofar.update(state.sofar, sample)
+        return InstantState(newest, sofar), self._known(reading, of_first.robustness)
+
+    def _known(self, reading: OnlineReading, sofar: Tensor) -> Tensor:
+        return self._o.where(self._o.isnan(reading.robustness), sofar, reading.robustness)
+
+
+class CostState(NamedTuple):
+    """What is known of costs.
+
+    Attributes:
+        monitors: The state of the monitor of each demand.
+        charged: With ``"first"``, 1 where a specification was violated before the step, a row for
+            each.
+    """
+
+    monitors: tuple[OnlineState, ...]
+    charged: Tensor
+
+
+class ArrayCosts:
+    """`rtamt_gym.judging.costs.VectorCostMeter` as pure functions of arrays.
+
+    Args:
+        kind: What is measured; None: nothing.
+        specs: Specifications by name.
+        reading: How samples are judged.
+        monitors: Makes the monitors.
+        operations: The operations of the array library.
+
+    Attributes:
+        keys: The keys of the infos.
+
+    Raises:
+        SpecificationError: As `rtamt_gym.judging.costs.demands_of` does.
+    """
+
+    def __init__(
+        self,
+        kind: Cost | None,
+        specs: Mapping[str, Specification],
+        reading: EvaluationOptions,
+        monitors: ArrayMonitors,
+        operations: Operations,
+    ) -> None:
+        self._kind = kind
+        self._names = list(specs)
+        self._o = operations
+        self._demands = [] if kind is None else measured_demands(kind, specs, reading)
+        options = options_of_parts(specs, [each.spec for each in self._demands], reading)
+        self._monitors = [
+            monitors.online(demand.spec, option["period"], align=option["align"])
+            for demand, option in zip(self._demands, options, strict=True)
+        ]
+        self.keys = frozenset[str]()
+        if kind is not None:
+            self.keys = frozenset(keyed_costs(self._names, [0.0] * (len(self._names) + 1)))
+
+    def init(self, lanes: int, dtype: object) -> CostState:
+        """The state before the first sample."""
+        monitors = tuple(monitor.init(lanes) for monitor in self._monitors)
+        rows = len(self._names) if self._kind == "first" else 0
+        return CostState(monitors, self._o.full((rows, lanes), 0.0, dtype))
+
+    def reset(self, state: CostState, mask: Tensor) -> CostState:
+        """Return the state in which the lanes of the mask have not taken a sample."""
+        pairs = zip(self._monitors, state.monitors, strict=True)
+        monitors = tuple(monitor.reset(each, mask) for monitor, each in pairs)
+        return CostState(monitors, self._o.where(mask, 0.0, state.charged))
+
+    def begin(self, state: CostState, sample: Mapping[str, Tensor], mask: Tensor) -> CostState:
+        """Lanes of the mask begin with a sample, which costs nothing."""
+        pairs = zip(self._monitors, state.monitors, strict=True)
+        begun = [monitor.begin(each, sample, mask) for monitor, each in pairs]
+        charged = self._o.where(mask, 0.0, state.charged)
+        return CostState(tuple(each for each, _ in begun), charged)
+
+    def take(
+        self, state: CostState, sample: Mapping[str, Tensor], at: Tensor, zero: Tensor
+    ) -> tuple[CostState, list[Tensor]]:
+        """Every lane takes a sample; gives what the demands of each specification come to.
+
+        Args:
+            state: What `init`, `begin` or `charge` gave.
+            sample: An array of shape (lanes,) for each variable.
+            at: The number of the sample.
+            zero: A zero of each lane.
+        """
+        monitors, worst = [], [zero] * len(self._names)
+        for demand, monitor, each in zip(
+            self._demands, self._monitors, state.monitors, strict=True
+        ):
+            following, reading = monitor.update(each, sample)
+            monitors.append(following)
+            cost = self._cost(demand, reading, at - monitor.latency, zero)
+            worst[demand.place] = self._o.greater(worst[demand.place], cost)
+        return state._replace(monitors=tuple(monitors)), worst
+
+    def charge(
+        self, state: CostState, worst: Sequence[Tensor], violated: Sequence[Tensor]
+    ) -> tuple[CostState, dict[str, Tensor]]:
+        """The keys of the infos of a step.
+
+        Args:
+            state: What `take` gave.
+            worst: What `take` gave.
+            violated: 1 where each specification is violated, the reading of an end included.
+        """
+        if self._kind is None:
+            return state, {}
+        before = [state.charged[place] for place in range(state.charged.shape[0])]
+        costs = keyed_costs(self._names, step_costs(self._kind, worst, violated, before))
+        return state._replace(charged=self._o.stack(violated)) if before else state, costs
+
+    def _cost(
+        self, demand: Demand, reading: OnlineReading, instant: Tensor, zero: Tensor
+    ) -> Tensor:
+        """What it costs that an instant violates a demand; 0 where it does not."""
+        value = reading.robustness
+        charged = self._o.signbit(value) & ~self._o.isnan(value) & (instant >= demand.first)
+        if demand.last is not None:
+            charged = charged & (instant <= demand.last)
+        return self._o.where(charged, zero + 1.0 if self._kind == "violation" else -value, zero)
 
 
 class PanelState(NamedTuple):

@@ -1,4 +1,7 @@
-"""From what a caller hands over to the terms of a program, as arrays."""
+"""From what a caller hands over to the terms of a program, as arrays.
+
+The program of a specification, for whose arrays there is a library.
+"""
 
 from __future__ import annotations
 
@@ -6,27 +9,16 @@ import operator
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, NoReturn, Protocol, assert_never
 
+from rtamt import Formula, Specification
 from rtamt.errors import InputError, InputTypeError, RtamtError
+from rtamt.language.parser import as_specification
 from rtamt.program.instructions import Const, Load, Map, Window
+from rtamt.program.lowering import compile_program, refuse_rates
 from rtamt.program.program import Program
+from rtamt.program.timing import as_align, as_period
+from rtamt.typing import Align, Period
 from rtamt_arrays.functions import FUNCTIONS
 from rtamt_arrays.operations import Operations, Tensor
-
-__all__ = [
-    "ArrayReader",
-    "ArraySample",
-    "StateField",
-    "checked_lanes",
-    "checked_mask",
-    "checked_state",
-    "columns",
-    "dtype_name",
-    "refused",
-    "terms",
-    "traces",
-    "whole",
-    "zeros",
-]
 
 ArraySample = Mapping[str, Tensor] | Tensor
 """Arrays by variable, or one array whose last axis has the variables in order."""
@@ -294,3 +286,24 @@ def terms(
         here = o.isnan(registers[-1])
         nan = here if nan is None else nan | here
     return registers, nan
+
+
+Spec = str | Formula | Specification
+"""A specification: text, a formula made of combinators, or a parsed specification."""
+
+
+def program_of(spec: Spec, period: Period | None, align: Align | None, *, online: bool) -> Program:
+    """The program that computes the robustness of a specification under standard semantics.
+
+    Args:
+        spec: What to compile.
+        period: Seconds between samples; None: bounds are in samples.
+        align: How bounds that are no whole number of samples become one; None refuses them.
+        online: Whether a future without an end is refused.
+    """
+    specification = as_specification(spec)
+    refuse_rates(specification, "rtamt_arrays")
+    program = compile_program(
+        specification, as_period(period), align=as_align(align), online=online
+    )
+    return program.restricted(program.result, {})
