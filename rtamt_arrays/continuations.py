@@ -1,8 +1,7 @@
-"""Rows of values of an episode: arrays with the axes time, corner, lane.
+"""The value of an episode at time 0 in each continuation, from settled and open values.
 
-The value of an episode at time 0 in each world: of what has settled, and of what has not.
-
-`rtamt_arrays.episode` describes both.
+A continuation is "now" (the episode ends), "lower" or "upper" (it goes on with the lowest or the
+highest possible values). `rtamt_arrays.episode` describes the algorithm.
 """
 
 from __future__ import annotations
@@ -28,12 +27,7 @@ from rtamt_arrays.operations import Operations, Tensor
 
 
 class EpisodeRows:
-    """What is made of rows: longer ones, elements of folds, and their values in a world.
-
-    Args:
-        operations: The array library.
-        dtype: The kind of floats.
-    """
+    """Operations on rows of values: arrays with the axes time, corner and entry of the batch."""
 
     def __init__(self, operations: Operations, dtype: object) -> None:
         self._o = operations
@@ -41,13 +35,13 @@ class EpisodeRows:
         self._lattice = exact(operations)
 
     def after(self, x: Tensor, y: Tensor) -> Tensor:
-        """One array after the other, both as wide as the wider one."""
+        """Return one array after the other, both as wide as the wider one."""
         wide = [max(pair) for pair in zip(x.shape[1:], y.shape[1:], strict=True)]
-        parts = [self._o.broadcast(each, (each.shape[0], *wide)) for each in (x, y)]
+        parts = [self._o.broadcast(part, (part.shape[0], *wide)) for part in (x, y)]
         return self._o.concatenate(parts)
 
     def filled(self, rows: Tensor, tail: Tensor | float, count: int) -> Tensor:
-        """Rows with so many of a tail after them."""
+        """Return rows with a tail repeated ``count`` times after them."""
         if count <= 0:
             return rows
         tail = self.array(tail)
@@ -55,33 +49,33 @@ class EpisodeRows:
         return later if rows is None else self.after(rows, later)
 
     def array(self, value: Tensor | float) -> Tensor:
-        """A value as an array with axes of corners and lanes."""
+        """Return a value as an array with axes of corners and entries."""
         return self._o.full((1, 1), value, self._dtype) if isinstance(value, float) else value
 
     def even(self, x: Elements) -> Elements:
-        """Elements whose numbers are all as wide as the widest."""
+        """Return elements whose numbers are all as wide as the widest."""
         wide = [max(sizes) for sizes in zip(*(a.shape[1:] for a in x), strict=True)]
         return tuple(self._o.broadcast(a, (a.shape[0], *wide)) for a in x)
 
     def repeated(self, rows: Tensor, count: int) -> Tensor:
-        """A row as often as that, if it is one."""
+        """Repeat a single row ``count`` times."""
         return self._o.broadcast(rows, (count, *rows.shape[1:]))
 
     def identities_of(self, fold: Fold, count: int) -> Elements | None:
-        """So many elements that change nothing; None of none."""
+        """Return ``count`` identity elements; None if there are none."""
         if count <= 0:
             return None
         return tuple(self._o.full((count, 1, 1), e, self._dtype) for e in fold.identity)
 
     def inside(self, age: Tensor, window: Window, begin: int, end: int) -> Tensor:
-        """Whether the times at offsets are in the window of time 0."""
+        """Return whether the times at offsets are in the window of time 0."""
         offsets = self._o.arange(begin, end + 1)[:, None, None]
         times = age + offsets
         inside = times >= max(0, window.lo or 0)
         return inside if window.hi is None else inside & (times <= window.hi)
 
     def in_world(self, rows: Tensor, unknowns: Sequence[Tensor]) -> Tensor:
-        """Polynomials in the unknowns for given values of these."""
+        """Return polynomials in the unknowns, evaluated at values of the unknowns."""
         count, corners, lanes = rows.shape
         if corners == 1:  # the same at every corner
             return rows
@@ -91,25 +85,17 @@ class EpisodeRows:
         return values
 
     def fold(self, window: Window) -> Fold:
-        """The fold of a window."""
+        """Return the fold of a window."""
         return Fold.named(window.fold, self._lattice)
 
 
 INF = math.inf
 _DECIDES = {"min": -INF, "max": INF}
-"""What decides a function, whatever the other operand is; its negative leaves the other."""
+"""The operand that decides a function; its negative is neutral."""
 
 
 class EpisodeOutlook:
-    """Finds the value of a program at time 0 in a world.
-
-    Args:
-        placement: The program, and when its registers are read.
-        layout: At which offsets streams are found.
-        operations: The array library.
-        rows: The rows of the episode.
-        dtype: The kind of floats.
-    """
+    """Computes the value of a program at time 0 in a continuation."""
 
     def __init__(
         self,
@@ -129,7 +115,7 @@ class EpisodeOutlook:
         self._dtype = dtype
 
     def view(self, now: Arrival, world: WorldName, opened: Worldview | None = None) -> Worldview:
-        """The streams of a world; with that of a trace that goes on, of a trace that was cut."""
+        """Return the streams of a continuation; ``opened`` is the same one of the uncut trace."""
         unknown = self._o.full((1, 1), 0.0, self._dtype)
         view = Worldview(world, {}, [unknown] * len(self._axes), opened)
         for r in self._placement.streams:
@@ -142,8 +128,8 @@ class EpisodeOutlook:
                 stream = self._pointwise(now, view, r, instruction)
             else:
                 window = self._layout.windows[r]
-                made = self._future if window.hi is None else self._windowed
-                stream = made(now, view, r, window)
+                compute = self._future if window.hi is None else self._windowed
+                stream = compute(now, view, r, window)
                 if opened is None:
                     stream = self._own_elements(now, view, window, stream)
                 elif window.endless or window.hi is None:
@@ -152,7 +138,7 @@ class EpisodeOutlook:
         return view
 
     def value(self, now: Arrival, view: Worldview) -> Tensor:
-        """The value at time 0 in a world."""
+        """Return the value at time 0 in a continuation."""
         values: dict[int, Tensor] = {}
         for r in self._placement.initial:
             if r < self.program.terms:
@@ -168,7 +154,7 @@ class EpisodeOutlook:
     def _read(
         self, now: Arrival, view: Worldview, register: int, begin: int, end: int
     ) -> tuple[Tensor, int]:
-        """The values at offsets that do not lie in the tail, and the last of these offsets."""
+        """Return the values at offsets before the tail, and the last of these offsets."""
         shape, stream = self._shapes[register], view.streams[register]
         last = min(end, stream.last)
         if last < begin:
@@ -195,9 +181,9 @@ class EpisodeOutlook:
             rows, last = self._read(now, view, a, begin, end)
             operands.append((last, rows, view.streams[a].tail))
         name = instruction.function
-        tail = self._of_tails(name, [each[2] for each in operands])
+        tail = self._of_tails(name, [operand[2] for operand in operands])
         if name in _DECIDES:
-            (last, x, short), (longest, y, _) = sorted(operands, key=lambda each: each[0])
+            (last, x, short), (longest, y, _) = sorted(operands, key=lambda operand: operand[0])
             count = last - begin + 1
             choose = FUNCTIONS[name]
             common = None if x is None else choose(self._o, x, y[:count])
@@ -215,18 +201,18 @@ class EpisodeOutlook:
         return StreamValues(FUNCTIONS[name](self._o, *filled), end, tail)
 
     def _of_tails(self, name: str, tails: Sequence[Tensor | float]) -> Tensor | float:
-        """A function of what stands for later values."""
-        if all(isinstance(each, float) for each in tails):
+        """Apply a function to tails."""
+        if all(isinstance(tail, float) for tail in tails):
             return algebra.FUNCTIONS[name].apply(*tails)
         return FUNCTIONS[name](self._o, *map(self._rows.array, tails))
 
     def _open(self, view: Worldview, register: int) -> tuple[int, int]:
-        """The first and the last offset at which a stream has not settled in a world."""
+        """Return the first and the last offset at which a stream has not settled."""
         shape = self._shapes[register]
         return 1 - shape.late, 0 if view.world == "now" else shape.past
 
     def _closed(self, view: Worldview, window: Window) -> bool:
-        """Whether samples that are not seen count nothing."""
+        """Return whether samples that do not exist count as identities."""
         if view.opened is not None:
             return window.hi is None
         return view.world == "now" or window.skips(best=view.world == "upper")
@@ -234,9 +220,9 @@ class EpisodeOutlook:
     def _elements(
         self, now: Arrival, view: Worldview, window: Window, begin: int, end: int
     ) -> tuple[Elements | None, int]:
-        """The elements at offsets that do not lie in the tail, and the last of these offsets."""
+        """Return the elements at offsets before the tail, and the last of these offsets."""
         read = [self._read(now, view, a, begin, end) for a in window.args]
-        last = max(each[1] for each in read)
+        last = max(end for _, end in read)
         if last < begin:
             return None, last
         x = tuple(
@@ -246,7 +232,7 @@ class EpisodeOutlook:
         return self._since_zero(now, window, begin, x), last
 
     def _since_zero(self, now: Arrival, window: Window, begin: int, x: Elements) -> Elements:
-        """Elements from an offset on; identities before time 0."""
+        """Return elements from an offset on; identities before time 0."""
         if begin >= 0:
             return x
         offsets = self._o.arange(begin, begin + x[0].shape[0])
@@ -255,7 +241,7 @@ class EpisodeOutlook:
     def _extended(
         self, view: Worldview, window: Window, x: Elements | None, count: int
     ) -> Elements | None:
-        """Elements with so many of the tail after them."""
+        """Return elements with ``count`` elements of the tail after them."""
         if count <= 0:
             return x
         rows = x or (None,) * len(window.args)
@@ -265,7 +251,7 @@ class EpisodeOutlook:
     def _windowed(
         self, now: Arrival, view: Worldview, register: int, window: Window
     ) -> StreamValues:
-        """A window with an end: what is kept of it, and the elements that are open."""
+        """Return the values of a bounded window: settled folds, then open elements."""
         fold, (first, end) = self._rows.fold(window), self._open(view, register)
         closed = self._closed(view, window)
         end = 0 if closed else end
@@ -274,7 +260,7 @@ class EpisodeOutlook:
         limit = min(limit, 0) if closed else limit
         x, last = self._elements(now, view, window, newest + 1, limit)
         if last < min(limit, -1) and (window.lo is None or window.lo < 0):
-            # A tail may stand for times before time 0, which windows of the past reach.
+            # The tail may start before time 0, where windows of the past read it.
             x = self._extended(view, window, x, min(limit, -1) - last)
             last = min(limit, -1)
             x = x and self._since_zero(now, window, newest + 1, x)
@@ -283,7 +269,7 @@ class EpisodeOutlook:
         number = tails[0] if len(tails) == 1 and isinstance(tails[0], float) else 0.0
         skipped, decides = number == fold.identity[-1], number == -fold.identity[-1]
         if last < limit:
-            # Whether every window behind the last element reaches the tail.
+            # Whether every window after the last element reaches the tail.
             reached = not closed or (window.lo or 0) <= 0
             if decides and reached:
                 count = min(count, ahead)
@@ -293,7 +279,7 @@ class EpisodeOutlook:
                 count = min(count, ahead + width - 1)
         kept = now.folds[register]
         if self._depends[register]:
-            kept = tuple(self._rows.in_world(each, view.unknowns) for each in kept)
+            kept = tuple(self._rows.in_world(rows, view.unknowns) for rows in kept)
         rows = self._over(fold, kept, x, ahead, count, width)
         if width is None and not decides:
             total = tuple(a[-1] for a in rows or kept)
@@ -311,11 +297,11 @@ class EpisodeOutlook:
         count: int,
         width: int | None,
     ) -> Elements | None:
-        """The folds of windows that end at the first, second, ... element ahead; None of none."""
+        """Return the folds of windows that end at the first, second, ... element ahead."""
         if count <= 0:
             return None
         parts: list[Elements] = []
-        old = count if width is None else min(count, width - 1)  # windows that began before
+        old = count if width is None else min(count, width - 1)  # windows that start before
         if old:
             part = kept if width is None else tuple(a[1 : old + 1] for a in kept)
             if x is not None:
@@ -335,13 +321,13 @@ class EpisodeOutlook:
                 new = 0
             if (nothing := self._rows.identities_of(fold, new)) is not None:
                 parts.append(nothing)
-        whole = parts[0]
+        joined = parts[0]
         for part in parts[1:]:
-            whole = tuple(map(self._rows.after, whole, part))
-        return whole
+            joined = tuple(map(self._rows.after, joined, part))
+        return joined
 
     def _future(self, now: Arrival, view: Worldview, register: int, window: Window) -> StreamValues:
-        """A window without an end; the fold of what has not settled is its unknown."""
+        """Return the values of an unbounded window; the fold of its open part is its unknown."""
         fold, (first, end) = self._rows.fold(window), self._open(view, register)
         closed = self._closed(view, window)
         end = 0 if closed else end
@@ -349,8 +335,8 @@ class EpisodeOutlook:
         x = self._extended(view, window, x, end - last)
         tails = tuple(view.streams[a].tail for a in window.args)
         later = tuple(self._rows.array(t)[None] for t in (fold.identity if closed else tails))
-        whole = later if x is None else tuple(map(self._rows.after, x, later))
-        rows = suffixes(self._o, fold, self._rows.even(whole))
+        joined = later if x is None else tuple(map(self._rows.after, x, later))
+        rows = suffixes(self._o, fold, self._rows.even(joined))
         view.unknowns[self._axes[register]] = rows[-1][0]
         values = None if x is None else rows[-1][:-1]
         return StreamValues(values, end, self._together(fold, tails))
@@ -358,7 +344,7 @@ class EpisodeOutlook:
     def _own_elements(
         self, now: Arrival, view: Worldview, window: Window, stream: StreamValues
     ) -> StreamValues:
-        """After now a window of what may not be there has its own element alone."""
+        """Reduce windows after now to their own element, where later samples may not exist."""
         if view.world == "now" or not self._closed(view, window):
             return stream
         if window.lo:
@@ -374,9 +360,9 @@ class EpisodeOutlook:
     def _recorded(
         self, register: int, window: Window, stream: StreamValues, opened: StreamValues
     ) -> StreamValues:
-        """The values of a trace that was cut, and open ones where nothing was recorded."""
+        """Return the values of a cut trace, and open values where nothing was recorded."""
         first = 1 - self._shapes[register].late
-        # Behind it nothing was recorded of what the operator speaks of.
+        # After it, the window of the operator was not recorded.
         last = max(first - 1, -window.begin if window.endless else 0)
         count = last - first + 1
         rows = stream.values[:count] if count and stream.last >= first else None
@@ -388,14 +374,14 @@ class EpisodeOutlook:
         return StreamValues(rows, opened.last, opened.tail)
 
     def _together(self, fold: Fold, tails: tuple[Tensor | float, ...]) -> Tensor | float:
-        """The fold of elements that are all the same."""
+        """Return the fold of equal elements."""
         if len(tails) == 1:
             return tails[0]
         arrays = tuple(map(self._rows.array, tails))
         return fold.combine(arrays, arrays)[-1]
 
     def _at_zero(self, now: Arrival, view: Worldview, register: int, window: Window) -> Tensor:
-        """The value of a window at time 0."""
+        """Return the value of a window at time 0."""
         value = self._folded(now, view, register, window)
         if view.opened is None or not window.endless:
             return value
@@ -403,11 +389,11 @@ class EpisodeOutlook:
         return self._o.where(now.age < window.begin, opened, value)
 
     def _folded(self, now: Arrival, view: Worldview, register: int, window: Window) -> Tensor:
-        """The fold of a window at time 0: settled, open and later elements."""
+        """Fold a window at time 0: settled, open and later elements."""
         o, fold = self._o, self._rows.fold(window)
         total = now.initial[register]
         if any(self._depends[a] for a in window.args):
-            total = tuple(self._rows.in_world(each, view.unknowns) for each in total)
+            total = tuple(self._rows.in_world(rows, view.unknowns) for rows in total)
         begin = 1 - max(self._shapes[a].late for a in window.args)
         closed = self._closed(view, window)
         end = 0 if closed else max(self._shapes[a].past for a in window.args)

@@ -1,20 +1,20 @@
 """The episode machine on arrays: robustness at time 0 and its bounds, in fixed shapes.
 
-It finds what `rtamt.machines.episode.machine` describes; the words are explained there. What has
-settled is kept, each number where it is read: the values of streams, as far back as others read
-them, and for a window of a stream the folds from each of its settled elements on to the newest one.
-A step folds one element into each of these. What has not settled is found anew in each world, at
-offsets from now: the windows are the folds that are kept, each with the elements that are open. So
-all shapes are fixed, and a step costs as many folds as a formula reaches samples ahead.
+It computes what `rtamt.machines.episode.machine` describes. Settled values are stored where they
+are read: the values of streams as far back as others read them, and for each window the folds from
+each of its settled elements to the newest one. A step folds one element into each of these. Values
+that have not settled are computed in each continuation, at fixed offsets from now: each window is a
+stored fold combined with the open elements. So all shapes are fixed, and the cost of a step grows
+with the number of samples that a formula reads ahead.
 
-Where values no longer depend on samples, as the upper bounds of windows that are not over, a number
-stands for all later ones. Folds begin anew where a lane was reset, and values of times before that
-are read as the identity, so that a reset costs nothing.
+Where values no longer depend on samples, such as upper bounds of unfinished windows, one number
+(the tail) stands for all later ones. After a reset, folds start again and earlier values read as
+identities, so a reset costs nothing.
 
-An unknown stands for the fold of all samples still to come of a window without an end. What depends
-on it is a polynomial in it, stored by its values at the corners, and each step writes it in terms
-of the next unknown. Values have the axes time, corner, lane; the second has the length 2^k where
-they depend on k unknowns, and 1 elsewhere and in the worlds.
+An unknown stands for the fold of all future samples of an unbounded window. A value that depends on
+it is a polynomial, stored by its values at the corners; each step rewrites it in terms of the next
+unknown. Values have the axes time, corner and entry of the batch. The second axis has the length
+2^k for values of k unknowns; otherwise, and in continuations, it has the length 1.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ INF = math.inf
 
 
 class _Kept(NamedTuple):
-    """A state, its unknowns at this step, and the rows of the next one."""
+    """The old state, the unknowns of this step, and the rows of the next state."""
 
     state: EpisodeState
     unknowns: list[Tensor]
@@ -64,7 +64,7 @@ class _Kept(NamedTuple):
 
 
 class EpisodeArrays:
-    """`rtamt.VectorEpisodeMonitor` as pure functions of arrays; made by ``episode``.
+    """`rtamt.VectorEpisodeMonitor` as pure functions of arrays; ``episode`` returns one.
 
     Attributes:
         program: The compiled program.
@@ -106,28 +106,24 @@ class EpisodeArrays:
         )
 
     def init(self, lanes: SupportsIndex) -> EpisodeState:
-        """The state before the first sample.
-
-        Args:
-            lanes: How many signals run side by side, 1 or more.
+        """Return the state of ``lanes`` batch entries (1 or more) before the first sample.
 
         Raises:
-            InputError: On fewer lanes than 1.
-            InputTypeError: On a number of lanes that is not a whole number.
+            InputError: If ``lanes`` is less than 1.
+            InputTypeError: If ``lanes`` is not a whole number.
         """
         return EpisodeState(**zeros(self._o, self._fields, checked_lanes(self._reader, lanes)))
 
     def reset(self, state: EpisodeState, mask: Tensor | None = None) -> EpisodeState:
-        """The state in which the lanes of the mask have forgotten every sample.
+        """Return the state in which the masked entries have no samples.
 
         Args:
-            state: What `init`, `update` or `reset` of this monitor gave.
-            mask: A boolean for each lane; None: all lanes.
+            state: A state of this monitor.
+            mask: A boolean for each entry; None for all.
 
         Raises:
-            InputError: On a state of other shapes, or a mask of another shape.
-            InputTypeError: On what is no state of this kind of numbers, or a mask that is not of
-                booleans.
+            InputError: If a shape is wrong.
+            InputTypeError: If the state or the mask is of another kind.
         """
         self._check(state)
         keep = ~checked_mask(self._reader, mask, state.age)
@@ -136,50 +132,51 @@ class EpisodeArrays:
     def update(
         self, state: EpisodeState, sample: ArraySample
     ) -> tuple[EpisodeState, BoundsReading]:
-        """Take in a sample in every lane.
+        """Take a sample in every entry.
 
         Args:
-            state: What `init`, `update` or `reset` of this monitor gave.
-            sample: An array of shape (lanes,) for each variable by name, others are ignored; or one
-                of shape (lanes, variables).
+            state: A state of this monitor.
+            sample: An array of shape (entries,) for each variable by name, others are ignored; or
+                an
+                array of shape (entries, variables).
 
         Returns:
-            The next state, and the reading of each lane.
+            The next state, and the reading.
 
         Raises:
-            InputError: On a state of other shapes, a missing variable or a wrong shape.
-            InputTypeError: On what is no state of this kind of numbers, or no arrays of real
-                numbers.
+            InputError: If a variable is missing, or a shape is wrong.
+            InputTypeError: If the state or the sample is of another kind.
         """
         now, following = self._arrived(state, sample)
-        robustness, lower, upper = self._values(now, self._views(now))
+        views = [self._outlook.view(now, world) for world in WORLDS]
+        robustness, lower, upper = self._values(now, views)
         return following, self._reading(robustness, lower, upper, following.nan)
 
     def update_and_cut(
         self, state: EpisodeState, sample: ArraySample
     ) -> tuple[EpisodeState, BoundsReading, BoundsReading]:
-        """Take in a sample in every lane, and say too what the trace is if it is cut there.
+        """Take a sample in every entry, and evaluate the trace as cut there too.
 
-        It finds two worlds beside the three of `update`, and stores no more.
+        It stores no more than `update`, and computes two more continuations.
 
         Args:
             state: As for `update`.
             sample: As for `update`.
 
         Returns:
-            What `update` gives, and what `rtamt.VectorEpisodeMonitor` says of each lane after
-            ``finish(end="cut")``: bounds in which windows are open that reach past the end, and the
-            robustness if the episode ended now, moved to the nearest of them.
+            The result of `update`, and the reading of `rtamt.VectorEpisodeMonitor` after
+            ``finish(end="cut")``: windows that extend past the end are open in the bounds, and the
+            robustness is moved into the bounds.
 
         Raises:
             InputError: As `update` does.
             InputTypeError: As `update` does.
         """
         now, following = self._arrived(state, sample)
-        views = self._views(now)
+        views = [self._outlook.view(now, world) for world in WORLDS]
         robustness, lower, upper = self._values(now, views)
         reading = self._reading(robustness, lower, upper, following.nan)
-        views = [self._outlook.view(now, each.world, opened=each) for each in views[1:]]
+        views = [self._outlook.view(now, view.world, opened=view) for view in views[1:]]
         lower, upper = self._values(now, views)
         moved = self._o.greater(lower, self._o.lesser(robustness, upper))
         return following, reading, self._reading(moved, lower, upper, following.nan)
@@ -187,15 +184,15 @@ class EpisodeArrays:
     def begin(
         self, state: EpisodeState, sample: ArraySample, mask: Tensor | None = None
     ) -> tuple[EpisodeState, BoundsReading]:
-        """Begin lanes anew with a sample, while the others take none.
+        """Start the masked entries again with a sample; the others take none.
 
         Args:
             state: As for `update`.
-            sample: As for `update`; what it has of other lanes is ignored.
-            mask: A boolean for each lane; None: all lanes.
+            sample: As for `update`.
+            mask: A boolean for each entry; None for all.
 
         Returns:
-            The next state, and the reading, which says nothing of the other lanes.
+            The next state, and the reading, which is meaningless in the other entries.
 
         Raises:
             InputError: As `update` and `reset` do.
@@ -207,7 +204,7 @@ class EpisodeArrays:
         return EpisodeState(*kept), reading
 
     def _arrived(self, state: EpisodeState, sample: ArraySample) -> tuple[Arrival, EpisodeState]:
-        """What is known with a sample, and the next state."""
+        """Return the settled values with a sample, and the next state."""
         self._check(state)
         o, age = self._o, state.age
         lanes = tuple(age.shape)
@@ -217,12 +214,8 @@ class EpisodeArrays:
         nan = state.nan if wrong is None else state.nan | wrong
         return now, following._replace(age=o.least(age + 1, self._layout.oldest), nan=nan)
 
-    def _views(self, now: Arrival) -> list[Worldview]:
-        """Each world of a trace that goes on, or has ended."""
-        return [self._outlook.view(now, world) for world in WORLDS]
-
     def _values(self, now: Arrival, views: Sequence[Worldview]) -> list[Tensor]:
-        """The value at time 0 of each lane, in each world."""
+        """Return the value at time 0 of each entry, in each continuation."""
         lanes = tuple(now.age.shape)
         return [self._o.broadcast(self._outlook.value(now, view), lanes) for view in views]
 
@@ -238,7 +231,7 @@ class EpisodeArrays:
         checked_state(self._reader, state, EpisodeState, self._fields)
 
     def _settled(self, state: EpisodeState, known: list[Tensor]) -> tuple[Arrival, EpisodeState]:
-        """What has settled with this sample, and the state that keeps it."""
+        """Return the values that settle with this sample, and the state that stores them."""
         o, dtype = self._o, self._reader.dtype
         begins = state.age == 0
         firsts = enumerate(self._layout.firsts)
@@ -275,7 +268,7 @@ class EpisodeArrays:
         )
 
     def _newer(self, now: Arrival, kept: _Kept, register: int) -> Tensor:
-        """The value of a stream that settles with this sample."""
+        """Return the value of a stream that settles with this sample."""
         match self.program.formula(register):
             case Map(function, args):
                 late = self._shapes[register].late
@@ -307,12 +300,12 @@ class EpisodeArrays:
         return rows[-1][:1]
 
     def _settled_element(self, now: Arrival, window: Window, at: int) -> Elements:
-        """The element at an offset at which all of it has settled; the identity before time 0."""
+        """Return the element at an offset that has settled; the identity before time 0."""
         x = tuple(now.settled[a][at + self._shapes[a].back][None] for a in window.args)
         return self._rows.fold(window).masked(self._o, now.age >= -at, x) if at else x
 
     def _loaded(self, kept: _Kept, cells: Cells) -> Tensor:
-        """What is kept, in terms of the unknowns of this step."""
+        """Return stored rows, in terms of the unknowns of this step."""
         table = kept.state.kept if cells.depends else kept.state.rows[:, None]
         rows = table[cells.begin : cells.end]
         if cells.identity is not None:
@@ -321,7 +314,7 @@ class EpisodeArrays:
         return self._rows.in_world(rows, kept.unknowns) if cells.depends else rows
 
     def _store(self, kept: _Kept, cells: Cells, rows: Tensor) -> None:
-        """Keep rows; they are stored in the order of the layout."""
+        """Store rows; the calls come in the order of the layout."""
         if cells.end > cells.begin:
             lanes = tuple(kept.state.age.shape)
             rows, corners = (rows, (self._corners,)) if cells.depends else (rows[:, 0], ())

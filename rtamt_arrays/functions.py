@@ -1,9 +1,9 @@
-"""The functions and folds of programs on arrays: those of `rtamt.program.algebra`, by name.
+"""The functions and folds of `rtamt.program.algebra` on arrays, by name.
 
-A select is written where a compiler would simplify: adding 0.0 turns -0.0 into 0.0, which XLA takes
-for nothing, and minima of XLA need not keep the two apart. A product has a zero added that a
-compiler cannot see through, so that no sum is fused with it: a fused sum rounds once instead of
-twice. So has a divisor: compilers divide by a constant by multiplying with its inverse.
+Selects appear where compilers would simplify: x + 0.0 turns -0.0 into 0.0, but XLA drops it, and
+minima of XLA need not distinguish the zeros. Products and divisors add a zero that a compiler
+cannot see through. It prevents fused sums, which round once instead of twice, and the
+multiplication with the inverse of a constant divisor.
 """
 
 from __future__ import annotations
@@ -21,42 +21,39 @@ Elements = tuple[Tensor, ...]
 
 @dataclass(frozen=True, slots=True)
 class Lattice:
-    """Functions in place of min and max, of two arrays each."""
+    """Two functions that stand for min and max."""
 
     lesser: Callable[[Tensor, Tensor], Tensor]
     greater: Callable[[Tensor, Tensor], Tensor]
 
 
 def exact(o: Operations) -> Lattice:
-    """Min and max themselves, -0.0 below 0.0; each gives one of its operands.
-
-    So does its gradient: at a tie it is that of one operand.
-    """
+    """Return min and max with -0.0 below 0.0; at a tie, one operand gets the gradient."""
     return Lattice(o.lesser, o.greater)
 
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """A fold of `rtamt.program.algebra` on arrays; the older element stands left."""
+    """A fold of `rtamt.program.algebra` on arrays; the left operand is older."""
 
     combine: Callable[[Elements, Elements], Elements]
     identity: Element
 
     @classmethod
     def named(cls, name: str, lattice: Lattice) -> Fold:
-        """The fold of a name, made of the functions of a lattice."""
+        """Return the fold of a name, with the functions of a lattice as min and max."""
         row = FOLDS[name]
         return cls(row.made(lattice.lesser, lattice.greater), row.identity)
 
     def masked(self, o: Operations, inside: Tensor, elements: Elements) -> Elements:
-        """The elements where they are inside, and the identity elsewhere."""
+        """Replace the elements outside the mask by the identity."""
         return tuple(o.where(inside, x, e) for x, e in zip(elements, self.identity, strict=True))
 
 
 def slide(fold: Fold, elements: Elements, width: int) -> Elements:
-    """The folds of all windows of ``width`` elements along the first axis.
+    """Return the folds of all windows of ``width`` elements along the first axis.
 
-    They are made from windows of powers of two, none of which overlap.
+    They combine windows of powers of two that do not overlap.
     """
     count = elements[0].shape[0] - width + 1
     power, size, taken = elements, 1, 0
@@ -73,7 +70,7 @@ def slide(fold: Fold, elements: Elements, width: int) -> Elements:
 
 
 def prefixes(o: Operations, fold: Fold, elements: Elements) -> Elements:
-    """The folds of the first element, of the first two, and so on, along the first axis."""
+    """Return the folds of the first element, of the first two, and so on, along the first axis."""
     size = 1
     while size < elements[0].shape[0]:
         longer = fold.combine(tuple(a[:-size] for a in elements), tuple(a[size:] for a in elements))
@@ -85,7 +82,7 @@ def prefixes(o: Operations, fold: Fold, elements: Elements) -> Elements:
 
 
 def suffixes(o: Operations, fold: Fold, elements: Elements) -> Elements:
-    """The folds from the first element on, from the second on, and so on."""
+    """Return the folds from the first element on, from the second on, and so on."""
     size = 1
     while size < elements[0].shape[0]:
         longer = fold.combine(tuple(a[:-size] for a in elements), tuple(a[size:] for a in elements))
@@ -97,7 +94,7 @@ def suffixes(o: Operations, fold: Fold, elements: Elements) -> Elements:
 
 
 def fold_all(o: Operations, fold: Fold, elements: Elements) -> Elements:
-    """The fold of all elements along the first axis, which it removes."""
+    """Fold all elements along the first axis, which it removes."""
     while (count := elements[0].shape[0]) > 1:
         even = count - count % 2
         pairs = fold.combine(
@@ -118,7 +115,7 @@ def _rounded(o: Operations, x: Tensor) -> Tensor:
 
 
 def _nothing(o: Operations, x: Tensor) -> Tensor:
-    """-0.0, which adds nothing to a number, and nan for nan."""
+    """Return -0.0, which a sum ignores; nan for nan."""
     return o.where(x == x, -0.0, x)  # noqa: PLR0124
 
 

@@ -1,7 +1,4 @@
-"""From what a caller hands over to the terms of a program, as arrays.
-
-The program of a specification, for whose arrays there is a library.
-"""
+"""The inputs of array monitors: specifications, samples, masks and states."""
 
 from __future__ import annotations
 
@@ -36,35 +33,29 @@ class ArrayReader(Protocol):
     """The least and the greatest positive number of the kind, without those of fewer bits."""
 
     def taken(self, value: object) -> Tensor | None:
-        """The value as an array of the kind; None if it is no array of real numbers."""
+        """Return the value as an array of the kind; None if it is not an array of real numbers."""
 
     def is_array(self, value: object) -> bool:
-        """Whether it is an array that the library takes, of whatever is in it."""
+        """Return whether the library accepts the value as an array."""
 
     def holds(self, value: object, dtype: object) -> bool:
-        """Whether it is an array of a kind, as states have them."""
+        """Return whether the value is an array of this kind, as states require."""
 
     def mask(self, mask: object, like: Tensor) -> Tensor | None:
-        """The mask, if it has booleans; if it is None, as many as another array has."""
+        """Return a mask of booleans, all true for None; None if it is not a mask."""
 
     def shown(self, value: object) -> str:
-        """A value in an error, as far as a compiler of graphs knows it."""
+        """Return a value as text for an error, as far as a graph compiler knows it."""
 
     def nearest(self, name: str, names: Sequence[str]) -> str:
-        """The name that was meant, as the end of an error; nothing if none is near."""
+        """Return the end of an error that suggests a similar name, or an empty text."""
 
     def announce(self, text: str) -> None:
-        """Tell a compiler of graphs the text of an error that is about to be raised."""
+        """Show a graph compiler the text of the next error."""
 
 
 class StateField(NamedTuple):
-    """What an array of a state is.
-
-    Attributes:
-        rows: The axes before the lanes.
-        dtype: The kind of what is in it.
-        lanes: Whether its last axis has the lanes.
-    """
+    """An array of a state: axes before the batch, kind, and whether it has a batch axis."""
 
     rows: tuple[int, ...]
     dtype: object
@@ -72,7 +63,7 @@ class StateField(NamedTuple):
 
 
 def refused(reader: ArrayReader | None, error: type[RtamtError], text: str) -> NoReturn:
-    """Raise an error, also while a compiler of graphs reads a step; None: while none does."""
+    """Raise an error, also while a graph compiler traces a step."""
     if reader is not None:
         reader.announce(text)
     raise error(text)
@@ -81,17 +72,13 @@ def refused(reader: ArrayReader | None, error: type[RtamtError], text: str) -> N
 def columns(
     program: Program, reader: ArrayReader, given: object, shape: Sequence[int] | None = None
 ) -> list[Tensor]:
-    """An array for each variable, all of one shape.
+    """Return an array for each variable of a program, all of one shape.
 
     Args:
-        program: Its variables are read; others of a mapping are ignored.
+        program: The program.
         reader: Reads the arrays of the library.
-        given: A mapping from names to arrays, or an array whose last axis has the variables.
-        shape: The shape that each must have; None: the same for all, with an axis at least.
-
-    Raises:
-        InputError: On a missing variable, or a shape that is another one.
-        InputTypeError: On what are no arrays of real numbers.
+        given: A mapping from names to arrays, or an array with the variables as its last axis.
+        shape: The expected shape; None for any shape with at least one axis.
     """
     names = program.variables
     if isinstance(given, Mapping):
@@ -101,7 +88,7 @@ def columns(
                 hint = reader.nearest(name, [str(key) for key in given])
                 text = f"expected the variable '{name}', got {listed}{hint}"
                 refused(reader, InputError, text)
-        found = [_taken(reader, given[name], f"'{name}'") for name in names]
+        arrays = [_taken(reader, given[name], f"'{name}'") for name in names]
     else:
         counted = f"{len(names) or 'no'} variable{'' if len(names) == 1 else 's'}"
         listed = f"{counted} ({', '.join(names)})" if names else counted
@@ -112,34 +99,29 @@ def columns(
                 "a mapping gives an array for each name"
             )
             refused(reader, InputError, text)
-        found = [table[..., i] for i in range(len(names))]
-    for name, array in zip(names, found, strict=True):
+        arrays = [table[..., i] for i in range(len(names))]
+    for name, array in zip(names, arrays, strict=True):
         if shape is None and not array.shape:
             text = f"expected an axis of samples in '{name}', got one number"
             refused(reader, InputError, text)
-        expected = tuple(found[0].shape if shape is None else shape)
+        expected = tuple(arrays[0].shape if shape is None else shape)
         if tuple(array.shape) != expected:
             why = f"'{names[0]}' has it" if shape is None else "the lanes are those of init()"
             text = f"expected shape {expected} of '{name}', got {tuple(array.shape)}; {why}"
             refused(reader, InputError, text)
-    return found
+    return arrays
 
 
 def traces(program: Program, reader: ArrayReader, signals: object) -> list[Tensor]:
-    """An array for each variable, whose first axis is time and whose last axis was.
-
-    Raises:
-        InputError: As `columns` does, and on no variable or no samples.
-        InputTypeError: As `columns` does.
-    """
+    """Return an array for each variable, with time as the first axis instead of the last one."""
     if not program.variables:
         text = "expected a variable in the formula, got none: nothing says how many samples it has"
         refused(reader, InputError, text)
-    found = columns(program, reader, signals)
-    shape = tuple(found[0].shape)
+    arrays = columns(program, reader, signals)
+    shape = tuple(arrays[0].shape)
     if not shape[-1]:
         refused(reader, InputError, f"expected 1 sample or more, got shape {shape}")
-    return [array.swapaxes(0, -1) for array in found]
+    return [array.swapaxes(0, -1) for array in arrays]
 
 
 def _taken(reader: ArrayReader, value: object, what: str) -> Tensor:
@@ -152,12 +134,7 @@ def _taken(reader: ArrayReader, value: object, what: str) -> Tensor:
 
 
 def checked_lanes(reader: ArrayReader, lanes: object) -> int:
-    """A number of lanes.
-
-    Raises:
-        InputError: On fewer than 1.
-        InputTypeError: On what is no whole number.
-    """
+    """Return the size of a batch, or raise an error."""
     number = whole(lanes)
     if number is None:
         text = f"expected a whole number of lanes, got {reader.shown(lanes)}"
@@ -168,7 +145,7 @@ def checked_lanes(reader: ArrayReader, lanes: object) -> int:
 
 
 def whole(value: object) -> int | None:
-    """The value as a whole number; None if it is none, or a boolean."""
+    """Return the value as an int; None if it is not a whole number, or a boolean."""
     if isinstance(value, bool):
         return None
     try:
@@ -178,12 +155,7 @@ def whole(value: object) -> int | None:
 
 
 def checked_mask(reader: ArrayReader, mask: object, like: Tensor) -> Tensor:
-    """A mask of lanes.
-
-    Raises:
-        InputError: On another shape than that of an array of lanes.
-        InputTypeError: On what is no array of booleans.
-    """
+    """Return a mask with the shape of ``like``, or raise an error."""
     shape, array = tuple(like.shape), reader.mask(mask, like)
     if array is None:
         module, lanes = reader.module, shape[0]
@@ -204,18 +176,7 @@ def checked_mask(reader: ArrayReader, mask: object, like: Tensor) -> Tensor:
 def checked_state(
     reader: ArrayReader, state: object, kind: type, fields: Mapping[str, StateField]
 ) -> None:
-    """Refuse what is no state of a monitor.
-
-    Args:
-        reader: Reads the arrays of the library.
-        state: What a caller handed over.
-        kind: The class of its states.
-        fields: What their arrays are; ``age`` has a number for each lane.
-
-    Raises:
-        InputError: On a state of another specification.
-        InputTypeError: On what is no state, or one of other kinds of numbers.
-    """
+    """Raise an error if ``state`` is not a state with these fields."""
     if not isinstance(state, kind):
         text = (
             f"expected a state of this monitor, an {kind.__name__}, got {reader.shown(state)}; "
@@ -234,22 +195,22 @@ def checked_state(
     lanes = tuple(state.age.shape)[-1:] or (1,)  # type: ignore[attr-defined] # of states
     for name, field in fields.items():
         expected = (*field.rows, *lanes) if field.lanes else field.rows
-        found = tuple(getattr(state, name).shape)
-        if found != expected:
+        shape = tuple(getattr(state, name).shape)
+        if shape != expected:
             text = (
                 f"expected a state of this monitor, whose '{name}' has the shape {expected}, got "
-                f"{found}: it is that of another specification, or has other lanes"
+                f"{shape}: it is that of another specification, or has other lanes"
             )
             refused(reader, InputError, text)
 
 
 def dtype_name(dtype: object) -> str:
-    """What errors call a kind of numbers."""
+    """Return the name of a kind of numbers for errors."""
     return getattr(dtype, "__name__", None) or str(dtype)
 
 
 def zeros(o: Operations, fields: Mapping[str, StateField], lanes: int) -> dict[str, Tensor]:
-    """The arrays of a state, with zeros."""
+    """Return the arrays of a state, filled with zeros."""
     return {
         name: o.full((*field.rows, *[lanes] * field.lanes), 0.0, field.dtype)
         for name, field in fields.items()
@@ -259,14 +220,7 @@ def zeros(o: Operations, fields: Mapping[str, StateField], lanes: int) -> dict[s
 def terms(
     program: Program, o: Operations, dtype: object, values: Sequence[Tensor]
 ) -> tuple[list[Tensor], Tensor | None]:
-    """The registers of the terms, and where one of them is nan; None: none can be.
-
-    Args:
-        program: The program whose terms are evaluated.
-        o: The array library.
-        dtype: The kind of numbers of constants.
-        values: An array for each variable.
-    """
+    """Return the registers of the terms, and where one is nan; None if they have no variable."""
     registers: list[Tensor] = []
     nan: Tensor | None = None
     for instruction in program.instructions[: program.terms]:
@@ -293,14 +247,7 @@ Spec = str | Formula | Specification
 
 
 def program_of(spec: Spec, period: Period | None, align: Align | None, *, online: bool) -> Program:
-    """The program that computes the robustness of a specification under standard semantics.
-
-    Args:
-        spec: What to compile.
-        period: Seconds between samples; None: bounds are in samples.
-        align: How bounds that are no whole number of samples become one; None refuses them.
-        online: Whether a future without an end is refused.
-    """
+    """Compile a specification under standard semantics; ``online`` refuses unbounded futures."""
     specification = as_specification(spec)
     refuse_rates(specification, "rtamt_arrays")
     program = compile_program(

@@ -1,7 +1,4 @@
-"""What the episode machine on arrays is made of: its state, its readings, streams in worlds.
-
-What an episode machine on arrays keeps of a program, and at which offsets it finds streams.
-"""
+"""The state and the readings of the episode machine, and the layout of its state."""
 
 from __future__ import annotations
 
@@ -19,14 +16,14 @@ WORLDS: tuple[WorldName, ...] = get_args(WorldName)
 
 
 class EpisodeState(NamedTuple):
-    """What an episode monitor knows of its lanes.
+    """The state of an episode monitor.
 
     Attributes:
-        rows: Values of streams that have settled, and folds of them, the oldest of each first.
-        kept: The same that depend on what is still to come, of shape (numbers, corners, lanes).
+        rows: Settled values of streams and their folds, the oldest of each first.
+        kept: The same for values that depend on unknowns, of shape (rows, corners, entries).
         first: The terms of sample 0 that are read there.
-        age: Samples of each lane since its reset, up to those that matter.
-        nan: Whether a lane has had a nan since its reset.
+        age: The number of samples of each entry since its reset, up to a maximum.
+        nan: Whether an entry has had a nan since its reset.
     """
 
     rows: Tensor
@@ -37,14 +34,14 @@ class EpisodeState(NamedTuple):
 
 
 class BoundsReading(NamedTuple):
-    """What an episode monitor says after a sample, an array with a value for each lane.
+    """The result of an episode monitor: arrays with a value for each batch entry.
 
     Attributes:
-        robustness: The robustness if the episode ended now; nan from a nan on.
-        lower: The least robustness over all continuations and ends; -inf from a nan on.
-        upper: The greatest robustness over all continuations and ends; inf from a nan on.
+        robustness: The robustness if the episode ended now; nan after a nan.
+        lower: The minimum robustness over all continuations and ends; -inf after a nan.
+        upper: The maximum robustness over all continuations and ends; inf after a nan.
         verdict: 1 satisfied, -1 violated, 0 undecided, as `rtamt.Verdict`.
-        nan: Whether a variable or a term has been nan since the lane's reset.
+        nan: Whether a variable or a term has been nan since the reset.
     """
 
     robustness: Tensor
@@ -55,11 +52,11 @@ class BoundsReading(NamedTuple):
 
 
 class Offsets(NamedTuple):
-    """The offsets from now at which a stream is found.
+    """The offsets of a stream from now.
 
     Attributes:
-        late: How many samples of the future a value depends on; older values have settled.
-        past: For how many times after now a value depends on samples.
+        late: The number of future samples that a value depends on; older values have settled.
+        past: The number of times after now whose values depend on samples.
         back: The oldest offset that is read, as a positive number.
     """
 
@@ -69,12 +66,12 @@ class Offsets(NamedTuple):
 
 
 class StreamValues(NamedTuple):
-    """The values of a stream that have not settled, in a world.
+    """The values of a stream that have not settled, in a continuation.
 
     Attributes:
-        values: The values from the first such offset on; None if there is none.
-        last: The last of these offsets.
-        tail: The value at all later ones: a number, or an array if it depends on samples.
+        values: The values from the first open offset on; None if there are none.
+        last: The offset of the last value.
+        tail: The value at all later offsets: a number, or an array if it depends on samples.
     """
 
     values: Tensor
@@ -83,13 +80,13 @@ class StreamValues(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """What is known when a sample is there.
+    """The settled values after a sample has arrived.
 
     Attributes:
-        age: Samples of each lane before this one, so the time of this one.
+        age: The number of samples of each entry before this one, which is the time of this one.
         settled: The settled values of streams, the oldest first.
-        folds: Of windows that streams have: the folds from each settled element of the window on,
-            to the newest one; of windows without a begin, the fold of all.
+        folds: For windows of streams, the folds from each settled element to the newest one; for
+            windows without a start, the fold of all.
         initial: The folds of settled elements of windows that are read at time 0.
         first: The terms of sample 0.
     """
@@ -102,14 +99,14 @@ class Arrival(NamedTuple):
 
 
 class Worldview(NamedTuple):
-    """The streams of a world.
+    """The streams of a continuation.
 
     Attributes:
-        world: Which one it is.
+        world: "now", "lower" or "upper".
         streams: The values of each stream.
         unknowns: The values of the unknowns.
-        opened: If the trace was cut, the same world of a trace that goes on: an operator without an
-            end of whose window nothing was recorded has its values. None: it was not cut.
+        opened: For a cut trace, the same continuation of the uncut one: an unbounded operator whose
+            window was not recorded has its values there. None for an uncut trace.
     """
 
     world: WorldName
@@ -122,13 +119,13 @@ _LONGEST = 2**30
 
 
 class Cells(NamedTuple):
-    """Rows of a table of the state.
+    """Rows ``begin`` to ``end`` of a table of the state.
 
     Attributes:
-        depends: Whether they depend on unknowns, and so lie in ``kept``.
+        depends: Whether they depend on unknowns, and so are in ``kept``.
         begin: The first row.
-        end: The row behind the last one.
-        identity: What they are where a lane begins; None if they are not read there.
+        end: The row after the last one.
+        identity: The value after a reset; None if it is not read then.
     """
 
     depends: bool
@@ -138,18 +135,18 @@ class Cells(NamedTuple):
 
 
 class Layout:
-    """Where the state of an episode has what.
+    """The layout of the state of an episode.
 
     Attributes:
         depends: Whether each stream depends on an unknown.
         shapes: The offsets of each stream.
-        sizes: The rows that depend on no unknown, and those that do.
-        folds: Of each window of a stream, the folds of its settled elements, for each number.
-        histories: The settled values of streams that others read.
-        initial: The folds of windows that are read at time 0.
+        sizes: The number of rows with and without unknowns.
+        folds: The cells of the folds of each window.
+        histories: The cells of the settled values that others read.
+        initial: The cells of the folds of windows that are read at time 0.
         firsts: The terms that are read at time 0.
         windows: The windows among the instructions.
-        oldest: The age from which on a lane's age no longer matters.
+        oldest: The maximum age; older entries all behave alike.
     """
 
     def __init__(self, placement: Placement) -> None:
@@ -179,7 +176,7 @@ class Layout:
         self.oldest = self._last_age()
 
     def newest(self, register: int, window: Window) -> int:
-        """The offset of the element that settles into the folds of a stream."""
+        """Return the offset of the element that settles into the folds of a stream."""
         late = self.shapes[register].late
         return -late if window.hi is None else window.hi - late
 
@@ -199,7 +196,7 @@ class Layout:
         return Cells(depends, begin, begin + rows, identity)
 
     def _dependent(self) -> dict[int, bool]:
-        """Whether each stream depends on an unknown."""
+        """Return whether each stream depends on an unknown."""
         depends: dict[int, bool] = {}
         for r in self._placement.streams:
             args = self.program.formula(r).args if r >= self.program.terms else ()

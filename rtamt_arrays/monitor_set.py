@@ -1,17 +1,10 @@
-"""What makes the monitors of an array library.
-
-The robustness of a formula at every instant, on arrays.
-
-The costs of steps on arrays: `rtamt_gym.judging.costs` says what they are.
-
-The monitors of several specifications in many environments, as pure functions of arrays.
-"""
+"""The monitors of several specifications in many environments, as pure functions of arrays."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from rtamt import Specification
 from rtamt.program.instructions import Window
@@ -25,112 +18,80 @@ from rtamt_gym.judging.costs import Cost, Demand, keyed_costs, measured_demands,
 from rtamt_gym.judging.monitors import MonitorValues, make_monitors, options_of_parts
 from rtamt_gym.options.evaluation import EvaluationOptions
 
-
-class MakesEpisodes(Protocol):
-    """The function ``episode`` of an array library."""
-
-    def __call__(
-        self, spec: Specification, period: Period | None, *, align: Align | None
-    ) -> EpisodeArrays:
-        """The monitor of a specification."""
+Sample = Mapping[str, Tensor]
+"""An array of shape (environments,) for each variable."""
 
 
-class MakesOnline(Protocol):
-    """The function ``online`` of an array library."""
-
-    def __call__(
-        self, spec: Specification, period: Period | None, *, align: Align | None
-    ) -> OnlineMonitor:
-        """The monitor of a specification."""
-
-
-class ArrayMonitors(NamedTuple):
-    """Both functions, for one kind of floats.
+class ArrayLibrary(NamedTuple):
+    """The functions of an array library, for one kind of floats.
 
     Attributes:
-        episode: Makes monitors of episodes.
-        online: Makes monitors of every instant.
+        episode: The function ``episode`` of the library.
+        online: The function ``online`` of the library.
+        operations: The operations on its arrays.
     """
 
-    episode: MakesEpisodes
-    online: MakesOnline
+    episode: Callable[..., EpisodeArrays]
+    online: Callable[..., OnlineMonitor]
+    operations: Operations
 
 
 class InstantState(NamedTuple):
-    """What is known of the instants of each lane.
-
-    Attributes:
-        newest: The state of the monitor of single instants.
-        sofar: That of the monitor of the samples so far, whose robustness stands for that of the
-            first instant until it is known.
-    """
+    """The state of an `InstantMonitor`: the monitor of instants, and the monitor of the episode."""
 
     newest: OnlineState
     sofar: EpisodeState
 
 
-class ArrayInstants:
+class InstantMonitor:
     """`rtamt_gym.judging.monitors.VectorInstantMonitor` as pure functions of arrays.
-
-    Args:
-        monitors: Makes the monitors.
-        operations: The operations of the array library.
-        spec: The specification.
-        period: As for `rtamt.Monitor`.
-        align: As for `rtamt.Monitor`.
 
     Attributes:
         judge: Gives bounds and verdict of ``always(formula)`` over the same samples.
-
-    Raises:
-        SpecificationError: As `rtamt.Monitor` does.
     """
 
     def __init__(
         self,
-        monitors: ArrayMonitors,
-        operations: Operations,
+        library: ArrayLibrary,
         spec: Specification,
         period: Period | None,
         align: Align | None,
     ) -> None:
-        self._o = operations
-        self._newest = monitors.online(spec, period, align=align)
-        self._sofar = monitors.episode(spec, period, align=align)
-        self.judge = monitors.episode(spec.always(), period, align=align)
+        self._o = library.operations
+        self._newest = library.online(spec, period, align=align)
+        self._sofar = library.episode(spec, period, align=align)
+        self.judge = library.episode(spec.always(), period, align=align)
 
-    def init(self, lanes: int) -> InstantState:
-        """The state before the first sample."""
-        return InstantState(self._newest.init(lanes), self._sofar.init(lanes))
+    def init(self, count: int) -> InstantState:
+        """Return the state before the first sample."""
+        return InstantState(self._newest.init(count), self._sofar.init(count))
 
     def reset(self, state: InstantState, mask: Tensor) -> InstantState:
-        """Return the state in which the lanes of the mask have not taken a sample."""
-        return InstantState(
-            self._newest.reset(state.newest, mask), self._sofar.reset(state.sofar, mask)
-        )
+        """Return the state in which the masked environments have no samples."""
+        newest, sofar = state
+        return InstantState(self._newest.reset(newest, mask), self._sofar.reset(sofar, mask))
 
     def begin(
-        self, state: InstantState, sample: Mapping[str, Tensor], mask: Tensor
+        self, state: InstantState, sample: Sample, mask: Tensor
     ) -> tuple[InstantState, Tensor]:
-        """Lanes of the mask begin with a sample; gives its robustness."""
+        """Start the masked environments with a sample; return its robustness."""
         newest, reading = self._newest.begin(state.newest, sample, mask)
-        sofar, of_first = self._sofar.begin(state.sofar, sample, mask)
-        return InstantState(newest, sofar), self._known(reading, of_first.robustness)
+        sofar, episode = self._sofar.begin(state.sofar, sample, mask)
+        return InstantState(newest, sofar), self._known(reading, episode)
 
-    def update(
-        self, state: InstantState, sample: Mapping[str, Tensor]
-    ) -> tuple[InstantState, Tensor]:
-        """Every lane takes a sample; gives the robustness of the newest instant that is known."""
+    def update(self, state: InstantState, sample: Sample) -> tuple[InstantState, Tensor]:
+        """Take a sample; return the robustness of the newest known instant."""
         newest, reading = self._newest.update(state.newest, sample)
-        sofar, of_first = self._sofar.update(state.sofar, sample)
-        return InstantState(newest, sofar), self._known(reading, of_first.robustness)
+        sofar, episode = self._sofar.update(state.sofar, sample)
+        return InstantState(newest, sofar), self._known(reading, episode)
 
-    def _known(self, reading: OnlineReading, sofar: Tensor) -> Tensor:
-        return self._o.where(self._o.isnan(reading.robustness), sofar, reading.robustness)
+    def _known(self, reading: OnlineReading, episode: BoundsReading) -> Tensor:
+        early = self._o.isnan(reading.robustness)
+        return self._o.where(early, episode.robustness, reading.robustness)
 
 
 class CostState(NamedTuple):
-    """What is known of costs.
+    """The state of `ArrayCosts`.
 
     Attributes:
         monitors: The state of the monitor of each demand.
@@ -145,90 +106,68 @@ class CostState(NamedTuple):
 class ArrayCosts:
     """`rtamt_gym.judging.costs.VectorCostMeter` as pure functions of arrays.
 
-    Args:
-        kind: What is measured; None: nothing.
-        specs: Specifications by name.
-        reading: How samples are judged.
-        monitors: Makes the monitors.
-        operations: The operations of the array library.
-
     Attributes:
-        keys: The keys of the infos.
-
-    Raises:
-        SpecificationError: As `rtamt_gym.judging.costs.demands_of` does.
+        keys: The keys of ``info``.
     """
 
     def __init__(
         self,
         kind: Cost | None,
         specs: Mapping[str, Specification],
-        reading: EvaluationOptions,
-        monitors: ArrayMonitors,
-        operations: Operations,
+        evaluation: EvaluationOptions,
+        library: ArrayLibrary,
     ) -> None:
         self._kind = kind
         self._names = list(specs)
-        self._o = operations
-        self._demands = [] if kind is None else measured_demands(kind, specs, reading)
-        options = options_of_parts(specs, [each.spec for each in self._demands], reading)
+        self._o = library.operations
+        self._demands = [] if kind is None else measured_demands(kind, specs, evaluation)
+        parts = [demand.spec for demand in self._demands]
         self._monitors = [
-            monitors.online(demand.spec, option["period"], align=option["align"])
-            for demand, option in zip(self._demands, options, strict=True)
+            library.online(part, option["period"], align=option["align"])
+            for part, option in zip(parts, options_of_parts(specs, parts, evaluation), strict=True)
         ]
         self.keys = frozenset[str]()
         if kind is not None:
             self.keys = frozenset(keyed_costs(self._names, [0.0] * (len(self._names) + 1)))
 
-    def init(self, lanes: int, dtype: object) -> CostState:
-        """The state before the first sample."""
-        monitors = tuple(monitor.init(lanes) for monitor in self._monitors)
+    def init(self, count: int, dtype: object) -> CostState:
+        """Return the state before the first sample."""
         rows = len(self._names) if self._kind == "first" else 0
-        return CostState(monitors, self._o.full((rows, lanes), 0.0, dtype))
+        monitors = tuple(monitor.init(count) for monitor in self._monitors)
+        return CostState(monitors, self._o.full((rows, count), 0.0, dtype))
 
     def reset(self, state: CostState, mask: Tensor) -> CostState:
-        """Return the state in which the lanes of the mask have not taken a sample."""
-        pairs = zip(self._monitors, state.monitors, strict=True)
-        monitors = tuple(monitor.reset(each, mask) for monitor, each in pairs)
+        """Return the state in which the masked environments have no samples."""
+        monitors = _reset(self._monitors, state.monitors, mask)
         return CostState(monitors, self._o.where(mask, 0.0, state.charged))
 
-    def begin(self, state: CostState, sample: Mapping[str, Tensor], mask: Tensor) -> CostState:
-        """Lanes of the mask begin with a sample, which costs nothing."""
-        pairs = zip(self._monitors, state.monitors, strict=True)
-        begun = [monitor.begin(each, sample, mask) for monitor, each in pairs]
-        charged = self._o.where(mask, 0.0, state.charged)
-        return CostState(tuple(each for each, _ in begun), charged)
+    def begin(self, state: CostState, sample: Sample, mask: Tensor) -> CostState:
+        """Start the masked environments with a sample, which costs nothing."""
+        monitors, _ = _begin(self._monitors, state.monitors, sample, mask)
+        return CostState(monitors, self._o.where(mask, 0.0, state.charged))
 
-    def take(
-        self, state: CostState, sample: Mapping[str, Tensor], at: Tensor, zero: Tensor
+    def update(
+        self, state: CostState, sample: Sample, number: Tensor, zero: Tensor
     ) -> tuple[CostState, list[Tensor]]:
-        """Every lane takes a sample; gives what the demands of each specification come to.
-
-        Args:
-            state: What `init`, `begin` or `charge` gave.
-            sample: An array of shape (lanes,) for each variable.
-            at: The number of the sample.
-            zero: A zero of each lane.
-        """
+        """Take a sample with this number; return the largest cost of each specification."""
         monitors, worst = [], [zero] * len(self._names)
-        for demand, monitor, each in zip(
-            self._demands, self._monitors, state.monitors, strict=True
-        ):
-            following, reading = monitor.update(each, sample)
+        triples = zip(self._demands, self._monitors, state.monitors, strict=True)
+        for demand, monitor, before in triples:
+            following, reading = monitor.update(before, sample)
             monitors.append(following)
-            cost = self._cost(demand, reading, at - monitor.latency, zero)
+            cost = self._cost(demand, reading.robustness, number - monitor.latency, zero)
             worst[demand.place] = self._o.greater(worst[demand.place], cost)
         return state._replace(monitors=tuple(monitors)), worst
 
     def charge(
         self, state: CostState, worst: Sequence[Tensor], violated: Sequence[Tensor]
     ) -> tuple[CostState, dict[str, Tensor]]:
-        """The keys of the infos of a step.
+        """Return the state after a step, and its keys of ``info``.
 
         Args:
-            state: What `take` gave.
-            worst: What `take` gave.
-            violated: 1 where each specification is violated, the reading of an end included.
+            state: The state that `update` returned.
+            worst: The costs that `update` returned.
+            violated: 1 where each specification is violated, at the end of an episode too.
         """
         if self._kind is None:
             return state, {}
@@ -236,24 +175,22 @@ class ArrayCosts:
         costs = keyed_costs(self._names, step_costs(self._kind, worst, violated, before))
         return state._replace(charged=self._o.stack(violated)) if before else state, costs
 
-    def _cost(
-        self, demand: Demand, reading: OnlineReading, instant: Tensor, zero: Tensor
-    ) -> Tensor:
-        """What it costs that an instant violates a demand; 0 where it does not."""
-        value = reading.robustness
-        charged = self._o.signbit(value) & ~self._o.isnan(value) & (instant >= demand.first)
+    def _cost(self, demand: Demand, robustness: Tensor, instant: Tensor, zero: Tensor) -> Tensor:
+        """Return the cost of an instant: 0 where it does not violate the demand."""
+        o = self._o
+        charged = o.signbit(robustness) & ~o.isnan(robustness) & (instant >= demand.first)
         if demand.last is not None:
             charged = charged & (instant <= demand.last)
-        return self._o.where(charged, zero + 1.0 if self._kind == "violation" else -value, zero)
+        return o.where(charged, zero + 1.0 if self._kind == "violation" else -robustness, zero)
 
 
-class PanelState(NamedTuple):
-    """What the monitors know of the episodes.
+class MonitorSetState(NamedTuple):
+    """The state of an `ArrayMonitorSet`.
 
     Attributes:
         judges: The state of the judge of each specification.
-        instants: With ``view="step"``, what is known of the instants of each.
-        costs: What is known of the costs.
+        instants: With ``view="step"``, the state of each monitor of instants.
+        costs: The state of the costs.
         held: The last value of each variable that is held.
     """
 
@@ -263,171 +200,156 @@ class PanelState(NamedTuple):
     held: tuple[Tensor, ...]
 
 
-class Taken(NamedTuple):
-    """A sample that was taken in.
+class MonitorSetUpdate(NamedTuple):
+    """The result of a sample.
 
     Attributes:
-        panel: What is known after it.
-        readings: What the judge of each specification says.
+        state: The next state.
+        readings: The reading of each judge.
         cut: The same if the trace is cut there.
-        of_instants: With ``view="step"``, the robustness of the newest instant of each.
-        worst: What the demands come to on which costs are, for each specification.
+        instants: With ``view="step"``, the robustness of the newest known instant of each.
+        worst: The largest cost of each specification.
     """
 
-    panel: PanelState
+    state: MonitorSetState
     readings: Sequence[BoundsReading]
     cut: Sequence[BoundsReading]
-    of_instants: Sequence[Tensor]
+    instants: Sequence[Tensor]
     worst: Sequence[Tensor]
 
 
-class ArrayPanel:
-    """The twin of `rtamt_gym.judging.vector_panel.VectorPanel`.
-
-    Args:
-        specs: Specifications by name.
-        reading: How samples are judged.
-        cost: What is measured; None: nothing.
-        held: The variables that keep their last value where they are nan.
-        monitors: Makes the monitors.
-        operations: The operations of the array library.
+class ArrayMonitorSet:
+    """`rtamt_gym.judging.vector_panel` as pure functions of arrays.
 
     Attributes:
-        latencies: Of each judge, the samples after the first on which it depends; None: all.
-        cost_keys: The keys of the infos that have costs.
-
-    Raises:
-        SpecificationError: As the monitors of `rtamt_gym` do.
+        latencies: The number of samples after the first that each judge reads; None for all.
+        cost_keys: The keys of ``info`` that hold costs.
     """
 
     def __init__(
         self,
         specs: Mapping[str, Specification],
-        reading: EvaluationOptions,
+        evaluation: EvaluationOptions,
         cost: Cost | None,
         held: Sequence[str],
-        monitors: ArrayMonitors,
-        operations: Operations,
+        library: ArrayLibrary,
     ) -> None:
-        def of_episode(
+        def episode(
             spec: Specification, *, period: Period | None, align: Align | None, **_: object
         ) -> EpisodeArrays:
-            return monitors.episode(spec, period, align=align)
+            return library.episode(spec, period, align=align)
 
-        def of_instants(
+        def instants(
             spec: Specification, *, period: Period | None, align: Align | None, **_: object
-        ) -> ArrayInstants:
-            return ArrayInstants(monitors, operations, spec, period, align)
+        ) -> InstantMonitor:
+            return InstantMonitor(library, spec, period, align)
 
-        self._o = operations
-        pairs = make_monitors(specs, reading, of_episode, of_instants).values()
+        self._o = library.operations
+        pairs = make_monitors(specs, evaluation, episode, instants).values()
         self._judges: list[EpisodeArrays] = [judge for _, judge in pairs]
-        self._instants: list[ArrayInstants] = []
-        if reading.view == "step":
+        self._instants: list[InstantMonitor] = []
+        if evaluation.view == "step":
             self._instants = [source for source, _ in pairs]
-        self._ends = reading.at_termination or "complete", reading.at_truncation
+        self._ends = evaluation.at_termination or "complete", evaluation.at_truncation
         self._cuts = [
-            "cut" in self._ends and _cut_by_an_end(judge.program) for judge in self._judges
+            "cut" in self._ends and _reads_past_the_end(judge.program) for judge in self._judges
         ]
         self.latencies = tuple(judge.program.latency for judge in self._judges)
-        self._costs = ArrayCosts(cost, specs, reading, monitors, operations)
+        self._costs = ArrayCosts(cost, specs, evaluation, library)
         self.cost_keys = self._costs.keys
         self._held = held
 
-    def init(self, lanes: int) -> PanelState:
-        """The state before the first sample."""
-        judges = tuple(each.init(lanes) for each in self._judges)
-        instants = tuple(each.init(lanes) for each in self._instants)
+    def init(self, count: int) -> MonitorSetState:
+        """Return the state before the first sample."""
+        judges = tuple(judge.init(count) for judge in self._judges)
+        instants = tuple(source.init(count) for source in self._instants)
         dtype = judges[0].rows.dtype
-        held = tuple(self._o.full((lanes,), math.nan, dtype) for _ in self._held)
-        return PanelState(judges, instants, self._costs.init(lanes, dtype), held)
+        held = tuple(self._o.full((count,), math.nan, dtype) for _ in self._held)
+        return MonitorSetState(judges, instants, self._costs.init(count, dtype), held)
 
-    def reset(self, state: PanelState, mask: Tensor) -> PanelState:
-        """Return the state in which the lanes of the mask have not taken a sample."""
-        judges = zip(self._judges, state.judges, strict=True)
-        instants = zip(self._instants, state.instants, strict=True)
-        return PanelState(
-            tuple(judge.reset(each, mask) for judge, each in judges),
-            tuple(source.reset(each, mask) for source, each in instants),
+    def reset(self, state: MonitorSetState, mask: Tensor) -> MonitorSetState:
+        """Return the state in which the masked environments have no samples."""
+        return MonitorSetState(
+            _reset(self._judges, state.judges, mask),
+            _reset(self._instants, state.instants, mask),
             self._costs.reset(state.costs, mask),
             tuple(self._o.where(mask, math.nan, last) for last in state.held),
         )
 
-    def begin(self, state: PanelState, sample: Mapping[str, Tensor], mask: Tensor) -> Taken:
-        """Lanes of the mask begin with a sample, while the others take none."""
-        judges, readings, of_instants, instants = [], [], [], []
-        for judge, before in zip(self._judges, state.judges, strict=True):
-            begun, reading = judge.begin(before, sample, mask)
-            judges.append(begun)
-            readings.append(reading)
-        for each, known in zip(self._instants, state.instants, strict=True):
-            following, robustness = each.begin(known, sample, mask)
-            instants.append(following)
-            of_instants.append(robustness)
+    def begin(self, state: MonitorSetState, sample: Sample, mask: Tensor) -> MonitorSetUpdate:
+        """Start the masked environments with a sample; the others take none."""
+        judges, readings = _begin(self._judges, state.judges, sample, mask)
+        instants, robustness = _begin(self._instants, state.instants, sample, mask)
         costs = self._costs.begin(state.costs, sample, mask)
-        held = []
-        for name, last in zip(self._held, state.held, strict=True):
-            held.append(self._o.where(mask, self._o.as_kind_of(sample[name], last), last))
-        panel = PanelState(tuple(judges), tuple(instants), costs, tuple(held))
-        return Taken(panel, readings, readings, of_instants, [])
+        held = tuple(
+            self._o.where(mask, self._o.as_kind_of(sample[name], last), last)
+            for name, last in zip(self._held, state.held, strict=True)
+        )
+        following = MonitorSetState(judges, instants, costs, held)
+        return MonitorSetUpdate(following, readings, readings, robustness, [])
 
-    def feed(self, state: PanelState, sample: Mapping[str, Tensor], at: Tensor) -> Taken:
-        """Every lane takes a sample, which has this number."""
+    def update(self, state: MonitorSetState, sample: Sample, number: Tensor) -> MonitorSetUpdate:
+        """Take a sample with this number in every environment."""
         held = []
         for name, last in zip(self._held, state.held, strict=True):
             value = self._o.as_kind_of(sample[name], last)
             held.append(self._o.where(self._o.isnan(value), last, value))
         sample = {**sample, **dict(zip(self._held, held, strict=True))}
-        judged = []
+        results = []
         for judge, before, cuts in zip(self._judges, state.judges, self._cuts, strict=True):
             if cuts:
-                judged.append(judge.update_and_cut(before, sample))
+                results.append(judge.update_and_cut(before, sample))
             else:
                 following, reading = judge.update(before, sample)
-                judged.append((following, reading, self._complete(reading)))
-        judges, readings, cut = zip(*judged, strict=True)
-        pairs = zip(self._instants, state.instants, strict=True)
-        found = [each.update(known, sample) for each, known in pairs]
+                results.append((following, reading, self._complete(reading)))
+        judges, readings, cut = zip(*results, strict=True)
+        pairs = [
+            source.update(before, sample)
+            for source, before in zip(self._instants, state.instants, strict=True)
+        ]
         zero = self._zero(readings[0].upper)
-        costs, worst = self._costs.take(state.costs, sample, at, zero)
-        panel = PanelState(judges, tuple(known for known, _ in found), costs, tuple(held))
-        return Taken(panel, readings, cut, [robustness for _, robustness in found], worst)
+        costs, worst = self._costs.update(state.costs, sample, number, zero)
+        instants = tuple(before for before, _ in pairs)
+        state = MonitorSetState(judges, instants, costs, tuple(held))
+        return MonitorSetUpdate(
+            state, readings, cut, [robustness for _, robustness in pairs], worst
+        )
 
     def values(
-        self, taken: Taken, samples: Tensor, terminated: Tensor, truncated: Tensor
+        self, update: MonitorSetUpdate, samples: Tensor, terminated: Tensor, truncated: Tensor
     ) -> MonitorValues[Any]:
-        """The values of the monitors.
+        """Return the values of the monitors.
 
         Args:
-            taken: What `begin` or `feed` gave.
-            samples: Samples of each lane since its reset.
+            update: The result of `begin` or `update`.
+            samples: The number of samples of each environment since its reset.
             terminated: Where the environment has terminated the episode.
-            truncated: Where a limit of time has.
+            truncated: Where a time limit has ended it.
         """
         ends = (terminated, self._ends[0]), (truncated & ~terminated, self._ends[1])
-        pairs = zip(taken.readings, taken.cut, strict=True)
-        found = [self._at_end(reading, cut, ends) for reading, cut in pairs]
-        judged = [each.robustness for each in found]
+        pairs = zip(update.readings, update.cut, strict=True)
+        readings = [self._at_end(reading, cut, ends) for reading, cut in pairs]
+        judged = [reading.robustness for reading in readings]
         return MonitorValues(
-            list(taken.of_instants) or judged,
+            list(update.instants) or judged,
             judged,
-            [each.lower for each in found],
-            [each.upper for each in found],
-            [each.verdict for each in found],
+            [reading.lower for reading in readings],
+            [reading.upper for reading in readings],
+            [reading.verdict for reading in readings],
             samples,
         )
 
-    def charged(
-        self, taken: Taken, values: MonitorValues[Any]
-    ) -> tuple[PanelState, dict[str, Tensor]]:
-        """What is known after a step, and the keys of its info that have costs."""
+    def charge(
+        self, update: MonitorSetUpdate, values: MonitorValues[Any]
+    ) -> tuple[MonitorSetState, dict[str, Tensor]]:
+        """Return the state after a step, and the keys of its ``info`` that hold costs."""
         zero = self._zero(values.upper[0])
         violated = [self._o.where(verdict < 0, zero + 1.0, zero) for verdict in values.verdicts]
-        costs, keys = self._costs.charge(taken.panel.costs, taken.worst, violated)
-        return taken.panel._replace(costs=costs), keys
+        costs, keys = self._costs.charge(update.state.costs, update.worst, violated)
+        return update.state._replace(costs=costs), keys
 
-    def unpaid(self, values: MonitorValues[Any]) -> dict[str, Tensor]:
-        """The keys of the info of a reset that have costs."""
+    def no_costs(self, values: MonitorValues[Any]) -> dict[str, Tensor]:
+        """Return the keys of the ``info`` of a reset that hold costs."""
         return dict.fromkeys(self.cost_keys, self._zero(values.upper[0]))
 
     def _zero(self, like: Tensor) -> Tensor:
@@ -436,22 +358,22 @@ class ArrayPanel:
     def _at_end(
         self, reading: BoundsReading, cut: BoundsReading, ends: Sequence[tuple[Tensor, str]]
     ) -> BoundsReading:
-        """The reading where the environment has ended an episode, read as the options say."""
-        found = reading
-        for lanes, end in ends:
+        """Return the reading, with the end mode applied where an episode has ended."""
+        result = reading
+        for mask, end in ends:
             if end in {"complete", "cut"}:
                 closed = self._complete(reading) if end == "complete" else cut
-                chosen = (self._o.where(lanes, *pair) for pair in zip(closed, found, strict=True))
-                found = BoundsReading(*chosen)
+                pairs = zip(closed, result, strict=True)
+                result = BoundsReading(*(self._o.where(mask, *pair) for pair in pairs))
             elif end == "failure":
-                failed = lanes & (reading.verdict == 0)
-                upper = self._o.where(failed, -0.0, found.upper)
-                verdict = self._o.where(failed, found.verdict * 0 - 1, found.verdict)
-                found = found._replace(upper=upper, verdict=verdict)
-        return found
+                failed = mask & (reading.verdict == 0)
+                upper = self._o.where(failed, -0.0, result.upper)
+                verdict = self._o.where(failed, result.verdict * 0 - 1, result.verdict)
+                result = result._replace(upper=upper, verdict=verdict)
+        return result
 
     def _complete(self, reading: BoundsReading) -> BoundsReading:
-        """The reading if the trace is all there is; of a nan it stays open."""
+        """Return the reading of a complete trace; after a nan it stays undecided."""
         o, known = self._o, ~reading.nan
         sign = 1 - 2 * o.as_integers(o.signbit(reading.robustness))
         return reading._replace(
@@ -461,7 +383,22 @@ class ArrayPanel:
         )
 
 
-def _cut_by_an_end(program: Program) -> bool:
-    """Whether a window can reach past an end, so that a cut trace is not read as a complete one."""
-    windows = [each for each in program.instructions if isinstance(each, Window)]
-    return any(each.lo != 0 if each.hi is None else each.hi > 0 for each in windows)
+def _reset(monitors: Sequence[Any], states: Sequence[Any], mask: Tensor) -> tuple[Any, ...]:
+    """Reset the masked environments of several monitors."""
+    pairs = zip(monitors, states, strict=True)
+    return tuple(monitor.reset(state, mask) for monitor, state in pairs)
+
+
+def _begin(
+    monitors: Sequence[Any], states: Sequence[Any], sample: Sample, mask: Tensor
+) -> tuple[tuple[Any, ...], list[Any]]:
+    """Start the masked environments of several monitors; return their states and readings."""
+    pairs = zip(monitors, states, strict=True)
+    results = [monitor.begin(state, sample, mask) for monitor, state in pairs]
+    return tuple(state for state, _ in results), [reading for _, reading in results]
+
+
+def _reads_past_the_end(program: Program) -> bool:
+    """Return whether a window can extend past an end, so that cut and complete traces differ."""
+    windows = [step for step in program.instructions if isinstance(step, Window)]
+    return any(step.lo != 0 if step.hi is None else step.hi > 0 for step in windows)

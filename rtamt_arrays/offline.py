@@ -1,10 +1,8 @@
-"""Robustness of whole traces on arrays, many at once.
+"""Robustness of recorded traces on arrays, with exact or smooth min and max.
 
-Smooth min and max, and how far robustness made of them may be from the standard one.
-
-Of numbers x and a temperature T, the smooth max is T log(sum(exp(x / T))) and the smooth min the
-negative of that of the negated numbers. They have a gradient everywhere, to which each number
-contributes by its share of the sum.
+With a temperature T, the smooth max of numbers x is T log(sum(exp(x / T))), and the smooth min is
+the negated smooth max of the negated numbers. Both have a gradient everywhere, in which each number
+has its share of the sum.
 """
 
 from __future__ import annotations
@@ -28,17 +26,9 @@ from rtamt_arrays.operations import Operations, Tensor
 def evaluated(
     program: Program, o: Operations, dtype: object, lattice: Lattice, values: list[Tensor]
 ) -> Tensor:
-    """The robustness at every time of traces.
+    """Return the robustness at every time of traces; time is the first axis.
 
-    Args:
-        program: The program; its windows may have no end.
-        o: The array library.
-        dtype: The kind of numbers of constants.
-        lattice: The functions in place of min and max.
-        values: For each variable an array whose first axis is time.
-
-    Returns:
-        An array of the same shape; nan in a trace in which a variable or a term is nan.
+    A trace in which a variable or a term is nan has nan everywhere.
     """
     shape = tuple(values[0].shape)
     n = shape[0]
@@ -92,13 +82,7 @@ def lattice_of(
     semantics: RobustnessSemantics,
     temperature: Tensor | None,
 ) -> Lattice:
-    """The functions in place of min and max.
-
-    Raises:
-        InputError: On other semantics, or a temperature that is missing, not wanted, or not
-            a finite number above 0.
-        InputTypeError: On a temperature that is no number.
-    """
+    """Return min and max of a semantics, or raise an error about its temperature."""
     if semantics == "standard":
         if temperature is not None:
             text = (
@@ -163,16 +147,16 @@ def smoothing_error(
     *,
     align: Align | None = None,
 ) -> tuple[float, float]:
-    """How far smooth robustness may lie below the standard one, and above it.
+    """Return how far smooth robustness can lie below and above the standard one.
 
-    A smooth max of n numbers is at most T log n above theirs, a smooth min as far below. The
-    bounds of a formula follow from those of its parts, and hold at every time of any trace: with
-    smooth robustness s and bounds (below, above), the standard one is in [s - above, s + below].
-    So s > above proves that the requirement holds, and s < -below that it is violated.
+    A smooth max of n numbers exceeds their max by at most T log n; a smooth min is at most that
+    much below their min. The bounds hold at every time of every trace: with smooth robustness s and
+    bounds (below, above), the standard robustness is in [s - above, s + below]. So s > above proves
+    that the requirement is satisfied, and s < -below that it is violated.
 
     Args:
         spec: As for ``evaluate``.
-        samples: Samples of the traces, 1 or more.
+        samples: The number of samples of a trace, 1 or more.
         temperature: A finite number above 0.
         period: As for ``evaluate``.
         align: As for ``evaluate``.
@@ -181,13 +165,13 @@ def smoothing_error(
         Two numbers of 0 or more, in the unit of the robustness.
 
     Raises:
-        SpecificationError: On bounds that are no whole number of samples.
-        InputError: On fewer samples than 1, or a temperature that is not finite and above 0.
-        InputTypeError: On what are no numbers.
+        SpecificationError: If a bound is not a multiple of the period.
+        InputError: If ``samples`` is below 1, or the temperature is not finite and above 0.
+        InputTypeError: If an argument is not a number.
 
     Example:
         >>> below, above = smoothing_error("always[0:9](x > 0)", 100, 0.5)
-        >>> round(below, 4), above  # 0.5 * log(10): the least of 10 numbers
+        >>> round(below, 4), above  # 0.5 * log(10), for the minimum of 10 numbers
         (1.1513, 0.0)
     """
     number = whole(samples)
@@ -226,7 +210,7 @@ def _widened(
     element: tuple[_Error, ...],
     width: int,
 ) -> tuple[_Error, ...]:
-    """The error of a fold of so many elements, combined in the order of `functions.slide`."""
+    """Return the error of a fold of ``width`` elements, combined as `functions.slide` does."""
     power, size = element, 1
     result: tuple[_Error, ...] | None = None
     while True:

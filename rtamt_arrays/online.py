@@ -1,13 +1,13 @@
 """The online machine on arrays: one step is a pure function of fixed shapes.
 
-A window is a ladder of doublings: a rung is the fold of the last 2^i elements, made of the rung
-below and what that was 2^i samples ago; the last one overlaps, which folds of a lattice allow. So a
-window of k samples is log2(k) delays, which add up to k - 1 numbers. All delays of a program lie in
-one table of cells and lanes: a step reads all of them at once and writes all of them at once, and
-the compiler keeps the table in place.
+A window is a ladder of doublings. Each rung is the fold of the last 2^i elements, combined from the
+rung below and its value 2^i samples ago. The last rung overlaps, which is harmless in a lattice. A
+window of k samples needs log2(k) delays with k - 1 numbers in total. All delays of a program are in
+one table of cells and entries. A step reads all of them at once and then writes all of them at
+once, so the compiler updates the table in place.
 
-All lanes have one clock. A lane that is reset has age 0: what is older than its age reads as the
-identity of the fold, so that a reset costs nothing.
+All entries share a clock. A reset sets the age of an entry to 0: older values read as the identity
+of the fold, so a reset costs nothing.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from rtamt_arrays.operations import Operations, Tensor
 
 
 class OnlineState(NamedTuple):
-    """What an online monitor knows of its lanes.
+    """The state of an online monitor.
 
     Attributes:
-        ring: The cells of all delays, of shape (cells, lanes).
+        ring: The cells of all delays, of shape (cells, entries).
         place: The cell of each delay that is read and written next.
-        totals: The folds since the begin, a row for each number.
-        age: Samples of each lane since its reset, up to those that matter.
-        nan: Whether a lane has had a nan since its reset.
+        totals: The folds since the start, a row for each number.
+        age: The number of samples of each entry since its reset, up to a maximum.
+        nan: Whether an entry has had a nan since its reset.
     """
 
     ring: Tensor
@@ -54,12 +54,13 @@ class OnlineState(NamedTuple):
 
 
 class OnlineReading(NamedTuple):
-    """What an online monitor says after a sample, an array with a value for each lane.
+    """The result of an online monitor: arrays with a value for each batch entry.
 
     Attributes:
-        robustness: The robustness of the time that is the latency ago; nan before there is one,
-            and from a nan on until the lane is reset.
-        nan: Whether a variable or a term has been nan since the lane's reset.
+        robustness: The robustness, late by the latency; nan before the first, and after a nan until
+            the
+            reset.
+        nan: Whether a variable or a term has been nan since the reset.
     """
 
     robustness: Tensor
@@ -67,12 +68,12 @@ class OnlineReading(NamedTuple):
 
 
 class OnlineMonitor:
-    """`rtamt.VectorMonitor` as pure functions of arrays; made by ``online``.
+    """`rtamt.VectorMonitor` as pure functions of arrays; ``online`` returns one.
 
     Attributes:
         program: The compiled program.
         variables: Names of the variables, in the order of the last axis of a sample.
-        latency: Samples by which the robustness is late.
+        latency: The number of samples by which the robustness is late.
     """
 
     def __init__(self, program: Program, operations: Operations, reader: ArrayReader) -> None:
@@ -83,8 +84,8 @@ class OnlineMonitor:
         self._reader = reader
         self._lattice = exact(operations)
         self._schedule = tuple(schedule(program))
-        self._lengths: list[int] = []  # of the delays
-        self._identities: list[float] = []  # what stands for times before a lane's reset
+        self._lengths: list[int] = []
+        self._identities: list[float] = []  # the values of times before a reset
         self._totals: list[float] = []
         self._rungs: dict[int, list[tuple[int, int]]] = {}  # by slot: delay, length
         for slot, scheduled in self._schedule:
@@ -108,7 +109,7 @@ class OnlineMonitor:
             "age": StateField((), o.count),
             "nan": StateField((), o.truth),
         }
-        starts = [program.start(s) for s, each in self._schedule if isinstance(each, Window)]
+        starts = [program.start(s) for s, step in self._schedule if isinstance(step, Window)]
         self._oldest = 1 + max(self.latency, *self._lengths, *starts, 0)
 
     def __repr__(self) -> str:
@@ -136,52 +137,47 @@ class OnlineMonitor:
         return [(self._delayed(length, identity), length) for length in lengths]
 
     def init(self, lanes: SupportsIndex) -> OnlineState:
-        """The state before the first sample.
-
-        Args:
-            lanes: How many signals run side by side, 1 or more.
+        """Return the state of ``lanes`` batch entries (1 or more) before the first sample.
 
         Raises:
-            InputError: On fewer lanes than 1.
-            InputTypeError: On a number of lanes that is not a whole number.
+            InputError: If ``lanes`` is less than 1.
+            InputTypeError: If ``lanes`` is not a whole number.
         """
-        made = zeros(self._o, self._fields, checked_lanes(self._reader, lanes))
-        place = self._o.concatenate(
-            [self._table.begins]
-        )  # one of its own, which may be overwritten
-        return OnlineState(**made | {"place": place})
+        arrays = zeros(self._o, self._fields, checked_lanes(self._reader, lanes))
+        # A copy, because callers may overwrite it.
+        place = self._o.concatenate([self._table.begins])
+        return OnlineState(**arrays | {"place": place})
 
     def reset(self, state: OnlineState, mask: Tensor | None = None) -> OnlineState:
-        """The state in which the lanes of the mask have forgotten every sample.
+        """Return the state in which the masked entries have no samples.
 
         Args:
-            state: What `init`, `update` or `reset` of this monitor gave.
-            mask: A boolean for each lane; None: all lanes.
+            state: A state of this monitor.
+            mask: A boolean for each entry; None for all.
 
         Raises:
-            InputError: On a state of other shapes, or a mask of another shape.
-            InputTypeError: On what is no state of this kind of numbers, or a mask that is not of
-                booleans.
+            InputError: If a shape is wrong.
+            InputTypeError: If the state or the mask is of another kind.
         """
         self._check(state)
         keep = ~checked_mask(self._reader, mask, state.age)
         return state._replace(age=state.age * self._o.as_integers(keep), nan=state.nan & keep)
 
     def update(self, state: OnlineState, sample: ArraySample) -> tuple[OnlineState, OnlineReading]:
-        """Take in a sample in every lane.
+        """Take a sample in every entry.
 
         Args:
-            state: What `init`, `update` or `reset` of this monitor gave.
-            sample: An array of shape (lanes,) for each variable by name, others are ignored; or one
-                of shape (lanes, variables).
+            state: A state of this monitor.
+            sample: An array of shape (entries,) for each variable by name, others are ignored; or
+                an
+                array of shape (entries, variables).
 
         Returns:
-            The next state, and the reading of each lane.
+            The next state, and the reading.
 
         Raises:
-            InputError: On a state of other shapes, a missing variable or a wrong shape.
-            InputTypeError: On what is no state of this kind of numbers, or no arrays of real
-                numbers.
+            InputError: If a variable is missing, or a shape is wrong.
+            InputTypeError: If the state or the sample is of another kind.
         """
         self._check(state)
         o, age = self._o, state.age
@@ -217,17 +213,17 @@ class OnlineMonitor:
     def begin(
         self, state: OnlineState, sample: ArraySample, mask: Tensor | None = None
     ) -> tuple[OnlineState, OnlineReading]:
-        """Begin lanes anew with a sample, while the others take none.
+        """Start the masked entries again with a sample; the others take none.
 
-        Lanes share a clock: the sample counts as taken with the newest one of the others.
+        Entries share a clock: the sample has the time of the newest one of the others.
 
         Args:
             state: As for `update`.
-            sample: As for `update`; what it has of other lanes is ignored.
-            mask: A boolean for each lane; None: all lanes.
+            sample: As for `update`.
+            mask: A boolean for each entry; None for all.
 
         Returns:
-            The next state, and the reading, which says nothing of the other lanes.
+            The next state, and the reading, which is meaningless in the other entries.
 
         Raises:
             InputError: As `update` and `reset` do.
@@ -249,14 +245,14 @@ class OnlineMonitor:
 
 
 class _Table(NamedTuple):
-    """Where the delays lie in the ring, and what stands for times before a lane's reset.
+    """The layout of the delays in the ring; all but the first two are columns.
 
     Attributes:
         begins: The first cell of each delay.
-        ends: The cell behind the last one of each delay.
-        lengths: Samples by which each delay is late, as a column.
-        identities: What a delay gives of times before the reset, as a column.
-        totals: The folds of no samples, as a column.
+        ends: The cell after the last one of each delay.
+        lengths: The number of samples of each delay.
+        identities: The values of times before the reset.
+        totals: The folds of no samples.
     """
 
     begins: Tensor
@@ -267,7 +263,7 @@ class _Table(NamedTuple):
 
 
 class _Step:
-    """Reads and writes of one step, which are gathered until its end."""
+    """The reads and writes of one step; the writes are collected until its end."""
 
     def __init__(self, o: Operations, state: OnlineState, table: _Table) -> None:
         self._o, self._state, self._table = o, state, table
@@ -275,20 +271,19 @@ class _Step:
         self._written: list[Tensor] = [None] * len(table.lengths)
         self._totals: list[Tensor] = [None] * len(table.totals)
         if self._written:
-            there = state.age >= table.lengths
             late = o.gather(state.ring, state.place)
-            self._late = o.where(there, late, table.identities)
+            self._late = o.where(state.age >= table.lengths, late, table.identities)
         if self._totals:
             self._sums = o.where(state.age > 0, state.totals, table.totals)
 
     def delayed(self, delay: int, x: Elements) -> Elements:
-        """Give numbers to a delay, and what it was given as many samples ago as it is long."""
+        """Write numbers to a delay, and return the numbers that it delayed."""
         for i, number in enumerate(x):
             self._written[delay + i] = self._o.broadcast(number, self._lanes)
         return tuple(self._late[delay + i] for i in range(len(x)))
 
     def total(self, place: int, fold: Fold, x: Elements) -> Elements:
-        """Fold an element into the total since the begin."""
+        """Fold an element into the total since the start."""
         before = tuple(self._sums[place + i] for i in range(len(x)))
         total = fold.combine(before, x)
         for i, number in enumerate(total):
@@ -296,7 +291,6 @@ class _Step:
         return total
 
     def following(self, nan: Tensor, age: Tensor) -> OnlineState:
-        """The state after the step."""
         o, state, table = self._o, self._state, self._table
         ring, place, totals = state.ring, state.place, state.totals
         if self._written:

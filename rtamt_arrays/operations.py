@@ -1,9 +1,4 @@
-"""What the walks over a program ask of an array library, beside the operators of its arrays.
-
-To add an array library: a package next to ``jax`` and ``torch`` with a class that has these
-methods, and a group ``tests/arrays/NAME.txt``. ``tests/support/array_contract.py`` tests every
-library, ``array_requirements.py`` the wrappers of environments.
-"""
+"""The functions in which array libraries differ, next to the operators of their arrays."""
 
 from __future__ import annotations
 
@@ -11,90 +6,71 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 Tensor = Any
-"""An array of JAX, or a tensor of torch: neither library's types are needed to check this one."""
+"""An array of JAX, or a tensor of torch: checking this package needs the types of neither."""
 
 
 class Operations(Protocol):
-    """The functions in which array libraries differ. Time, if there is any, is the first axis.
+    """The functions of an array library; time is the first axis.
 
-    Attributes:
-        count: The kind of integers that count.
-        row: The kind of integers that name the rows of a table.
-        truth: The kind of booleans.
+    ``count``, ``row`` and ``truth`` are the kinds of counts, of row numbers and of booleans.
     """
 
     count: object
     row: object
     truth: object
 
-    def full(self, shape: tuple[int, ...], value: float, dtype: object) -> Tensor:
-        """An array of one value."""
+    def full(self, shape: tuple[int, ...], value: float, dtype: object) -> Tensor: ...
 
     def constant(self, values: Sequence[float], dtype: object) -> Tensor:
-        """A vector of numbers, made where a monitor is made: it may have to reach a device."""
+        """Return a vector that belongs to a monitor, and may have to be moved to a device."""
 
-    def arange(self, begin: int, end: int) -> Tensor:
-        """The integers from one on to below another, as counts."""
+    def arange(self, begin: int, end: int) -> Tensor: ...
 
-    def where(self, condition: Tensor, x: Tensor | float, y: Tensor | float) -> Tensor:
-        """The values of x where the condition holds, and those of y elsewhere."""
+    def where(self, condition: Tensor, x: Tensor | float, y: Tensor | float) -> Tensor: ...
 
-    def signbit(self, x: Tensor) -> Tensor:
-        """Whether the sign bit is set."""
+    def signbit(self, x: Tensor) -> Tensor: ...
 
-    def neg(self, x: Tensor) -> Tensor:
-        """The negative."""
+    def neg(self, x: Tensor) -> Tensor: ...
 
     def lesser(self, x: Tensor, y: Tensor) -> Tensor:
-        """The lesser number, -0.0 below 0.0; at a tie one of them gets the gradient."""
+        """Return the minimum, with -0.0 below 0.0; at a tie, one operand gets the gradient."""
 
     def greater(self, x: Tensor, y: Tensor) -> Tensor:
-        """The greater number, -0.0 below 0.0; at a tie one of them gets the gradient."""
+        """Return the maximum, with -0.0 below 0.0; at a tie, one operand gets the gradient."""
 
-    def isnan(self, x: Tensor) -> Tensor:
-        """Whether a value is nan."""
+    def isnan(self, x: Tensor) -> Tensor: ...
 
-    def abs(self, x: Tensor) -> Tensor:
-        """The absolute value."""
+    def abs(self, x: Tensor) -> Tensor: ...
 
-    def sqrt(self, x: Tensor) -> Tensor:
-        """The square root; nan below 0."""
+    def sqrt(self, x: Tensor) -> Tensor: ...
 
-    def exp(self, x: Tensor) -> Tensor:
-        """The exponential."""
+    def exp(self, x: Tensor) -> Tensor: ...
 
-    def ln(self, x: Tensor) -> Tensor:
-        """The natural logarithm; nan below 0."""
+    def ln(self, x: Tensor) -> Tensor: ...
 
-    def isinf(self, x: Tensor) -> Tensor:
-        """Whether a value is infinite."""
+    def isinf(self, x: Tensor) -> Tensor: ...
 
-    def logaddexp(self, x: Tensor, y: Tensor) -> Tensor:
-        """ln(exp(x) + exp(y)) of finite numbers."""
+    def logaddexp(self, x: Tensor, y: Tensor) -> Tensor: ...
 
-    def pow(self, x: Tensor, y: Tensor) -> Tensor:
-        """The power."""
+    def pow(self, x: Tensor, y: Tensor) -> Tensor: ...
 
     def as_integers(self, x: Tensor) -> Tensor:
-        """Booleans as counts."""
+        """Return booleans as counts."""
 
     def least(self, x: Tensor, most: int) -> Tensor:
-        """The lesser of integers and a number."""
+        """Return the minimum of integers and a number."""
 
     def as_kind_of(self, x: Tensor, like: Tensor) -> Tensor:
-        """Numbers as those of the kind of others."""
+        """Return numbers in the kind of another array."""
 
-    def concatenate(self, arrays: Sequence[Tensor]) -> Tensor:
-        """Arrays one after the other along the first axis."""
+    def concatenate(self, arrays: Sequence[Tensor]) -> Tensor: ...
 
-    def stack(self, arrays: Sequence[Tensor]) -> Tensor:
-        """Arrays as rows of a new first axis."""
+    def stack(self, arrays: Sequence[Tensor]) -> Tensor: ...
 
-    def broadcast(self, x: Tensor, shape: tuple[int, ...]) -> Tensor:
-        """The array repeated to a shape."""
+    def broadcast(self, x: Tensor, shape: tuple[int, ...]) -> Tensor: ...
 
     def gather(self, table: Tensor, rows: Tensor) -> Tensor:
-        """Rows of a table, all at once."""
+        """Return rows of a table in one operation."""
 
     def scatter(self, table: Tensor, rows: Tensor, values: Tensor) -> Tensor:
-        """The table with other values in rows that differ, all at once; in place where it can."""
+        """Return the table with other values in distinct rows; in place where possible."""

@@ -1,9 +1,8 @@
 """The signals of a specification, read from a step of many environments on a device.
 
-They are written as those of `rtamt_gym` are: ``obs[2]``, ``obs['state'][0]``, ``action[0]``,
-``reward``, ``info['key']``, ``metrics['key']``, or a function of an `ArrayStep` of one environment,
-which is vectorized. Action and reward have no value at a reset: a pair gives one,
-``("action[0]", 0.0)``.
+They are written as in `rtamt_gym`: ``obs[2]``, ``obs['state'][0]``, ``action[0]``, ``reward``,
+``info['key']``, ``metrics['key']``, or a function of an `ArrayStep` of one environment, which is
+vectorized. Action and reward have no value at a reset; a pair sets one: ``("action[0]", 0.0)``.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ from rtamt_gym.signals.sources import STEP
 
 
 class ArrayStep(NamedTuple):
-    """What a signal reads: of many environments, or of one where a function gets it.
+    """The step that signals read: of a batch of environments, or of one for a function.
 
     Attributes:
-        obs: The observation: an array, or a dictionary of them.
+        obs: The observation: an array, or a dictionary of arrays.
         action: The action of the step; None at a reset.
         reward: The environment's own reward of the step; None at a reset.
         info: The environment's own info.
@@ -52,16 +51,15 @@ SOURCES: Mapping[str, Source] = {
 
 
 class ArraySignals:
-    """Reads signals from steps.
+    """The signals of specifications, read from steps.
 
     Args:
-        signals: A selector, a function, or a pair of one of them and its value at a reset.
+        signals: For each variable a selector, a function, or a pair with its value at a reset.
         variables: The variables of the specifications.
-        vectorize: Makes of a function of one environment one of many.
+        vectorize: Turns a function of one environment into one of a batch.
 
     Raises:
-        InputError: As `rtamt_gym.StlMonitor` does on its signals, and on a value at a reset that is
-            unknown.
+        InputError: As `rtamt_gym.StlMonitor` does, and if a value at a reset is unknown.
     """
 
     def __init__(
@@ -81,11 +79,11 @@ class ArraySignals:
                 )
 
     def step(self, step: ArrayStep) -> dict[str, Tensor]:
-        """An array with a number of each environment, for each signal."""
+        """Return an array for each signal, with one number per environment."""
         return {signal.name: self._read(signal, step) for signal in self._signals}
 
     def reset(self, step: ArrayStep) -> dict[str, Tensor | float]:
-        """The same at a reset, where a signal may have a number of its own for all."""
+        """Return the same at a reset, where a signal may have one number for all."""
         return {
             signal.name: self._read(signal, step) if signal.default is None else signal.default
             for signal in self._signals
@@ -101,9 +99,9 @@ class ArraySignals:
 
 
 def _part(signal: ParsedSignal, value: Any, part: int | str) -> Any:  # noqa: ANN401
-    """An element along the axis after that of the lanes, or what a dictionary has of a key.
+    """Return an element along the axis after the batch, or the value of a key.
 
-    An array would take the last element for one that is out of range, so the shape is looked at.
+    Arrays clamp an index that is out of range, so the shape is checked.
     """
     if isinstance(value, Mapping):
         if part in value:

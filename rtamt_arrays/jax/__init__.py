@@ -28,17 +28,17 @@ __all__ = [
 def online(
     spec: Spec, period: Period | None = None, *, align: Align | None = None, dtype: object = None
 ) -> OnlineMonitor:
-    """`rtamt.VectorMonitor` as pure functions: the robustness of every lane, late by the latency.
+    """Return `rtamt.VectorMonitor` as pure functions: robustness that is late by the latency.
 
     Args:
         spec: Text, a formula, or a parsed specification.
         period: As for `rtamt.Monitor`.
         align: As for `rtamt.Monitor`.
-        dtype: The kind of floats; None: that of JAX, which is float32 unless x64 is enabled.
+        dtype: The kind of floats; by default that of JAX, float32 unless x64 is enabled.
 
     Raises:
-        SpecificationError: As for `rtamt.Monitor`, so on a future without an end.
-        InputError: On a period that is none, or float64 that is not enabled.
+        SpecificationError: As for `rtamt.Monitor`.
+        InputError: If the period is wrong, or float64 is not enabled.
 
     Example:
         >>> import jax.numpy as jnp
@@ -58,18 +58,15 @@ def online(
 def episode(
     spec: Spec, period: Period | None = None, *, align: Align | None = None, dtype: object = None
 ) -> EpisodeArrays:
-    """`rtamt.VectorEpisodeMonitor` as pure functions: robustness, bounds and verdict of each lane.
+    """Return `rtamt.VectorEpisodeMonitor` as pure functions: robustness, bounds and verdicts.
 
-    Args:
-        spec: Text, a formula, or a parsed specification.
-        period: As for `rtamt.Monitor`.
-        align: As for `rtamt.Monitor`.
-        dtype: The kind of floats; None: that of JAX, which is float32 unless x64 is enabled.
+    The arguments are those of `online`.
 
     Raises:
-        SpecificationError: On bounds that are no whole number of samples, or more than six
-            operators without an end inside others.
-        InputError: On a period that is none, or float64 that is not enabled.
+        SpecificationError: If a bound is not a multiple of the period, or if more than six
+            unbounded
+            operators are inside others.
+        InputError: As `online` does.
 
     Example:
         >>> import jax.numpy as jnp
@@ -92,29 +89,30 @@ def evaluate(
     semantics: RobustnessSemantics = "standard",
     temperature: Tensor | None = None,
 ) -> Tensor:
-    """Robustness at every sample of traces, many at once; `rtamt.evaluate` of each.
+    """Return the robustness at every sample of a batch of traces, as `rtamt.evaluate` does.
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        signals: For each variable an array of shape (..., samples), others are ignored; or one
-            array of shape (..., samples, variables).
+        signals: For each variable an array of shape (..., samples), others are ignored; or an array
+            of shape (..., samples, variables).
         period: As for `rtamt.evaluate`.
         align: As for `rtamt.evaluate`.
-        dtype: The kind of floats; None: that of JAX.
-        semantics: "standard", or "smooth": smooth min and max between formulas and over windows,
-            which have a gradient everywhere; `smoothing_error` says how far they may be off.
-        temperature: Of the smooth ones, a number above 0 or an array of shape (): the nearer to 0,
-            the nearer to min and max.
+        dtype: The kind of floats; by default that of JAX.
+        semantics: "standard"; or "smooth", which has a gradient everywhere and the error that
+            `smoothing_error` bounds.
+        temperature: For "smooth", a number above 0 or an array of shape (). The error is
+            proportional to it.
 
     Returns:
-        An array of shape (..., samples); nan throughout a trace in which a variable or a term is,
-        and where it depends on a temperature in an array that is not finite and above 0.
+        An array of shape (..., samples). All of a trace is nan if a variable or a term is nan, or
+            if
+        the temperature is an array that is not finite and above 0.
 
     Raises:
-        SpecificationError: On bounds that are no whole number of samples.
-        InputError: On a missing variable, other shapes, no samples, no variable at all, or a
-            temperature that is missing, not wanted, or a number that is not finite and above 0.
-        InputTypeError: On what are no arrays of real numbers.
+        SpecificationError: If a bound is not a multiple of the period.
+        InputError: If a variable is missing, a shape or the temperature is wrong, or there are no
+            samples or variables.
+        InputTypeError: If a signal is not an array of real numbers.
 
     Example:
         >>> import jax, jax.numpy as jnp
@@ -125,7 +123,7 @@ def evaluate(
         >>> (gradient != 0.0).tolist()
         [False, True, False]
         >>> smooth = evaluate("always(x > 0)", {"x": x}, semantics="smooth", temperature=0.1)
-        >>> round(float(smooth[0]), 4)  # the least value is 1
+        >>> round(float(smooth[0]), 4)  # the minimum is 1
         1.0
     """
     reader, operations = JaxReader(dtype), JaxOperations()

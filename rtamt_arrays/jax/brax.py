@@ -1,6 +1,6 @@
-"""Requirements for environments of Brax and of MuJoCo Playground.
+"""Requirements for environments of Brax and MuJoCo Playground.
 
-The wrapper stands between the one that counts the steps of an episode and the one that resets:
+The wrapper belongs between the wrapper that counts the steps of an episode and the one that resets.
 `training_wrapper` puts it there, as the ``wrap_env_fn`` of Brax's learners.
 """
 
@@ -28,37 +28,34 @@ _STATE = "stl_state"
 
 
 class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
-    """Judges the episodes of a Brax or Playground environment, on the device.
+    """Monitor the episodes of a Brax or Playground environment, on the device.
 
-    ``state.info`` gets the keys of `rtamt_gym.StlReward`: ``robustness``, ``stl_lower``,
-    ``stl_upper`` and ``stl_violated`` at every step, and ``stl_success``, ``is_success``,
-    ``stl_undecided`` (False before the last step of an episode) and ``stl_violated_at`` (-1 while
-    nothing is violated); with a mode, ``reward`` is the environment's own; with ``cost``, ``cost``
-    and those of several specifications. They are arrays of shape (lanes,). ``state.metrics`` gets
-    ``robustness`` and ``is_success`` of last steps, 0 before them, so that Brax's sums over
-    episodes are the means of both: ``eval/episode_is_success`` is the rate of satisfaction. The
-    costs are there too, of every step: ``eval/episode_cost`` is the mean of their sums.
+    ``state.info`` has the keys of `rtamt_gym.StlReward`, as arrays of shape (environments,). Keys
+    of episode ends are always there: ``stl_success``, ``is_success`` and ``stl_undecided`` are
+    False, and ``stl_violated_at`` is -1, until they apply. ``state.metrics`` has ``robustness`` and
+    ``is_success`` of last steps and 0 before, so Brax's sums over episodes are the means of both:
+    ``eval/episode_is_success`` is the rate of satisfaction. Costs of every step are there too.
 
-    The observation of a reset is sample 0, and that in which an episode ends is judged, which the
-    resetting wrapper overwrites. With ``action_repeat`` there is one sample for each action. A
-    violation sets ``state.done``; ``on_violation="truncate"`` sets ``info["truncation"]`` too. The
-    sums of episodes that `EpisodeWrapper` keeps end with it, and have the shaped reward.
+    The observation of a reset is sample 0. The last observation of an episode counts, although the
+    resetting wrapper overwrites it. With ``action_repeat`` there is one sample per action. A
+    violation sets ``state.done``, and with ``on_violation="truncate"`` also ``info["truncation"]``.
+    The sums of `EpisodeWrapper` end with the episode and contain the shaped reward.
 
-    A function that is a signal gets an `ArrayStep` of one environment; its ``state`` is Brax's
-    ``State``: ``lambda step: step.state.pipeline_state.x.pos[0, 2]``.
+    A signal function gets an `ArrayStep` of one environment, whose ``state`` is Brax's ``State``:
+    ``lambda step: step.state.pipeline_state.x.pos[0, 2]``.
 
     Args:
         env: An environment in `VmapWrapper` and `EpisodeWrapper`.
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
         signals: What the variables read: see `rtamt_arrays.selectors`.
-        dtype: The kind of floats of the monitors; None: that of JAX.
-        **options: See `rtamt_arrays.requirements.RequirementOptions`; without ``period`` a step
-            takes the environment's ``dt``, times its ``action_repeat``.
+        dtype: The kind of floats of the monitors; by default that of JAX.
+        **options: See `rtamt_arrays.requirements.RequirementOptions`. The default of ``period`` is
+            the environment's ``dt`` times its ``action_repeat``.
 
     Raises:
         SpecificationError: As `rtamt.EpisodeMonitor` does.
         InputError: If an argument is wrong, or the environment has no `EpisodeWrapper`; while JAX
-            traces, if a selector does not fit what the environment gives.
+            traces, if a selector does not fit the environment.
 
     Example:
         >>> import jax
@@ -84,49 +81,49 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
         **options: Unpack[RequirementOptions],
     ) -> None:
         super().__init__(env)
-        repeat = getattr(env, "action_repeat", 1)
-        period = as_period(getattr(env, "dt", None), repeat)
-        self._judge = JaxRequirements(specs, signals, period, dtype, options)
+        period = as_period(getattr(env, "dt", None), getattr(env, "action_repeat", 1))
+        self._requirements = JaxRequirements(specs, signals, period, dtype, options)
+        self._judge = self._requirements.judge
 
     def reset(self, rng: jax.Array) -> Any:  # noqa: ANN401 - a state of Brax or of Playground
-        """Resets all environments; ``info`` has their first readings."""
+        """Reset all environments; ``info`` has their first readings."""
         state = self.env.reset(rng)
         if "steps" not in state.info or not state.done.shape:
             raise InputError(
-                "expected an environment in VmapWrapper and then EpisodeWrapper, which count the "
-                "steps of many; training_wrapper(specs, signals) makes the order that Brax trains "
-                "with"
+                "StlWrapper needs an environment in VmapWrapper and then EpisodeWrapper. "
+                "training_wrapper(specs, signals) builds the order that Brax trains with."
             )
-        lanes = state.done.shape[0]
-        blank = self._judge.requirements.init(lanes)
-        begun, judged = self._judge.begin(blank, _reset_of(state), jnp.ones(lanes, dtype=bool))
-        return self._with(state, begun, judged)
+        count = state.done.shape[0]
+        stl, judged = self._requirements.begin(
+            self._judge.init(count), _reset_step(state), jnp.ones(count, dtype=bool)
+        )
+        return self._with(state, stl, judged)
 
     def step(self, state: Any, action: jax.Array) -> Any:  # noqa: ANN401 - a state of Brax or of Playground
-        """Steps all environments; those that are at the begin of an episode take sample 0 first."""
-        known = of_one(state.info[_STATE])
+        """Step all environments; where an episode starts, take sample 0 first."""
         inner = self._without(state)
-        # The steps are 0 after a reset, and nothing else tells it: the resetting wrapper clears
-        # `done` before this is called, and resets all, some or none of the info.
-        known, _ = self._judge.begin(known, _reset_of(inner), inner.info["steps"] == 0)
+        # Only the number of steps reveals a reset: the resetting wrapper has cleared `done`, and
+        # resets all, some or none of the info.
+        first = inner.info["steps"] == 0
+        stl, _ = self._requirements.begin(of_one(state.info[_STATE]), _reset_step(inner), first)
         after = self.env.step(inner, action)
         truncated = after.info["truncation"] > 0
         ended = after.done > 0
         step = ArrayStep(after.obs, action, after.reward, after.info, after, after.metrics)
-        known, judged = self._judge.step(known, step, ended & ~truncated, truncated)
-        return self._with(self._ended(after, judged), known, judged)
+        stl, judged = self._requirements.step(stl, step, ended & ~truncated, truncated)
+        return self._with(self._ended(after, judged), stl, judged)
 
     @property
     def observation_size(self) -> Any:  # noqa: ANN401 - a number, or a dictionary of them
-        """That of the environment, with what ``observe="state"`` appends."""
+        """The size of the environment's observation, with ``observe="state"`` appended."""
         size = self.env.observation_size
-        if not self._judge.requirements.observes:
+        if not self._judge.observes:
             return size
-        shown = self._judge.requirements.features.box.shape[0]
-        return {**size, KEY: (shown,)} if isinstance(size, Mapping) else size + shown
+        width = self._judge.features.box.shape[0]
+        return {**size, KEY: (width,)} if isinstance(size, Mapping) else size + width
 
     def _ended(self, state: Any, judged: JudgedStep) -> Any:  # noqa: ANN401 - a state
-        """Ends the episodes that a violation ends, also in the sums over episodes."""
+        """End the episodes that a violation ends, in the sums over episodes too."""
         kind = state.done.dtype
         over = (judged.terminated | judged.truncated).astype(kind)
         info = dict(state.info)
@@ -139,29 +136,29 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
             info["episode_metrics"] = {**sums, "sum_reward": paid}
         return state.replace(done=over, reward=judged.reward, info=info)
 
-    def _with(self, state: Any, known: Any, judged: JudgedStep) -> Any:  # noqa: ANN401 - states
-        obs = self._judge.shown(state.obs, judged.features)
-        # Wrappers that reset infos take a first axis as long as there are lanes for that of lanes.
-        info = {**state.info, **judged.info, _STATE: one(known)}
-        metrics = {**state.metrics, **self._judge.requirements.metrics(judged)}
+    def _with(self, state: Any, stl: Any, judged: JudgedStep) -> Any:  # noqa: ANN401 - states
+        obs = self._requirements.shown(state.obs, judged.features)
+        # A first axis of length 1: wrappers that reset infos treat a first axis of the length of
+        # the batch as the batch.
+        info = {**state.info, **judged.info, _STATE: one(stl)}
+        metrics = {**state.metrics, **self._judge.metrics(judged)}
         return state.replace(obs=obs, info=info, metrics=metrics)
 
     def _without(self, state: Any) -> Any:  # noqa: ANN401 - states
-        """The state as the environment inside has it: it adds up the metrics that it finds."""
-        obs, requirements = state.obs, self._judge.requirements
-        if requirements.observes and isinstance(obs, Mapping):
+        """Return the inner state: the environment adds up all metrics that it receives."""
+        obs, judge = state.obs, self._judge
+        if judge.observes and isinstance(obs, Mapping):
             obs = {key: value for key, value in obs.items() if key != KEY}
-        elif requirements.observes:
-            obs = obs[..., : -requirements.features.box.shape[0]]
-        own = requirements.keys
+        elif judge.observes:
+            obs = obs[..., : -judge.features.box.shape[0]]
         return state.replace(
             obs=obs,
-            info={k: v for k, v in state.info.items() if k not in own and k != _STATE},
-            metrics={k: v for k, v in state.metrics.items() if k not in requirements.metric_keys},
+            info={k: v for k, v in state.info.items() if k not in judge.keys and k != _STATE},
+            metrics={k: v for k, v in state.metrics.items() if k not in judge.metric_keys},
         )
 
 
-def _reset_of(state: Any) -> ArrayStep:  # noqa: ANN401 - a state
+def _reset_step(state: Any) -> ArrayStep:  # noqa: ANN401 - a state
     return ArrayStep(state.obs, None, None, state.info, state, state.metrics)
 
 
@@ -172,15 +169,9 @@ def training_wrapper(
     dtype: object = None,
     **options: Unpack[RequirementOptions],
 ) -> Callable[..., Any]:
-    """Makes the ``wrap_env_fn`` of a learner of Brax: its own wrappers, with `StlWrapper` inside.
+    """Return the ``wrap_env_fn`` of a learner of Brax: its own wrappers, with `StlWrapper` inside.
 
-    Playground's environments get Playground's resets.
-
-    Args:
-        specs: As for `StlWrapper`.
-        signals: As for `StlWrapper`.
-        dtype: As for `StlWrapper`.
-        **options: As for `StlWrapper`.
+    The arguments are those of `StlWrapper`. Environments of Playground get Playground's resets.
 
     Example:
         >>> from brax.training.agents.ppo import train as ppo
@@ -195,10 +186,10 @@ def training_wrapper(
         randomization_fn: Callable[..., Any] | None = None,
         **resets: bool,
     ) -> Any:  # noqa: ANN401 - of Brax or of Playground
-        of_playground = hasattr(env, "mjx_model")
+        is_playground = hasattr(env, "mjx_model")
         if randomization_fn is None:
             many: Any = training.VmapWrapper(env)
-        elif of_playground:
+        elif is_playground:
             from mujoco_playground._src import wrapper as playground
 
             many = playground.BraxDomainRandomizationVmapWrapper(env, randomization_fn)
@@ -206,7 +197,7 @@ def training_wrapper(
             many = training.DomainRandomizationVmapWrapper(env, randomization_fn)
         counted = training.EpisodeWrapper(many, episode_length, action_repeat)
         judged = StlWrapper(counted, specs, signals, dtype=dtype, **options)
-        if of_playground:
+        if is_playground:
             from mujoco_playground._src import wrapper as playground
 
             return playground.BraxAutoResetWrapper(judged, **resets)

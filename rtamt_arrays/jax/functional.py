@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from gymnasium.experimental.functional import FuncEnv
 
-from rtamt_arrays.jax.wrapping import JaxRequirements, as_period, of_one, one
+from rtamt_arrays.jax.wrapping import JaxRequirements, of_one, one, period_of
 from rtamt_arrays.requirements import RequirementOptions, RequirementState
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
@@ -25,10 +25,10 @@ class StlFuncState(NamedTuple):
 
     Attributes:
         env: The state of the environment.
-        stl: What is known of the episode.
-        features: What ``observe="state"`` appends to the observation.
-        reward: The shaped reward of the step that led here.
-        terminated: Whether the environment, or a violation, ends the episode here.
+        stl: The state of the requirements.
+        features: The features that ``observe="state"`` appends to the observation.
+        reward: The shaped reward of the last step.
+        terminated: Whether the environment or a violation ends the episode here.
         info: The keys of the info.
     """
 
@@ -41,12 +41,12 @@ class StlFuncState(NamedTuple):
 
     @property
     def at(self) -> _States:
-        """States of many environments, as an array has them: ``state.at[which].set(others)``."""
+        """The states of a batch by index, for ``state.at[which].set(others)`` of Gymnasium."""
         return _States(self)
 
 
 class _States:
-    """States of many environments, and which of them are meant."""
+    """A batch of states, and an index into it."""
 
     def __init__(self, states: StlFuncState, which: Any = None) -> None:  # noqa: ANN401 - an index
         self._states, self._which = states, which
@@ -55,7 +55,7 @@ class _States:
         return _States(self._states, which)
 
     def set(self, others: StlFuncState) -> StlFuncState:
-        """All states, those that are meant replaced with others."""
+        """Return the batch with other states at the index."""
         replaced: StlFuncState = jax.tree.map(
             lambda x, y: x.at[self._which].set(y), self._states, others
         )
@@ -63,26 +63,26 @@ class _States:
 
 
 class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
-    """Judges the episodes of a functional environment, on the device.
+    """Monitor the episodes of a functional environment, on the device.
 
-    ``initial`` takes sample 0 and ``transition`` every further one; ``reward``, ``terminal``,
-    ``state_info`` and ``transition_info`` tell what came of it. The infos have the keys of
-    `rtamt_arrays.jax.brax.StlWrapper`. The environment knows no limit of time, so that
-    ``on_violation="truncate"`` is refused. `FunctionalJaxEnv` and `FunctionalJaxVectorEnv` take it,
-    and loops under ``jit``, ``vmap`` and ``scan``.
+    ``initial`` takes sample 0 and ``transition`` each further one; ``reward``, ``terminal``,
+    ``state_info`` and ``transition_info`` return the results. The infos have the keys of
+    `rtamt_arrays.jax.brax.StlWrapper`. The environment has no time limit, so
+    ``on_violation="truncate"`` is an error. It works in `FunctionalJaxEnv`,
+    `FunctionalJaxVectorEnv` and loops under ``jit``, ``vmap`` and ``scan``.
 
     Args:
         env: The functional environment.
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
         signals: What the variables read: see `rtamt_arrays.selectors`.
-        dtype: The kind of floats of the monitors; None: that of JAX.
-        **options: See `rtamt_arrays.requirements.RequirementOptions`; without ``period`` a step
-            takes what the default parameters call ``tau`` or ``dt``.
+        dtype: The kind of floats of the monitors; by default that of JAX.
+        **options: See `rtamt_arrays.requirements.RequirementOptions`. The default of ``period`` is
+            ``tau`` or ``dt`` of the default parameters.
 
     Raises:
         SpecificationError: As `rtamt.EpisodeMonitor` does.
-        InputError: If an argument is wrong; while JAX traces, if a selector does not fit what the
-            environment gives.
+        InputError: If an argument is wrong; while JAX traces, if a selector does not fit the
+            environment.
 
     Example:
         >>> import jax
@@ -105,24 +105,23 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     ) -> None:
         self._env = env
         super().__init__()
-        params = self.default_params
-        period = as_period(getattr(params, "tau", getattr(params, "dt", None)))
-        self._judge = JaxRequirements(specs, signals, period, dtype, options)
+        period = period_of(self.default_params)
+        self._requirements = JaxRequirements(specs, signals, period, dtype, options)
+        judge = self._requirements.judge
         self.action_space = env.action_space
         self.observation_space: gym.Space[Any] = env.observation_space
-        if self._judge.requirements.observes:
-            box = self._judge.requirements.features.box
-            self.observation_space = appended_space(env.observation_space, box, "state")
+        if judge.observes:
+            self.observation_space = appended_space(
+                env.observation_space, judge.features.box, "state"
+            )
 
     def initial(self, rng: Any, params: Any = None) -> StlFuncState:  # noqa: ANN401 - as Gymnasium has it
-        """The initial state; its observation is sample 0."""
-        given = self._params(params)
-        inner = self._env.initial(rng, *given)
-        obs = self._env.observation(inner, rng, *given)
-        step = ArrayStep(one(obs), None, None, self._env.state_info(inner, *given), one(inner))
-        blank = self._judge.requirements.init(1)
-        known, judged = self._judge.begin(blank, step, jnp.ones(1, dtype=bool))
-        return _state(inner, known, judged)
+        """Return the initial state; its observation is sample 0."""
+        more = self._params(params)
+        inner = self._env.initial(rng, *more)
+        obs = self._env.observation(inner, rng, *more)
+        step = ArrayStep(one(obs), None, None, self._env.state_info(inner, *more), one(inner))
+        return _state(inner, *self._requirements.first(step))
 
     def transition(
         self,
@@ -131,22 +130,21 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         rng: Any,  # noqa: ANN401
         params: Any = None,  # noqa: ANN401
     ) -> StlFuncState:
-        """The next state, in which the step has been judged."""
-        given = self._params(params)
-        inner = self._env.transition(state.env, action, rng, *given)
-        obs = self._env.observation(inner, rng, *given)
-        reward = self._env.reward(state.env, action, inner, rng, *given)
-        terminated = jnp.asarray(self._env.terminal(inner, rng, *given), dtype=bool)
-        info = self._env.transition_info(state.env, action, inner, *given)
+        """Return the next state, with the results of the step."""
+        more = self._params(params)
+        inner = self._env.transition(state.env, action, rng, *more)
+        obs = self._env.observation(inner, rng, *more)
+        reward = self._env.reward(state.env, action, inner, rng, *more)
+        terminated = jnp.asarray(self._env.terminal(inner, rng, *more), dtype=bool)
+        info = self._env.transition_info(state.env, action, inner, *more)
         step = one(ArrayStep(obs, action, reward, info, inner))
         never = jnp.zeros(1, dtype=bool)
-        known, judged = self._judge.step(state.stl, step, terminated[None], never)
-        return _state(inner, known, judged)
+        return _state(inner, *self._requirements.step(state.stl, step, terminated[None], never))
 
     def observation(self, state: StlFuncState, rng: Any, params: Any = None) -> Any:  # noqa: ANN401
-        """That of the environment, with what ``observe="state"`` appends."""
+        """Return the environment's observation, with ``observe="state"`` appended."""
         obs = self._env.observation(state.env, rng, *self._params(params))
-        return of_one(self._judge.shown(one(obs), state.features[None]))
+        return of_one(self._requirements.shown(one(obs), state.features[None]))
 
     def reward(
         self,
@@ -156,15 +154,15 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         rng: Any,  # noqa: ANN401, ARG002
         params: Any = None,  # noqa: ANN401, ARG002
     ) -> jax.Array:
-        """The shaped reward."""
+        """Return the shaped reward."""
         return next_state.reward
 
     def terminal(self, state: StlFuncState, rng: Any, params: Any = None) -> jax.Array:  # noqa: ANN401, ARG002
-        """Whether the environment, or a violation, ends the episode in this state."""
+        """Return whether the environment or a violation ends the episode here."""
         return state.terminated
 
     def state_info(self, state: StlFuncState, params: Any = None) -> dict[str, Any]:  # noqa: ANN401
-        """That of the environment, with the keys of the requirements."""
+        """Return the environment's info, with the keys of the requirements."""
         return {**self._env.state_info(state.env, *self._params(params)), **state.info}
 
     def transition_info(
@@ -174,12 +172,12 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         next_state: StlFuncState,
         params: Any = None,  # noqa: ANN401
     ) -> dict[str, Any]:
-        """That of the environment, with the keys of the requirements."""
+        """Return the environment's info, with the keys of the requirements."""
         own = self._env.transition_info(state.env, action, next_state.env, *self._params(params))
         return {**own, **next_state.info}
 
     def get_default_params(self, **kwargs: Any) -> Any:  # noqa: ANN401 - as Gymnasium has it
-        """Those of the environment."""
+        """Return the environment's parameters."""
         return self._env.get_default_params(**kwargs)
 
     @staticmethod
@@ -187,8 +185,6 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         return () if params is None else (params,)
 
 
-def _state(inner: Any, known: RequirementState, judged: Any) -> StlFuncState:  # noqa: ANN401 - states
+def _state(inner: Any, stl: RequirementState, judged: Any) -> StlFuncState:  # noqa: ANN401 - states
     result = of_one(judged)
-    return StlFuncState(
-        inner, known, result.features, result.reward, result.terminated, result.info
-    )
+    return StlFuncState(inner, stl, result.features, result.reward, result.terminated, result.info)

@@ -1,4 +1,4 @@
-"""Requirements for environments of gymnax, from its version 1.0 on."""
+"""Requirements for environments of gymnax 1.0 and later."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gymnax.environments import spaces
 from gymnax.environments.environment import Environment
 
 from rtamt import InputError
-from rtamt_arrays.jax.wrapping import JaxRequirements, as_period, of_one, one
+from rtamt_arrays.jax.wrapping import JaxRequirements, of_one, one, period_of
 from rtamt_arrays.requirements import RequirementOptions, RequirementState
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
@@ -25,7 +25,7 @@ class StlEnvState(NamedTuple):
 
     Attributes:
         env: The state of the environment.
-        stl: What is known of the episode.
+        stl: The state of the requirements.
         truncated: Whether a violation has truncated the episode.
     """
 
@@ -35,25 +35,25 @@ class StlEnvState(NamedTuple):
 
 
 class StlEnvironment(Environment):  # type: ignore[misc]  # gymnax is untyped
-    """Judges the episodes of an environment of gymnax, on the device.
+    """Monitor the episodes of an environment of gymnax, on the device.
 
     It is an environment of gymnax: vectorize ``reset`` and ``step`` with ``jax.vmap``. The info of
-    a step has the keys of `rtamt_arrays.jax.brax.StlWrapper`; of a step that ends an episode, they
-    are those of its last state, which is in ``info["final_observation"]``.
+    a step has the keys of `rtamt_arrays.jax.brax.StlWrapper`. At the end of an episode they belong
+    to its last state, which is in ``info["final_observation"]``.
 
     Args:
         env: The environment.
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
         signals: What the variables read: see `rtamt_arrays.selectors`. Infos have no value at a
-            reset: give one, ``("info['discount']", 1.0)``.
-        dtype: The kind of floats of the monitors; None: that of JAX.
-        **options: See `rtamt_arrays.requirements.RequirementOptions`; without ``period`` a step
-            takes what the default parameters call ``tau`` or ``dt``.
+            reset; a pair sets one: ``("info['discount']", 1.0)``.
+        dtype: The kind of floats of the monitors; by default that of JAX.
+        **options: See `rtamt_arrays.requirements.RequirementOptions`. The default of ``period`` is
+            ``tau`` or ``dt`` of the default parameters.
 
     Raises:
         SpecificationError: As `rtamt.EpisodeMonitor` does.
-        InputError: If an argument is wrong; while JAX traces, if a selector does not fit what the
-            environment gives.
+        InputError: If an argument is wrong; while JAX traces, if a selector does not fit the
+            environment.
 
     Example:
         >>> import gymnax, jax
@@ -75,44 +75,40 @@ class StlEnvironment(Environment):  # type: ignore[misc]  # gymnax is untyped
         **options: Unpack[RequirementOptions],
     ) -> None:
         self._env = env
-        params = env.default_params
-        period = as_period(getattr(params, "tau", getattr(params, "dt", None)))
-        self._judge = JaxRequirements(specs, signals, period, dtype, options)
+        period = period_of(env.default_params)
+        self._requirements = JaxRequirements(specs, signals, period, dtype, options)
 
     @property
     def default_params(self) -> Any:  # noqa: ANN401 - gymnax is untyped
-        """Those of the environment."""
+        """The parameters of the environment."""
         return self._env.default_params
 
     def reset_env(self, key: jax.Array, params: Any) -> tuple[Any, StlEnvState]:  # noqa: ANN401
-        """Resets the environment; its observation is sample 0."""
+        """Reset the environment; its observation is sample 0."""
         obs, inner = self._env.reset_env(key, params)
         step = ArrayStep(one(obs), None, None, {}, one(inner))
-        known, judged = self._judge.begin(
-            self._judge.requirements.init(1), step, jnp.ones(1, dtype=bool)
-        )
-        shown = of_one(self._judge.shown(one(obs), judged.features))
-        return shown, StlEnvState(inner, known, jnp.zeros((), dtype=bool))
+        stl, judged = self._requirements.first(step)
+        shown = of_one(self._requirements.shown(one(obs), judged.features))
+        return shown, StlEnvState(inner, stl, jnp.zeros((), dtype=bool))
 
     def step_env(self, key: jax.Array, state: StlEnvState, action: Any, params: Any) -> Any:  # noqa: ANN401
-        """Steps the environment and judges the step."""
+        """Step the environment and judge the step."""
         obs, inner, reward, terminated, info = self._env.step_env(key, state.env, action, params)
         truncated = self._env.is_truncated(inner, params)
         step = one(ArrayStep(obs, action, reward, info, inner))
-        known, judged = self._judge.step(state.stl, step, *one((terminated, truncated)))
+        stl, judged = self._requirements.step(state.stl, step, *one((terminated, truncated)))
         result = of_one(judged)
-        # What the environment itself has truncated, `step` asks of it again.
-        following = StlEnvState(inner, known, result.truncated)
-        shown = of_one(self._judge.shown(one(obs), judged.features))
+        following = StlEnvState(inner, stl, result.truncated)
+        shown = of_one(self._requirements.shown(one(obs), judged.features))
         return shown, following, result.reward, result.terminated, {**info, **result.info}
 
     def is_truncated(self, state: StlEnvState, params: Any) -> jax.Array:  # noqa: ANN401
-        """Whether a limit of time or a violation has truncated the episode."""
+        """Return whether a time limit or a violation has truncated the episode."""
         truncated: jax.Array = state.truncated | self._env.is_truncated(state.env, params)
         return truncated
 
     def is_terminated(self, state: StlEnvState, params: Any) -> jax.Array:  # noqa: ANN401
-        """Whether the environment itself terminates there."""
+        """Return whether the environment itself terminates here."""
         terminated: jax.Array = self._env.is_terminated(state.env, params)
         return terminated
 
@@ -127,22 +123,22 @@ class StlEnvironment(Environment):  # type: ignore[misc]  # gymnax is untyped
         return int(self._env.num_actions)
 
     def action_space(self, params: Any = None) -> Any:  # noqa: ANN401 - gymnax is untyped
-        """That of the environment."""
+        """Return the action space of the environment."""
         return self._env.action_space(params)
 
     def observation_space(self, params: Any) -> Any:  # noqa: ANN401 - gymnax is untyped
-        """That of the environment, with what ``observe="state"`` appends."""
+        """Return the environment's space, with ``observe="state"`` appended."""
         space = self._env.observation_space(params)
-        if not self._judge.requirements.observes:
+        if not self._requirements.judge.observes:
             return space
         if not isinstance(space, spaces.Box) or len(space.shape) != 1:
             raise InputError(
-                "expected observations as a Box of one dimension for observe='state', got "
-                f"{type(space).__name__} of shape {space.shape}"
+                "observe='state' needs observations as a Box of one dimension, got "
+                f"{type(space).__name__} of shape {space.shape}."
             )
-        box = self._judge.requirements.features.box
+        box = self._requirements.judge.features.box
         low, high = (
-            jnp.concatenate([jnp.broadcast_to(own, space.shape), ours])
-            for own, ours in ((space.low, box.low), (space.high, box.high))
+            jnp.concatenate([jnp.broadcast_to(own, space.shape), added])
+            for own, added in ((space.low, box.low), (space.high, box.high))
         )
         return spaces.Box(low, high, low.shape, dtype=space.dtype)

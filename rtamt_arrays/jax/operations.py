@@ -1,4 +1,4 @@
-"""The operations of arrays in JAX."""
+"""The operations and inputs of JAX."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rtamt_arrays.operations import Tensor
 
 
 class JaxOperations:
-    """The operations that the walks over a program ask for."""
+    """`rtamt_arrays.operations.Operations` of JAX."""
 
     count: object = jnp.int32
     row: object = jnp.int32
@@ -23,7 +23,7 @@ class JaxOperations:
         return jnp.full(shape, value, dtype)
 
     def constant(self, values: Sequence[float], dtype: object) -> Tensor:
-        # An array of JAX that is made while JAX traces belongs to that trace alone.
+        # An array of JAX that is made during a trace belongs to that trace only.
         return np.asarray(values, jnp.dtype(dtype))
 
     def arange(self, begin: int, end: int) -> Tensor:
@@ -44,7 +44,7 @@ class JaxOperations:
     stack = staticmethod(jnp.stack)
 
     def abs(self, x: Tensor) -> Tensor:
-        # The gradient of JAX is 1 where it is 0, that of torch is 0.
+        # At 0 the gradient of JAX is 1, the gradient of torch is 0.
         return jnp.where(x == 0.0, 0.0, jnp.abs(x))
 
     def neg(self, x: Tensor) -> Tensor:
@@ -72,12 +72,12 @@ class JaxOperations:
 
 
 def _first(x: Tensor, y: Tensor) -> Tensor:
-    """Whether x is the lesser one. Minima of XLA need not keep -0.0 and 0.0 apart."""
+    """Return whether x is the minimum; XLA's own minimum does not distinguish the zeros."""
     return (x < y) | ((x == y) & jnp.signbit(x))
 
 
 class JaxReader:
-    """Arrays of JAX and of NumPy, as those of one kind of floats."""
+    """Reads arrays of JAX and of NumPy as floats of one kind."""
 
     kind = "arrays"
     module = "jnp"
@@ -87,8 +87,8 @@ class JaxReader:
         if not jnp.issubdtype(self.dtype, jnp.floating):
             raise InputTypeError(f"expected a dtype of floats, got {self.dtype}")
         self._check_enabled()
-        found = jnp.finfo(self.dtype)
-        self.limits = float(found.tiny), float(found.max)
+        info = jnp.finfo(self.dtype)
+        self.limits = float(info.tiny), float(info.max)
 
     def taken(self, value: object) -> Tensor | None:
         self._check_enabled()
@@ -114,7 +114,7 @@ class JaxReader:
         return nearest(name, names)
 
     def announce(self, text: str) -> None:
-        """Errors are raised while JAX traces as they are."""
+        """Do nothing: JAX raises errors while it traces."""
 
     def _check_enabled(self) -> None:
         if jax.dtypes.canonicalize_dtype(self.dtype) != self.dtype:
@@ -124,4 +124,4 @@ class JaxReader:
 
 
 def _is_real(dtype: object) -> bool:
-    return any(jnp.issubdtype(dtype, each) for each in (jnp.floating, jnp.integer, jnp.bool_))
+    return any(jnp.issubdtype(dtype, kind) for kind in (jnp.floating, jnp.integer, jnp.bool_))

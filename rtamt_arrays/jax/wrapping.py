@@ -1,4 +1,4 @@
-"""What the wrappers of simulators of JAX share."""
+"""The base of the wrappers of simulators in JAX."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from rtamt import InputError
 from rtamt_arrays.jax import episode, online
 from rtamt_arrays.jax.operations import JaxOperations
-from rtamt_arrays.monitor_set import ArrayMonitors
+from rtamt_arrays.monitor_set import ArrayLibrary
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.requirements import RequirementOptions, RequirementState, StepJudge
 from rtamt_arrays.selectors import ArraySignals, ArrayStep
@@ -28,7 +28,7 @@ class JaxRequirements:
     Args:
         specs: One specification, or several by name.
         signals: What the variables read.
-        period: What the environment says of it; None where it says nothing.
+        period: The period of the environment, the default of the option; None if it has none.
         dtype: The kind of floats of the monitors.
         options: See `RequirementOptions`.
     """
@@ -41,60 +41,71 @@ class JaxRequirements:
         dtype: object,
         options: RequirementOptions,
     ) -> None:
-        said = options if options.get("period") is not None else {**options, "period": period}
-        made = ArrayMonitors(partial(episode, dtype=dtype), partial(online, dtype=dtype))
-        self.requirements = StepJudge(specs, made, JaxOperations(), said)
-        self._signals = ArraySignals(signals, self.requirements.variables, jax.vmap)
+        if options.get("period") is None:
+            options = {**options, "period": period}
+        library = ArrayLibrary(
+            partial(episode, dtype=dtype), partial(online, dtype=dtype), JaxOperations()
+        )
+        self.judge = StepJudge(specs, library, options)
+        self._signals = ArraySignals(signals, self.judge.variables, jax.vmap)
 
-    def begin(self, state: RequirementState, step: ArrayStep, mask: Tensor) -> Any:  # noqa: ANN401 - a state and what is judged
-        """See `StepJudge.begin`."""
-        return self.requirements.begin(state, self._signals.reset(step), mask)
+    def begin(self, state: RequirementState, step: ArrayStep, mask: Tensor) -> Any:  # noqa: ANN401 - a state and a judged step
+        """Start episodes, as `StepJudge.begin` does."""
+        return self.judge.begin(state, self._signals.reset(step), mask)
+
+    def first(self, step: ArrayStep) -> Any:  # noqa: ANN401 - a state and a judged step
+        """Start the episode of a batch of one environment."""
+        return self.begin(self.judge.init(1), step, jnp.ones(1, dtype=bool))
 
     def step(
         self, state: RequirementState, step: ArrayStep, terminated: Tensor, truncated: Tensor
-    ) -> Any:  # noqa: ANN401 - a state and what is judged
-        """See `StepJudge.step`; the reward is paid in the kind of the environment's own."""
+    ) -> Any:  # noqa: ANN401 - a state and a judged step
+        """Judge a step, as `StepJudge.step` does; the reward keeps its kind of floats."""
         reward = jnp.asarray(step.reward, state.potential.dtype)
         sample = self._signals.step(step)
-        following, judged = self.requirements.step(state, sample, reward, terminated, truncated)
+        following, judged = self.judge.step(state, sample, reward, terminated, truncated)
         own = jnp.asarray(step.reward).dtype
-        return following, judged._replace(
-            reward=judged.reward.astype(own if jnp.issubdtype(own, jnp.floating) else reward.dtype)
-        )
+        kind = own if jnp.issubdtype(own, jnp.floating) else reward.dtype
+        return following, judged._replace(reward=judged.reward.astype(kind))
 
     def shown(self, obs: Any, features: Tensor) -> Any:  # noqa: ANN401 - an array or a dictionary
-        """The observation as the wrapper gives it."""
-        return with_features(obs, features) if self.requirements.observes else obs
+        """Return the observation, with the features if the option ``observe`` is set."""
+        return with_features(obs, features) if self.judge.observes else obs
 
 
 def with_features(obs: Any, features: Tensor) -> Any:  # noqa: ANN401 - an array or a dictionary
-    """Appends features to observations: an array of many, or a dictionary of such."""
+    """Append features to observations: an array of a batch, or a dictionary of arrays."""
     if isinstance(obs, Mapping):
         if KEY in obs:
             raise InputError(
-                f"expected observations without the key {KEY!r}, which the monitor's state takes"
+                f"The observation has the key {KEY!r}, which observe='state' needs. Rename the key."
             )
         return {**obs, KEY: features}
     if obs.ndim != features.ndim:
         raise InputError(
-            "expected an observation of one dimension or a dictionary for observe='state', got "
-            f"one of shape {obs.shape[1:]}"
+            f"observe='state' cannot extend an observation of shape {obs.shape[1:]}. It needs one "
+            "dimension or a dictionary."
         )
     return jnp.concatenate([obs, features.astype(obs.dtype)], axis=-1)
 
 
 def one(tree: Any) -> Any:  # noqa: ANN401 - any arrays
-    """The arrays of one environment, as of a batch of one."""
+    """Return the arrays of one environment as a batch of one."""
     return jax.tree.map(lambda x: jnp.asarray(x)[None], tree)
 
 
 def of_one(tree: Any) -> Any:  # noqa: ANN401 - any arrays
-    """The arrays of the only environment of a batch."""
+    """Return the arrays of the only environment of a batch."""
     return jax.tree.map(lambda x: x[0], tree)
 
 
+def period_of(params: Any) -> float | None:  # noqa: ANN401 - of the simulator
+    """Return the time of a step, which parameters call ``tau`` or ``dt``; None if they do not."""
+    return as_period(getattr(params, "tau", getattr(params, "dt", None)))
+
+
 def as_period(seconds: Any, steps: int = 1) -> float | None:  # noqa: ANN401 - a number of any kind
-    """Seconds of some steps; a float32 counts as the shortest decimal number that it is."""
+    """Return the seconds of some steps; a float32 counts as its shortest decimal number."""
     if seconds is None:
         return None
     shortest = float(str(np.asarray(seconds)[()])) if hasattr(seconds, "dtype") else float(seconds)

@@ -28,10 +28,10 @@ __all__ = [
     "smoothing_error",
 ]
 
-# Under torch.compile a specification is read while the graph is made, and is no part of it.
+# Under torch.compile a specification is compiled while the graph is built, and not part of it.
 _program_of = torch.compiler.assume_constant_result(program_of)
 
-# torch.load reads states that were saved, with what it takes for safe.
+# Saved states can be read with torch.load(weights_only=True).
 torch.serialization.add_safe_globals([OnlineState, EpisodeState])
 
 
@@ -43,18 +43,18 @@ def online(
     dtype: object = None,
     device: object = None,
 ) -> TorchOnlineMonitor:
-    """`rtamt.VectorMonitor` on tensors: the robustness of every lane, late by the latency.
+    """Return `rtamt.VectorMonitor` on tensors: robustness that is late by the latency.
 
     Args:
         spec: Text, a formula, or a parsed specification.
         period: As for `rtamt.Monitor`.
         align: As for `rtamt.Monitor`.
-        dtype: The kind of floats; None: the default of torch, which is float32 at first.
-        device: Where state and samples are; None: the default of torch.
+        dtype: The kind of floats; by default that of torch, float32 if it was not set.
+        device: The device of states and samples; by default that of torch.
 
     Raises:
-        SpecificationError: As for `rtamt.Monitor`, so on a future without an end.
-        InputError: On a period that is none, or a device that is not there.
+        SpecificationError: As for `rtamt.Monitor`.
+        InputError: If the period is wrong, or the device does not exist.
 
     Example:
         >>> import torch
@@ -78,19 +78,15 @@ def episode(
     dtype: object = None,
     device: object = None,
 ) -> TorchEpisodeMonitor:
-    """`rtamt.VectorEpisodeMonitor` on tensors: robustness, bounds and verdict of each lane.
+    """Return `rtamt.VectorEpisodeMonitor` on tensors: robustness, bounds and verdicts.
 
-    Args:
-        spec: Text, a formula, or a parsed specification.
-        period: As for `rtamt.Monitor`.
-        align: As for `rtamt.Monitor`.
-        dtype: The kind of floats; None: the default of torch, which is float32 at first.
-        device: Where state and samples are; None: the default of torch.
+    The arguments are those of `online`.
 
     Raises:
-        SpecificationError: On bounds that are no whole number of samples, or more than six
-            operators without an end inside others.
-        InputError: On a period that is none, or a device that is not there.
+        SpecificationError: If a bound is not a multiple of the period, or if more than six
+            unbounded
+            operators are inside others.
+        InputError: As `online` does.
 
     Example:
         >>> import torch
@@ -113,29 +109,9 @@ def evaluate(
     semantics: RobustnessSemantics = "standard",
     temperature: Tensor | None = None,
 ) -> Tensor:
-    """Robustness at every sample of traces, many at once; `rtamt.evaluate` of each.
+    """Return the robustness at every sample of a batch of traces, as `rtamt.evaluate` does.
 
-    Args:
-        spec: Text, a formula, or a parsed specification.
-        signals: For each variable a tensor of shape (..., samples), others are ignored; or one
-            tensor of shape (..., samples, variables).
-        period: As for `rtamt.evaluate`.
-        align: As for `rtamt.evaluate`.
-        dtype: The kind of floats; None: the default of torch.
-        semantics: "standard", or "smooth": smooth min and max between formulas and over windows,
-            which have a gradient everywhere; `smoothing_error` says how far they may be off.
-        temperature: Of the smooth ones, a number above 0 or a tensor of shape (): the nearer to 0,
-            the nearer to min and max.
-
-    Returns:
-        A tensor of shape (..., samples); nan throughout a trace in which a variable or a term is,
-        and where it depends on a temperature in a tensor that is not finite and above 0.
-
-    Raises:
-        SpecificationError: On bounds that are no whole number of samples.
-        InputError: On a missing variable, other shapes, no samples, no variable at all, or a
-            temperature that is missing, not wanted, or a number that is not finite and above 0.
-        InputTypeError: On what are no tensors of real numbers.
+    Args, result and errors are those of `rtamt_arrays.jax.evaluate`, with tensors for arrays.
 
     Example:
         >>> import torch
@@ -146,7 +122,7 @@ def evaluate(
         >>> (x.grad != 0.0).tolist()
         [False, True, False]
         >>> smooth = evaluate("always(x > 0)", {"x": x}, semantics="smooth", temperature=0.1)
-        >>> round(smooth[0].item(), 4)  # the least value is 1
+        >>> round(smooth[0].item(), 4)  # the minimum is 1
         1.0
     """
     reader = TorchReader(dtype, _device_of(signals))
@@ -159,4 +135,4 @@ def evaluate(
 
 def _device_of(signals: ArraySample) -> object:
     values = signals.values() if isinstance(signals, Mapping) else [signals]
-    return next((each.device for each in values if isinstance(each, torch.Tensor)), None)
+    return next((value.device for value in values if isinstance(value, torch.Tensor)), None)

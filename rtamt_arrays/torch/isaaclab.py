@@ -1,9 +1,8 @@
 """Requirements in the managers of Isaac Lab and mjlab: terms of a ``ManagerBasedRLEnv``.
 
-`Violated` is a termination term: it judges the episodes. `first_sample` and `monitor_state` are
-observation terms, which take the sample of a reset. `shaped_reward` is a reward term.
-
-They are written against the documented interface of both, and tested on a stand-in.
+`Violated` is a termination term, which judges the episodes. `first_sample` and `monitor_state` are
+observation terms, which take the sample of a reset. `shaped_reward` is a reward term. They follow
+the documented interface of both, and are tested on a stand-in.
 """
 
 from __future__ import annotations
@@ -18,10 +17,9 @@ import torch
 
 from rtamt import InputError
 from rtamt.errors import InputTypeError, brief, no_such
-from rtamt_arrays.monitor_set import ArrayMonitors, Taken
+from rtamt_arrays.monitor_set import ArrayLibrary, MonitorSetUpdate
 from rtamt_arrays.requirements import (
     JudgedStep,
-    OnViolation,
     RequirementOptions,
     RequirementState,
     StepJudge,
@@ -31,6 +29,7 @@ from rtamt_arrays.torch.operations import TorchOperations
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.options.evaluation import seconds_of
+from rtamt_gym.wrappers.monitoring import OnViolation
 
 try:
     from isaaclab.managers import ManagerTermBase
@@ -107,8 +106,11 @@ class Violated(ManagerTermBase):
         options = _options_of(chosen, env.step_dt, truncates=self._truncates)
         self.requirements = StepJudge(
             params["specs"],
-            ArrayMonitors(partial(episode, device=env.device), partial(online, device=env.device)),
-            TorchOperations(torch.device(env.device)),
+            ArrayLibrary(
+                partial(episode, device=env.device),
+                partial(online, device=env.device),
+                TorchOperations(torch.device(env.device)),
+            ),
             options,
         )
         self._signals = _signals_of(params["signals"], self.requirements.variables)
@@ -116,7 +118,9 @@ class Violated(ManagerTermBase):
         self._never = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
         self._nothing = torch.zeros(env.num_envs, device=env.device)
         self._marked: torch.Tensor | None = ~self._never
-        self._open_step: tuple[RequirementState, Taken] | None = None  # its ends are not known yet
+        self._open_step: tuple[RequirementState, MonitorSetUpdate] | None = (
+            None  # its ends are not known yet
+        )
         self._paid: JudgedStep | None = None
         self.width: int = self.requirements.features.box.shape[0]
         self._features = self._nothing[:, None].repeat(1, self.width)
@@ -160,11 +164,11 @@ class Violated(ManagerTermBase):
     ) -> torch.Tensor:
         """Take the sample of the step, and return where a requirement is certainly violated."""
         sample = {name: _read(name, signal, env) for name, (signal, _) in self._signals.items()}
-        taken = self.requirements.take(self._state, sample)
-        self._open_step = self._state, taken
+        update = self.requirements.update(self._state, sample)
+        self._open_step = self._state, update
         self._marked = None
-        self._conclude(self._state, taken, self._never, self._never)
-        violated: torch.Tensor = self.requirements.violated(taken)
+        self._conclude(self._state, update, self._never, self._never)
+        violated: torch.Tensor = self.requirements.violated(update)
         return violated
 
     def pay(self, terminated: torch.Tensor, truncated: torch.Tensor) -> JudgedStep | None:
@@ -186,12 +190,12 @@ class Violated(ManagerTermBase):
     def _conclude(
         self,
         before: RequirementState,
-        taken: Taken,
+        update: MonitorSetUpdate,
         terminated: torch.Tensor,
         truncated: torch.Tensor,
     ) -> JudgedStep:
         self._state, judged = self.requirements.conclude(
-            before, taken, self._nothing, terminated, truncated
+            before, update, self._nothing, terminated, truncated
         )
         self._features = judged.features
         return judged

@@ -1,4 +1,4 @@
-"""Requirements for environments of ManiSkill 3, whose steps are tensors of many environments."""
+"""Requirements for environments of ManiSkill 3, whose steps are tensors of a batch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import gymnasium as gym
 import torch
 
 from rtamt import InputError
-from rtamt_arrays.monitor_set import ArrayMonitors
+from rtamt_arrays.monitor_set import ArrayLibrary
 from rtamt_arrays.requirements import JudgedStep, RequirementOptions, StepJudge
 from rtamt_arrays.selectors import ArraySignals, ArrayStep
 from rtamt_arrays.torch import episode, online
@@ -22,24 +22,26 @@ __all__ = ["StlManiSkillWrapper"]
 
 
 class StlManiSkillWrapper(gym.Wrapper[Any, Any, Any, Any]):
-    """Judges the episodes of an environment of ManiSkill, on its device.
+    """Monitor the episodes of an environment of ManiSkill, on its device.
 
-    It stands between ``gym.make`` and ``ManiSkillVectorEnv``, which begins the episodes of some
-    environments again. Infos have the keys of `rtamt_arrays.jax.brax.StlWrapper`, as tensors of
-    shape (num_envs,); those of a step that ends an episode are in ``info["final_info"]`` then.
+    It belongs between ``gym.make`` and ``ManiSkillVectorEnv``, which restarts environments. Infos
+    have the keys of `rtamt_arrays.jax.brax.StlWrapper`, as tensors of shape (num_envs,). At the end
+    of an episode they are in ``info["final_info"]``.
 
     Args:
-        env: What ``gymnasium.make`` gives.
+        env: The environment that ``gymnasium.make`` returned.
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
         signals: What the variables read: see `rtamt_arrays.selectors`. A function gets a step of
-            all environments, whose ``state`` is the unwrapped environment, and gives a tensor.
-        **options: See `rtamt_arrays.requirements.RequirementOptions`; without ``period`` a step
-            takes the inverse of ``control_freq``.
+            all
+            environments, whose ``state`` is the unwrapped environment, and returns a tensor.
+        **options: See `rtamt_arrays.requirements.RequirementOptions`. The default of ``period`` is
+            the inverse of ``control_freq``.
 
     Raises:
         SpecificationError: As `rtamt.EpisodeMonitor` does.
-        InputError: If an argument is wrong, on ``observe``, which is not there; at a step, if a
-            selector does not fit what the environment gives.
+        InputError: If an argument is wrong, or ``observe`` is set; at a step, if a selector does
+            not
+            fit the environment.
     """
 
     def __init__(
@@ -51,18 +53,17 @@ class StlManiSkillWrapper(gym.Wrapper[Any, Any, Any, Any]):
     ) -> None:
         super().__init__(env)
         base: Any = env.unwrapped
-        said = RequirementOptions(period=round(1.0 / base.control_freq, 12))
-        said.update(options)
-        monitors = ArrayMonitors(
-            partial(episode, device=base.device), partial(online, device=base.device)
+        period = RequirementOptions(period=round(1.0 / base.control_freq, 12))
+        library = ArrayLibrary(
+            partial(episode, device=base.device),
+            partial(online, device=base.device),
+            TorchOperations(base.device),
         )
-        self._judge = StepJudge(specs, monitors, TorchOperations(base.device), said)
+        self._judge = StepJudge(specs, library, {**period, **options})
         if self._judge.observes:
-            raise InputError(
-                "expected no observe, which this wrapper does not have, got observe='state'"
-            )
+            raise InputError("StlManiSkillWrapper has no observe='state'. Remove the option.")
         self._signals = ArraySignals(signals, self._judge.variables, lambda function: function)
-        self._known = self._judge.init(base.num_envs)
+        self._state = self._judge.init(base.num_envs)
         self._never = torch.zeros(base.num_envs, dtype=torch.bool, device=base.device)
         self._info: dict[str, Any] | None = None
 
@@ -72,28 +73,28 @@ class StlManiSkillWrapper(gym.Wrapper[Any, Any, Any, Any]):
         seed: Any = None,  # noqa: ANN401 - one or many
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Begins episodes, where ``options`` has ``env_idx`` those of these environments alone."""
+        """Start episodes; in the environments of ``options["env_idx"]`` only, if it is set."""
         obs, info = self.env.reset(seed=seed, options=options)
         mask = ~self._never
         if options is not None and "env_idx" in options:
             which = torch.as_tensor(options["env_idx"], device=mask.device)
             mask = self._never.index_fill(0, which.to(torch.int64), 1)
         step = ArrayStep(obs, None, None, info, self.unwrapped)
-        self._known, judged = self._judge.begin(self._known, self._signals.reset(step), mask)
-        return obs, {**info, **self._told(judged, mask)}
+        self._state, judged = self._judge.begin(self._state, self._signals.reset(step), mask)
+        return obs, {**info, **self._infos(judged, mask)}
 
     def step(self, action: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:  # noqa: ANN401 - tensors
-        """Steps the environments and judges the step."""
+        """Step the environments and judge the step."""
         obs, reward, terminated, truncated, info = self.env.step(action)
         step = ArrayStep(obs, action, reward, info, self.unwrapped)
-        self._known, judged = self._judge.step(
-            self._known, self._signals.step(step), reward, terminated, truncated
+        self._state, judged = self._judge.step(
+            self._state, self._signals.step(step), reward, terminated, truncated
         )
-        told = self._told(judged, ~self._never)
-        return obs, judged.reward, judged.terminated, judged.truncated, {**info, **told}
+        infos = self._infos(judged, ~self._never)
+        return obs, judged.reward, judged.terminated, judged.truncated, {**info, **infos}
 
-    def _told(self, judged: JudgedStep, mask: torch.Tensor) -> dict[str, Any]:
-        """The keys of infos: what is new in the environments of the mask, and was in the others."""
+    def _infos(self, judged: JudgedStep, mask: torch.Tensor) -> dict[str, Any]:
+        """Return the keys of infos: new in the masked environments, the last ones in others."""
         self._info = judged.info if self._info is None else _chosen(mask, judged.info, self._info)
         return self._info
 

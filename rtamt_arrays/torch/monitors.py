@@ -1,15 +1,11 @@
-"""Formulas on integers that have the order of numbers, for compiled steps without a gradient.
+"""Monitors of tensors, which can overwrite their state.
 
-A formula takes min, max and negatives of its terms. The bits of a float, read as an integer, have
-the order of floats where these are positive, and the opposite one where they are negative; with all
-bits but the sign turned round there, the integers have the order of numbers, -0.0 below 0.0. Then
-min and max are one operation each, where those of floats take six, which keep zeros of either sign
-apart, and ``~`` is the negative. Terms are found in floats, and states and readings are floats.
-
-A graph has half as many operations so, and takes half the time to compile. In eager mode the
-turning costs more than it saves.
-
-Monitors of tensors, which write into their state where a caller wants that.
+Compiled steps without a gradient run on integers that have the order of the floats. The bits of a
+float, read as an integer, are in order for positive floats and in reverse for negative ones. With
+all bits except the sign inverted there, -0.0 is below 0.0, min and max are one operation instead of
+six, and ``~`` negates. Terms are computed in floats, and states and readings are floats. The graph
+has half as many operations and compiles in half the time. In eager mode the conversion costs more
+than it saves.
 """
 
 from __future__ import annotations
@@ -38,20 +34,20 @@ _READ = ("robustness", "lower", "upper")
 
 
 class OrderedFormulas(Generic[Machine]):
-    """A machine that runs the formulas of a program on integers.
+    """A machine that runs the formulas of a program on ordered integers.
 
     Args:
-        made: Makes the machine.
+        make: Makes the machine.
         program: The program.
         reader: Reads the floats of a caller.
-        tables: The numbers of the machine's state, but for a ring of which a step reads few.
-        check: Refuses what is no state of the machine.
+        tables: The floats of the machine's state, except a ring of which a step reads few.
+        check: Raises an error for a wrong state.
         in_place: Whether a step may write into that ring.
     """
 
     def __init__(
         self,
-        made: Callable[[Program, Operations, ArrayReader], Machine],
+        make: Callable[[Program, Operations, ArrayReader], Machine],
         program: Program,
         reader: TorchReader,
         tables: Sequence[str],
@@ -63,16 +59,16 @@ class OrderedFormulas(Generic[Machine]):
         self._check = check
         self._operations = TorchOperations(reader.device)
         inputs = program.instructions[: program.terms]
-        self._given = [r for r, each in enumerate(inputs) if not isinstance(each, Const)]
+        self._terms = [r for r, step in enumerate(inputs) if not isinstance(step, Const)]
         ordered = _OrderedOperations(reader.device, reader.dtype, in_place=in_place)
-        self._machine = made(self._formulas(), ordered, _OrderedReader(reader.dtype))
+        self._machine = make(self._formulas(), ordered, _OrderedReader(reader.dtype))
 
     def _formulas(self) -> Program:
-        """The program whose variables are the terms."""
+        """Return the program with its terms as variables."""
         instructions = list(self._program.instructions)
-        for r in self._given:
+        for r in self._terms:
             instructions[r] = Load(str(r))
-        variables = tuple(map(str, self._given))
+        variables = tuple(map(str, self._terms))
         return replace(self._program, instructions=tuple(instructions), variables=variables)
 
     def run(
@@ -81,7 +77,7 @@ class OrderedFormulas(Generic[Machine]):
         state: Any,  # noqa: ANN401 - the machine's own
         sample: ArraySample,
     ) -> Any:  # noqa: ANN401 - what the step gives
-        """What a step gives; None in eager mode, and where gradients go through."""
+        """Return the result of a step; None in eager mode and for gradients."""
         if not torch.compiler.is_compiling():
             return None
         self._check(state)
@@ -93,44 +89,46 @@ class OrderedFormulas(Generic[Machine]):
         if wrong is not None:
             state = state._replace(nan=state.nan | wrong)
         tables = {n: _integers(x) for n in self._tables if len(x := getattr(state, n))}
-        given = {str(r): _integers(o.broadcast(known[r], lanes)) for r in self._given}
-        following, *readings = step(self._machine, state._replace(**tables), given)
-        return self._floats(following, tables), *(self._floats(each, _READ) for each in readings)
+        integers = {str(r): _integers(o.broadcast(known[r], lanes)) for r in self._terms}
+        following, *readings = step(self._machine, state._replace(**tables), integers)
+        return self._floats(following, tables), *(
+            self._floats(reading, _READ) for reading in readings
+        )
 
     def _floats(self, arrays: Any, names: Container[str]) -> Any:  # noqa: ANN401 - a named tuple
-        # In an order that is the same in all processes: caches of graphs know them by their text.
-        there = [name for name in arrays._fields if name in names]
+        # The order is the same in all processes, so caches of graphs hit.
+        floats = [name for name in arrays._fields if name in names]
         return arrays._replace(
-            **{name: _numbers(getattr(arrays, name), self._reader.dtype) for name in there}
+            **{name: _numbers(getattr(arrays, name), self._reader.dtype) for name in floats}
         )
 
 
 def _integers(x: Tensor) -> Tensor:
-    """Integers in the order of numbers."""
+    """Return integers in the order of floats."""
     return _turned(x.view(BITS[x.dtype.itemsize]))
 
 
 def _numbers(integers: Tensor, dtype: Any) -> Tensor:  # noqa: ANN401 - a kind of floats
-    """The numbers of such integers."""
+    """Return the floats of ordered integers."""
     return _turned(integers).view(dtype)
 
 
 def _turned(bits: Tensor) -> Tensor:
-    """Negative integers with all bits but that of the sign turned round."""
+    """Invert all bits except the sign of negative integers."""
     return bits ^ ((bits >> (8 * bits.dtype.itemsize - 1)) & torch.iinfo(bits.dtype).max)
 
 
-def _found_integer(value: float, dtype: object) -> int:
-    """The integer of a number."""
+def _ordered(value: float, dtype: object) -> int:
+    """Return the ordered integer of a number."""
     return int(_integers(torch.tensor(value, dtype=dtype, device="cpu")).item())
 
 
-# Under torch.compile it is found while the graph is made, and is no part of it.
-_integer = torch.compiler.assume_constant_result(_found_integer)
+# Under torch.compile this runs while the graph is built, and is not part of it.
+_integer = torch.compiler.assume_constant_result(_ordered)
 
 
 class _OrderedOperations(TorchOperations):
-    """Operations on such integers. Floats that they are given are turned into them."""
+    """Operations on ordered integers; they convert floats."""
 
     def __init__(self, device: object, dtype: object, *, in_place: bool) -> None:
         super().__init__(device, in_place=in_place)
@@ -142,8 +140,8 @@ class _OrderedOperations(TorchOperations):
         return super().full(shape, value, dtype)
 
     def constant(self, values: Sequence[float], dtype: object) -> Tensor:
-        found = super().constant(values, dtype)
-        return _integers(found) if dtype == self._dtype else found
+        constant = super().constant(values, dtype)
+        return _integers(constant) if dtype == self._dtype else constant
 
     def where(self, condition: Tensor, x: Tensor | float, y: Tensor | float) -> Tensor:
         x, y = (_integer(a, self._dtype) if isinstance(a, float) else a for a in (x, y))
@@ -159,7 +157,7 @@ class _OrderedOperations(TorchOperations):
         return x < 0
 
     def isnan(self, x: Tensor) -> Tensor:
-        return x != x  # noqa: PLR0124 - none is: what was nan is known of the terms
+        return x != x  # noqa: PLR0124 - never: the terms have reported nan
 
     def gather(self, table: Tensor, rows: Tensor) -> Tensor:
         return _integers(super().gather(table, rows))
@@ -169,7 +167,7 @@ class _OrderedOperations(TorchOperations):
 
 
 class _OrderedReader:
-    """Takes such integers as they are."""
+    """Accepts ordered integers as they are."""
 
     kind = "integers"
     module = "torch"
@@ -181,13 +179,13 @@ class _OrderedReader:
     def taken(self, value: Tensor) -> Tensor:
         return value
 
-    def is_array(self, value: object) -> bool:  # noqa: ARG002 - they come from terms
+    def is_array(self, value: object) -> bool:  # noqa: ARG002
         return True
 
-    def holds(self, value: object, dtype: object) -> bool:  # noqa: ARG002 - they were looked at
+    def holds(self, value: object, dtype: object) -> bool:  # noqa: ARG002
         return True
 
-    def shown(self, value: object) -> str:  # noqa: ARG002 - nothing is refused here
+    def shown(self, value: object) -> str:  # noqa: ARG002
         return ""
 
     def nearest(self, name: str, names: Sequence[str]) -> str:  # noqa: ARG002
@@ -196,7 +194,7 @@ class _OrderedReader:
     def announce(self, text: str) -> None:
         """Nothing is refused here."""
 
-    def mask(self, mask: object, like: Tensor) -> Tensor:  # noqa: ARG002 - nothing is reset here
+    def mask(self, mask: object, like: Tensor) -> Tensor:  # noqa: ARG002
         msg = "lanes are reset in floats"
         raise AssertionError(msg)
 
@@ -205,12 +203,12 @@ ArrayReading = TypeVar("ArrayReading", OnlineReading, BoundsReading)
 
 
 class TorchOnlineMonitor(OnlineMonitor):
-    """`rtamt.VectorMonitor` as functions of tensors; made by ``online``.
+    """`rtamt.VectorMonitor` as functions of tensors; ``online`` returns one.
 
     Attributes:
         program: The compiled program.
         variables: Names of the variables, in the order of the last axis of a sample.
-        latency: Samples by which the robustness is late.
+        latency: The number of samples by which the robustness is late.
     """
 
     def __init__(self, program: Program, reader: TorchReader) -> None:
@@ -225,23 +223,24 @@ class TorchOnlineMonitor(OnlineMonitor):
         )
 
     def update(self, state: OnlineState, sample: ArraySample) -> tuple[OnlineState, OnlineReading]:
-        """Take in a sample in every lane; see `rtamt_arrays.online.OnlineMonitor.update`."""
-        found: tuple[OnlineState, OnlineReading] | None
-        found = self._ordered.run(OnlineMonitor.update, state, sample)
-        following, reading = found or super().update(state, sample)
-        return following, _kept(reading)
+        """Take a sample; see `rtamt_arrays.online.OnlineMonitor.update`."""
+        result: tuple[OnlineState, OnlineReading] | None
+        result = self._ordered.run(OnlineMonitor.update, state, sample)
+        following, reading = result or super().update(state, sample)
+        return following, _detached(reading)
 
     def update_(self, state: OnlineState, sample: ArraySample) -> OnlineReading:
-        """Take in a sample in every lane; the state is overwritten with the next one.
+        """Take a sample, and overwrite the state with the next one.
 
         Args:
             state: As for `update`.
             sample: As for `update`.
 
         Raises:
-            InputError: As `update` does, and if a gradient goes through the state or the sample;
-                the state is then as it was.
-            InputTypeError: As `update` does; the state is then as it was.
+            InputError: As `update` does, and if the state or the sample requires a gradient. After
+                an
+                error the state is unchanged.
+            InputTypeError: As `update` does.
         """
         _check_gradients(self._reader, self.variables, state, sample)
         written = self._ordered_writing.run(OnlineMonitor.update, state, sample)
@@ -250,21 +249,15 @@ class TorchOnlineMonitor(OnlineMonitor):
         return reading
 
     def reset_(self, state: OnlineState, mask: Tensor | None = None) -> None:
-        """Make the lanes of the mask forget every sample; the state is overwritten.
+        """Reset the masked entries, and overwrite the state.
 
-        Args:
-            state: As for `reset`.
-            mask: As for `reset`.
-
-        Raises:
-            InputError: As `reset` does; the state is then as it was.
-            InputTypeError: As `reset` does; the state is then as it was.
+        Args and errors are those of `reset`; after an error the state is unchanged.
         """
         _overwrite(state, self.reset(state, mask))
 
 
 class TorchEpisodeMonitor(EpisodeArrays):
-    """`rtamt.VectorEpisodeMonitor` as functions of tensors; made by ``episode``.
+    """`rtamt.VectorEpisodeMonitor` as functions of tensors; ``episode`` returns one.
 
     Attributes:
         program: The compiled program.
@@ -279,32 +272,25 @@ class TorchEpisodeMonitor(EpisodeArrays):
     def update(
         self, state: EpisodeState, sample: ArraySample
     ) -> tuple[EpisodeState, BoundsReading]:
-        """Take in a sample in every lane; see `rtamt_arrays.episode.EpisodeArrays.update`."""
-        found: tuple[EpisodeState, BoundsReading] | None
-        found = self._ordered.run(EpisodeArrays.update, state, sample)
-        following, reading = found or super().update(state, sample)
-        return following, _kept(reading)
+        """Take a sample; see `rtamt_arrays.episode.EpisodeArrays.update`."""
+        result: tuple[EpisodeState, BoundsReading] | None
+        result = self._ordered.run(EpisodeArrays.update, state, sample)
+        following, reading = result or super().update(state, sample)
+        return following, _detached(reading)
 
     def update_and_cut(
         self, state: EpisodeState, sample: ArraySample
     ) -> tuple[EpisodeState, BoundsReading, BoundsReading]:
-        """Say a cut trace too; see `rtamt_arrays.episode.EpisodeArrays.update_and_cut`."""
-        found: tuple[EpisodeState, BoundsReading, BoundsReading] | None
-        found = self._ordered.run(EpisodeArrays.update_and_cut, state, sample)
-        following, reading, cut = found or super().update_and_cut(state, sample)
-        return following, _kept(reading), _kept(cut)
+        """Take a sample; see `rtamt_arrays.episode.EpisodeArrays.update_and_cut`."""
+        result: tuple[EpisodeState, BoundsReading, BoundsReading] | None
+        result = self._ordered.run(EpisodeArrays.update_and_cut, state, sample)
+        following, reading, cut = result or super().update_and_cut(state, sample)
+        return following, _detached(reading), _detached(cut)
 
     def update_(self, state: EpisodeState, sample: ArraySample) -> BoundsReading:
-        """Take in a sample in every lane; the state is overwritten with the next one.
+        """Take a sample, and overwrite the state with the next one.
 
-        Args:
-            state: As for `update`.
-            sample: As for `update`.
-
-        Raises:
-            InputError: As `update` does, and if a gradient goes through the state or the sample;
-                the state is then as it was.
-            InputTypeError: As `update` does; the state is then as it was.
+        See `TorchOnlineMonitor.update_`.
         """
         _check_gradients(self._reader, self.variables, state, sample)
         following, reading = self.update(state, sample)
@@ -312,15 +298,9 @@ class TorchEpisodeMonitor(EpisodeArrays):
         return reading
 
     def reset_(self, state: EpisodeState, mask: Tensor | None = None) -> None:
-        """Make the lanes of the mask forget every sample; the state is overwritten.
+        """Reset the masked entries, and overwrite the state.
 
-        Args:
-            state: As for `reset`.
-            mask: As for `reset`.
-
-        Raises:
-            InputError: As `reset` does; the state is then as it was.
-            InputTypeError: As `reset` does; the state is then as it was.
+        Args and errors are those of `reset`; after an error the state is unchanged.
         """
         _overwrite(state, self.reset(state, mask))
 
@@ -331,11 +311,11 @@ def _check_gradients(
     state: object,
     sample: ArraySample,
 ) -> None:
-    """Refuse a gradient through what is overwritten: its graph would grow, and never go back."""
+    """Refuse gradients through an overwritten state: the graph would grow without end."""
     if torch.is_grad_enabled():
-        given = [sample.get(v) for v in variables] if isinstance(sample, Mapping) else [sample]
-        kept = state if isinstance(state, tuple) else ()  # if it is none, a step says so
-        if any(isinstance(x, torch.Tensor) and x.requires_grad for x in (*kept, *given)):
+        values = [sample.get(v) for v in variables] if isinstance(sample, Mapping) else [sample]
+        states = state if isinstance(state, tuple) else ()  # otherwise, the step raises an error
+        if any(isinstance(x, torch.Tensor) and x.requires_grad for x in (*states, *values)):
             text = (
                 "expected a state and a sample that require no gradient, as update_ overwrites the "
                 "state; take update, or call update_ under torch.no_grad()"
@@ -343,8 +323,8 @@ def _check_gradients(
             refused(reader, InputError, text)
 
 
-def _kept(reading: ArrayReading) -> ArrayReading:
-    """The reading with flags of its own, which stay when the state is overwritten."""
+def _detached(reading: ArrayReading) -> ArrayReading:
+    """Return the reading with its own copy of the flags, which update_ does not overwrite."""
     return reading._replace(nan=reading.nan.clone())
 
 

@@ -1,4 +1,4 @@
-"""The operations of tensors in torch."""
+"""The operations and inputs of torch."""
 
 from __future__ import annotations
 
@@ -14,12 +14,7 @@ from rtamt_arrays.operations import Tensor
 
 
 class TorchOperations:
-    """The operations that the walks over a program ask for.
-
-    Args:
-        device: Where tensors are made.
-        in_place: Whether a scatter writes into the table that it is given.
-    """
+    """`rtamt_arrays.operations.Operations` of torch; a scatter may write ``in_place``."""
 
     count: object = torch.int32
     row: object = torch.int64
@@ -52,7 +47,7 @@ class TorchOperations:
     stack = staticmethod(torch.stack)
 
     def signbit(self, x: Tensor) -> Tensor:
-        return _bits(x) < 0  # which compilers make vectors of
+        return _bits(x) < 0  # compilers vectorize this
 
     def neg(self, x: Tensor) -> Tensor:
         return -x
@@ -60,7 +55,7 @@ class TorchOperations:
     def lesser(self, x: Tensor, y: Tensor) -> Tensor:
         if differentiated(x, y):
             return torch.where(_first(x, y), x, y)
-        # Minima give one of two equal numbers, which differ in no bit but the sign of zeros.
+        # torch.minimum returns either of two equal numbers; only the zeros differ, in the sign bit.
         return (_bits(torch.minimum(x, y)) | _bits(torch.minimum(y, x))).view(x.dtype)
 
     def greater(self, x: Tensor, y: Tensor) -> Tensor:
@@ -90,35 +85,35 @@ BITS = {2: torch.int16, 4: torch.int32, 8: torch.int64}
 
 
 def _bits(x: Tensor) -> Tensor:
-    """The bits of numbers as integers, which are negative where the sign bit is set."""
+    """Return the bits of floats as integers, which are negative where the sign bit is set."""
     return x.view(BITS[x.dtype.itemsize])
 
 
 def _first(x: Tensor, y: Tensor) -> Tensor:
-    """Whether x is the lesser one, in operations that have a gradient."""
+    """Return whether x is the minimum, with operations that have a gradient."""
     return (x < y) | ((x == y) & (_bits(x) < 0))
 
 
 def differentiated(*operands: Tensor) -> bool:
-    """Whether one of them has a gradient, or a tangent: bits have neither."""
+    """Return whether an operand has a gradient or a tangent, which bits do not have."""
     if torch.is_grad_enabled() and any(x.requires_grad for x in operands):
         return True
-    if torch.compiler.is_compiling():  # where no tensor knows its tangent
+    if torch.compiler.is_compiling():  # tensors have no tangent here
         return bool(_tangents_are_made())
     return any(unpack_dual(x).tangent is not None for x in operands)
 
 
 def _tangents() -> bool:
-    return bool(forward_ad._current_level >= 0)  # noqa: SLF001 - nothing public says it
+    return bool(forward_ad._current_level >= 0)  # noqa: SLF001 - there is no public name
 
 
-# Under torch.compile they are asked while the graph is made, and are no part of it.
+# Under torch.compile both run while the graph is built, and are not part of it.
 _tangents_are_made = torch.compiler.assume_constant_result(_tangents)
 _nearest = torch.compiler.assume_constant_result(nearest)
 
 
 class TorchReader:
-    """Tensors of one device, as those of one kind of floats."""
+    """Reads tensors of one device as floats of one kind."""
 
     kind = "tensors"
     module = "torch"
@@ -129,8 +124,8 @@ class TorchReader:
             got = self.shown(self.dtype)
             text = f"expected a dtype of floats, such as torch.float32, got {got}"
             refused(self, InputTypeError, text)
-        found = torch.finfo(self.dtype)
-        self.limits = found.tiny, found.max
+        info = torch.finfo(self.dtype)
+        self.limits = info.tiny, info.max
         try:
             self.device = torch.empty(0, device=device).device
         except (RuntimeError, TypeError, AssertionError) as e:
@@ -165,8 +160,8 @@ class TorchReader:
         return str(_nearest(name, names))
 
     def announce(self, text: str) -> None:
-        if torch.compiler.is_compiling():  # which shows the text of a break, and of no error
-            torch._dynamo.graph_break(msg=text)  # noqa: SLF001 - which torch documents
+        if torch.compiler.is_compiling():  # it shows the text of graph breaks only
+            torch._dynamo.graph_break(msg=text)  # noqa: SLF001 - torch documents it
 
     def _check_device(self, tensor: Tensor) -> None:
         if tensor.device != self.device:

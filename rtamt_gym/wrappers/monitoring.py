@@ -132,7 +132,7 @@ class Monitoring(Observing):
         self._seen_success = self._warned_of_success = False
         self._details, self._cost = options["details"], options["cost"]
         loaded = load_specs(specs, own_requirements(env), options["constants"])
-        self._on_violation = _violation_words(options["on_violation"], loaded)
+        self._on_violation = violation_words(options["on_violation"], loaded)
         self._constants = Constants(loaded)
         variables = [name for spec in loaded.values() for name in spec.variables]
         explicit, own = ({} if signals is None else signals), own_signals(env)
@@ -475,7 +475,7 @@ def _refuse_monitored(env: Any) -> None:
         where = " around each of its environments"
 
 
-def _violation_words(words: object, specs: Collection[str]) -> dict[str, OnViolation]:
+def violation_words(words: object, specs: Collection[str]) -> dict[str, OnViolation]:
     """Return the word for each requirement.
 
     Raises:

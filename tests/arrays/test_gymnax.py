@@ -20,7 +20,7 @@ from rtamt_arrays.jax import gymnax as wrappers
 from rtamt_arrays.jax.functional import StlFuncEnv
 from rtamt_arrays.jax.gymnax import StlEnvironment
 from rtamt_arrays.jax.operations import JaxOperations
-from rtamt_arrays.monitor_set import ArrayMonitors
+from rtamt_arrays.monitor_set import ArrayLibrary
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.requirements import StepJudge
 
@@ -37,7 +37,7 @@ class Jax:
     """JAX under ``jit``."""
 
     def judge(self, specs: Any, options: Any) -> StepJudge:  # noqa: ANN401
-        return StepJudge(specs, ArrayMonitors(episode, online), JaxOperations(), options)
+        return StepJudge(specs, ArrayLibrary(episode, online, JaxOperations()), options)
 
     def tensor(self, values: object) -> Tensor:
         return jnp.asarray(np.array(values))

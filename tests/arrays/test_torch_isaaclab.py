@@ -18,7 +18,7 @@ from array_requirements import RequirementContract
 from isaaclab.managers import ManagerTermBase, StandInEnv, TermCfg
 
 from rtamt import InputError, InputTypeError, VectorEpisodeMonitor
-from rtamt_arrays.monitor_set import ArrayMonitors
+from rtamt_arrays.monitor_set import ArrayLibrary
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.requirements import StepJudge
 from rtamt_arrays.torch import episode, isaaclab, online
@@ -34,8 +34,8 @@ class Torch:
 
     def judge(self, specs: Any, options: Any) -> StepJudge:  # noqa: ANN401
         doubles = {"dtype": torch.float64, "device": "cpu"}
-        made = ArrayMonitors(partial(episode, **doubles), partial(online, **doubles))
-        return StepJudge(specs, made, TorchOperations("cpu"), options)
+        makers = partial(episode, **doubles), partial(online, **doubles)
+        return StepJudge(specs, ArrayLibrary(*makers, TorchOperations("cpu")), options)
 
     def tensor(self, values: object) -> Tensor:
         return torch.from_numpy(np.array(values))

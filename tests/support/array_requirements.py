@@ -82,6 +82,7 @@ DEMANDS = {
     "soon": "eventually[0:4](x > 2.5) and always(historically[0:1](y > -2))",
 }
 INSTANTS = {"responds": "(x > 0) implies eventually[0:2](y > 0)", "near": "abs(x) <= 2.5"}
+WORDS = {"responds": "report", "late": "truncate", "near": "terminate"}
 CASES: list[tuple[Any, dict[str, Any]]] = [
     (RESPONDS, {"mode": "add", "on_violation": "report"}),
     (RESPONDS, {"mode": "progress", "at_termination": "cut", "on_violation": "truncate"}),
@@ -94,6 +95,7 @@ CASES: list[tuple[Any, dict[str, Any]]] = [
     (DEMANDS, {"mode": "add", "cost": "depth", "on_violation": "report"}),
     (SEVERAL, {"mode": "add", "cost": "latched", "on_violation": "report"}),
     (SEVERAL, {"mode": "add", "cost": "first", "at_termination": "failure"}),
+    (SEVERAL, {"mode": "add", "on_violation": WORDS}),
     (DEMANDS, {"mode": "add", "cost": "depth", "nan": "hold", "on_violation": "report"}),
     (INSTANTS, {"mode": "add", "view": "step", "cost": "depth", "on_violation": "report"}),
     (INSTANTS, {"mode": "progress", "view": "step", "on_violation": "truncate"}),
