@@ -161,7 +161,8 @@ class _Plan:
     ) -> None:
         self.settings = settings
         self.specifications = tuple(
-            parse(each) if isinstance(each, str) else each for each in specifications
+            parse(specification) if isinstance(specification, str) else specification
+            for specification in specifications
         )
         if not self.specifications:
             raise InputError("expected a specification or more, got none")
@@ -169,7 +170,10 @@ class _Plan:
         self.outputs = outputs_of(judges.requirements, dense=self.settings.dense)
         self.lateness = judges.lateness
         self.bounds = bound_topics(self.outputs)
-        self.formulas = {each.name: str(each.specification.formula) for each in judges.requirements}
+        self.formulas = {
+            requirement.name: str(requirement.specification.formula)
+            for requirement in judges.requirements
+        }
         wanted = {("std_msgs", message) for message in BOUNDS.values()}
         wanted |= {(each.package, each.message) for each in self.outputs}
         wanted |= {_class(each) for each in judges.inputs}
@@ -249,8 +253,8 @@ class _Running:
         # Not under the lock: a handle may wait for a callback that waits for the lock.
         while self._handles:
             self._handles.pop().close()
-        for each in self._threads:
-            each.join()
+        for thread in self._threads:
+            thread.join()
         with self._lock:
             self.judges.close()
 
@@ -264,7 +268,7 @@ class _Running:
             self._publish_all(reports)
         count = counted(len(reports), "requirement")
         begin = f"{count} {'begins' if len(reports) == 1 else 'begin'} anew at {seconds(now, 3)}"
-        said = "\n".join([begin, *(f"{each.name}: {each.problem}" for each in reports)])
+        said = "\n".join([begin, *(f"{report.name}: {report.problem}" for report in reports)])
         self._middleware.log(Level.WARN, said)
         return said
 
@@ -278,7 +282,7 @@ class _Running:
         """Log on which topics the node hears and publishes, and where it records."""
         tell, whole = partial(self._middleware.log, Level.OK), self._middleware.resolve
         for topic, sources in self.judges.topics.items():
-            names = ", ".join(dict.fromkeys(each.name for each in sources))
+            names = ", ".join(dict.fromkeys(source.name for source in sources))
             tell(f"hears {whole(topic)} ({'/'.join(_class(sources[0]))}) as {names}")
         for output in self._plan.outputs:
             tell(f"publishes {whole(output.topic)} ({output.package}/{output.message})")
@@ -291,7 +295,9 @@ class _Running:
         """Refuse topics that remappings make one, if their messages are of two classes."""
         known: dict[str, tuple[str, str]] = {}
         topics = [(topic, _class(sources[0])) for topic, sources in self.judges.topics.items()]
-        topics += [(each.topic, (each.package, each.message)) for each in self._plan.outputs]
+        topics += [
+            (output.topic, (output.package, output.message)) for output in self._plan.outputs
+        ]
         if combined := self._plan.settings.combined:
             topics.append((combined, _COMBINED))
             if self._middleware.resolve(combined) == "/diagnostics":
@@ -319,13 +325,13 @@ class _Running:
         published = self._middleware.published_topics()
         if published is None:
             return
-        own = {each.topic for each in self._plan.outputs} | {"/diagnostics", "/rosout"}
+        own = {output.topic for output in self._plan.outputs} | {"/diagnostics", "/rosout"}
         own |= {self._plan.settings.combined} - {""}
         own |= {f"{topic}/{what}" for topic in self._plan.bounds.values() for what in BOUNDS}
         others = set(published) - {self._middleware.resolve(topic) for topic in own}
         for topic, sources in self.judges.topics.items():
             whole = self._middleware.resolve(topic)
-            needed = any(each.default is None for each in sources)
+            needed = any(source.default is None for source in sources)
             if needed and whole not in published:
                 hint = nearest(whole, others)
                 self._middleware.log(Level.WARN, f"nobody publishes {whole}{hint}")

@@ -123,9 +123,9 @@ def _texts(values: Mapping[str, Any], name: str) -> list[str]:
     """The texts of a parameter that is one or a list; an empty one is none."""
     value = values[name]
     texts = [value] if isinstance(value, str) else value
-    if not isinstance(texts, Sequence) or not all(isinstance(each, str) for each in texts):
+    if not isinstance(texts, Sequence) or not all(isinstance(text, str) for text in texts):
         raise InputError(f"{name}: expected a text or a list of texts, got {brief(value)}")
-    return [each for each in texts if each]
+    return [text for text in texts if text]
 
 
 def _period(value: object, unit: str) -> int:

@@ -73,7 +73,11 @@ class Ros1:
         # rospy takes remappings from `arguments`, but the namespace from `sys.argv` alone.
         namespace = rosgraph.names.get_ros_namespace(argv=arguments)
         rospy.names._set_caller_id(f"{namespace}unnamed")  # noqa: SLF001
-        given = [each.removeprefix("__name:=") for each in arguments if each[:8] == "__name:="]
+        given = [
+            argument.removeprefix("__name:=")
+            for argument in arguments
+            if argument[:8] == "__name:="
+        ]
         if not all(map(rosgraph.names.is_legal_base_name, given)):
             raise InputError(f"__name: expected letters, digits and '_', got {given[0]!r}")
         try:

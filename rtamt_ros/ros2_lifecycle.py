@@ -59,7 +59,7 @@ class LifecycleMonitor:
     def autostart(self) -> bool:
         """Configures and activates the node; whether both went well."""
         transitions = self.node.trigger_configure, self.node.trigger_activate
-        return all(each() == TransitionCallbackReturn.SUCCESS for each in transitions)
+        return all(transition() == TransitionCallbackReturn.SUCCESS for transition in transitions)
 
     def configure(self) -> None:
         """Reads parameters and specifications."""
@@ -97,7 +97,11 @@ class LifecycleMonitor:
 
     def set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         """Takes parameters at run time, or says why not."""
-        given = {each.name: each.value for each in parameters if each.name in PARAMETERS}
+        given = {
+            parameter.name: parameter.value
+            for parameter in parameters
+            if parameter.name in PARAMETERS
+        }
         try:
             if given:
                 self._change(given)
@@ -150,9 +154,15 @@ class _Node(LifecycleNode):  # type: ignore[misc] # rclpy has no types
                 self.declare_parameter(each, default, how)
             except ParameterException as error:
                 raise InputError(f"parameter {each}: {error}") from error
-        for each in self._parameter_overrides:  # rclpy says nothing of those that nobody declares
-            if not self.has_parameter(each) and not each.startswith("qos_overrides."):
-                self.get_logger().warning(f"no parameter {each}{nearest(each, PARAMETERS)}")
+        for (
+            parameter_override
+        ) in self._parameter_overrides:  # rclpy says nothing of those that nobody declares
+            if not self.has_parameter(parameter_override) and not parameter_override.startswith(
+                "qos_overrides."
+            ):
+                self.get_logger().warning(
+                    f"no parameter {parameter_override}{nearest(parameter_override, PARAMETERS)}"
+                )
         self.add_on_set_parameters_callback(monitor.set)
         self._monitor = monitor
 

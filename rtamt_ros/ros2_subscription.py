@@ -88,7 +88,7 @@ class Hearing(threading.Thread):
                     callbacks = dict(self._callbacks)
                     for each in (self._context, self._changed, *callbacks):
                         held.enter_context(each.handle)
-                    events = [event for each in callbacks for event in each.event_handlers]
+                    events = [event for callback in callbacks for event in callback.event_handlers]
                     for event in events:
                         held.enter_context(event)
                 with suppress(InvalidHandle):  # of what was removed, and then destroyed
@@ -104,8 +104,8 @@ class Hearing(threading.Thread):
         changed = self._changed.handle
         while not self._closed:
             waits.clear_entities()
-            for each in callbacks:
-                waits.add_subscription(each.handle)
+            for callback in callbacks:
+                waits.add_subscription(callback.handle)
             for event in events:
                 event.add_to_wait_set(waits)
             waits.add_guard_condition(changed)
@@ -259,7 +259,7 @@ class Ros2Subscription:
         """Looks at the publishers once a second, until one reader stays: DDS tells of few."""
         publishers = self._node.get_publishers_info_by_topic(self._whole_name)
         wanted = f"{self._message.__module__.partition('.')[0]}/msg/{self._message.__name__}"
-        others = sorted({each.topic_type for each in publishers} - {wanted})
+        others = sorted({publisher.topic_type for publisher in publishers} - {wanted})
         if others not in ([], self._others):
             self._others = others
             self._log(
@@ -267,7 +267,10 @@ class Ros2Subscription:
                 f"a publisher of {self._whole_name} sends {', '.join(others)} instead of {wanted}: "
                 "none of its messages come",
             )
-        keeps = any(each.topic_type == wanted and _keeps(each.qos_profile) for each in publishers)
+        keeps = any(
+            publisher.topic_type == wanted and _keeps(publisher.qos_profile)
+            for publisher in publishers
+        )
         with self._lock:
             if keeps and not self._closed and "late" not in self._readers:
                 self._open_late()

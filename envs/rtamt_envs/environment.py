@@ -76,7 +76,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
     @property
     def parameters(self) -> dict[str, float]:
         """The parameters of the present episode by name; a copy."""
-        names = [each.name for each in self.scenario.parameters]
+        names = [parameter.name for parameter in self.scenario.parameters]
         return dict(zip(names, self._lanes.parameters[0].tolist(), strict=True))
 
     def reset(
@@ -152,8 +152,8 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
 
 def box(quantities: tuple[Quantity, ...]) -> gym.Space[Floats]:
     """The space of float64 vectors of these quantities."""
-    low = np.array([each.low for each in quantities], np.float64)
-    high = np.array([each.high for each in quantities], np.float64)
+    low = np.array([quantity.low for quantity in quantities], np.float64)
+    high = np.array([quantity.high for quantity in quantities], np.float64)
     return cast("gym.Space[Floats]", gym.spaces.Box(low, high, dtype=np.float64))
 
 

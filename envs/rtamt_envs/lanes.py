@@ -35,8 +35,8 @@ class ScenarioLanes:
 
     def __init__(self, scenario: Scenario, parameters: Floats, num: int) -> None:
         self._scenario = scenario
-        self._low = np.array([each.low for each in scenario.actions])
-        self._high = np.array([each.high for each in scenario.actions])
+        self._low = np.array([action.low for action in scenario.actions])
+        self._high = np.array([action.high for action in scenario.actions])
         self._states = np.zeros((num, scenario.state))
         self._unkept = np.zeros((0, num, len(scenario.observations)))
         self.parameters = np.tile(parameters, (num, 1))

@@ -136,7 +136,7 @@ class Scenario:
     @cached_property
     def defaults(self) -> Floats:
         """The default of each parameter."""
-        return np.array([each.default for each in self.parameters], np.float64)
+        return np.array([parameter.default for parameter in self.parameters], np.float64)
 
     def parameter_row(self, given: Mapping[str, Any], base: Floats) -> Floats:
         """A copy of ``base`` with the parameters that are given; shape (..., parameters).
@@ -156,7 +156,7 @@ class Scenario:
                 f"{given!r}"
             )
         row = base.copy()
-        names = [each.name for each in self.parameters]
+        names = [parameter.name for parameter in self.parameters]
         for name, value in given.items():
             if name not in names:
                 has = f"the parameters are {listing(names)}" if names else "it has none"
@@ -228,4 +228,4 @@ class Declared:
     @property
     def action_names(self) -> tuple[str, ...]:
         """The names of the components of an action."""
-        return tuple(each.name for each in self.scenario.actions)
+        return tuple(action.name for action in self.scenario.actions)

@@ -313,7 +313,7 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
                 among the options themselves.
         """
         given = options or {}
-        for name in {each.name for each in SCENARIO.parameters} & set(given):
+        for name in {parameter.name for parameter in SCENARIO.parameters} & set(given):
             raise InputError(
                 f"{name!r} is a parameter; write options={{'parameters': {{{name!r}: "
                 f"{given[name]!r}}}}}"

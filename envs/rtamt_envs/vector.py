@@ -78,7 +78,7 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
     @property
     def parameters(self) -> dict[str, Floats]:
         """The parameters of the present episodes by name; copies of shape (num_envs,)."""
-        names = [each.name for each in self.scenario.parameters]
+        names = [parameter.name for parameter in self.scenario.parameters]
         return dict(zip(names, self._lanes.parameters.T.copy(), strict=True))
 
     def reset(

@@ -318,7 +318,9 @@ class SignalReader:
         if self._nan == "unknown":
             return
         missing = np.isnan(table)
-        unknown = [each.default is not None and np.isnan(each.default) for each in self._signals]
+        unknown = [
+            signal.default is not None and np.isnan(signal.default) for signal in self._signals
+        ]
         missing[0] &= ~np.array(unknown, np.bool_)
         found = np.argwhere(missing)
         if len(found) == 0 or (self._nan == "hold" and found[0, 0] > 0):

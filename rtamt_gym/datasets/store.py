@@ -126,16 +126,16 @@ class Store:
         infos = _listed if self._format == "arrow" else dict
         buffers = [
             EpisodeBuffer(
-                seed=each.seed,
-                options=each.options,
-                observations=each.observations,
-                actions=each.actions,
-                rewards=each.rewards,
-                terminations=each.terminations,
-                truncations=each.truncations,
-                infos=infos(each.infos),
+                seed=episode.seed,
+                options=episode.options,
+                observations=episode.observations,
+                actions=episode.actions,
+                rewards=episode.rewards,
+                terminations=episode.terminations,
+                truncations=episode.truncations,
+                infos=infos(episode.infos),
             )
-            for each in episodes
+            for episode in episodes
         ]
         if self._dataset is None:
             self._dataset = self._made(episodes[0], buffers)

@@ -78,9 +78,9 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
     """
     if not episodes:
         return {}
-    found = {"satisfied": _share([all(_satisfied(each)) for each in episodes])}
+    found = {"satisfied": _share([all(_satisfied(episode)) for episode in episodes])}
     for name in episodes[0]:
-        outcomes = [each[name] for each in episodes]
+        outcomes = [episode[name] for episode in episodes]
         for verdict in ("SATISFIED", "VIOLATED", "UNDECIDED"):
             there = [outcome["verdict"] == verdict for outcome in outcomes]
             found[f"{name}/{verdict.lower()}"] = _share(there)
@@ -117,7 +117,7 @@ def successes(evaluation: Evaluation) -> list[bool]:
     return [
         not row.error
         and row.outcomes.keys() == names
-        and all(each.verdict is Verdict.SATISFIED for each in row.outcomes.values())
+        and all(outcome.verdict is Verdict.SATISFIED for outcome in row.outcomes.values())
         for row in evaluation.record
     ]
 

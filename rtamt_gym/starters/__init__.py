@@ -85,14 +85,14 @@ def write_starter(name: str, folder: Path) -> list[str]:
             nothing is written then.
     """
     files = starter_files(name)
-    there = [each for each in files if (folder / each).exists() or (folder / each).is_symlink()]
+    there = [file for file in files if (folder / file).exists() or (folder / file).is_symlink()]
     if there:
         more = f" and {len(there) - 1} more" if there[1:] else ""
         raise InputError(
             f"{folder / there[0]}{more} would be overwritten: give another folder, "
             f"rtamt init {name} FOLDER"
         )
-    for place in (folder, *((folder / each).parent for each in files)):
+    for place in (folder, *((folder / file).parent for file in files)):
         above = next((each for each in (place, *place.parents) if each.exists()), place)
         if above.exists() and not above.is_dir():
             raise InputError(f"{above} is a file: give another folder, rtamt init {name} FOLDER")

@@ -140,7 +140,7 @@ class DenseJudge:
         self._has_jumped()
         if now < self._since:  # the clock went back since
             self._since = 0
-        times = [max(each.time, self._since) for each in self.inputs if each.time is not None]
+        times = [max(source.time, self._since) for source in self.inputs if source.time is not None]
         self._origin = min(times, default=now)
         self._robustness, self._last = None, {}
         self._verdict = Verdict.UNDECIDED
@@ -155,11 +155,11 @@ class DenseJudge:
 
     def _is_absent(self, now: int) -> bool:
         if self._unknown:
-            return any(each.is_awaited() for each in self.inputs)
-        return any(each.is_gone(now) for each in self.inputs)
+            return any(source.is_awaited() for source in self.inputs)
+        return any(source.is_gone(now) for source in self.inputs)
 
     def _has_jumped(self) -> bool:
-        before, self._jumps = self._jumps, sum(each.jumps for each in self.inputs)
+        before, self._jumps = self._jumps, sum(source.jumps for source in self.inputs)
         return before != self._jumps
 
     def _feed(self, sources: Sequence[Input], now: int) -> Sequence[RequirementReport]:
@@ -213,7 +213,7 @@ class DenseJudge:
 
     def _without(self, now: int) -> Sequence[RequirementReport]:
         """The report of a time at which inputs are stale in a run that goes on."""
-        ages = {each.name: each.age(now) for each in self.inputs if each in self._silent}
+        ages = {source.name: source.age(now) for source in self.inputs if source in self._silent}
         self._decided()
         bounds = self._episode.bounds()
         return [self.account.without_values(now, ages, bounds, self._episode.verdict)]
@@ -232,7 +232,9 @@ class DenseJudge:
 
     def _extend_lasting(self, events: _Events) -> None:
         """Makes defaults, before the first message, and unknown values last as long as the rest."""
-        lasting = [each for each in self.inputs if each.time is None or each in self._silent]
+        lasting = [
+            source for source in self.inputs if source.time is None or source in self._silent
+        ]
         stamped = [time for each, time in self._last.items() if each not in lasting]
         if lasting and stamped:
             self._extend(events, lasting, min(stamped))

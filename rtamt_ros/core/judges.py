@@ -51,21 +51,21 @@ class Judges:
     def __init__(self, specifications: Sequence[Specification], settings: Settings) -> None:
         self.settings = settings
         self.requirements = requirements_of(specifications, settings)
-        read = (source for each in self.requirements for source in each.inputs)
+        read = (source for requirement in self.requirements for source in requirement.inputs)
         self.inputs = list(dict.fromkeys(read))
         self.topics: dict[str, list[Input]] = {}
         for source in self.inputs:
             self.topics.setdefault(source.topic, []).append(source)
-        self._records = [self._record(each) for each in self.requirements]
+        self._records = [self._record(requirement) for requirement in self.requirements]
         recorded = list(zip(self.requirements, self._records, strict=True))
         dense = settings.dense
         self._sampled = [SampledJudge(of, settings, to) for of, to in recorded if not dense]
         self._dense = [DenseJudge(of, settings, to) for of, to in recorded if dense]
         self._judges: list[SampledJudge | DenseJudge] = [*self._sampled, *self._dense]
         self.lateness = {
-            (each.account.name, formula): late
-            for each in self._judges
-            for formula, late in each.lateness.items()
+            (judge.account.name, formula): late
+            for judge in self._judges
+            for formula, late in judge.lateness.items()
         }
         self._now = 0
         self._point: int | None = None  # the last that was judged
@@ -78,7 +78,7 @@ class Judges:
     @property
     def reports(self) -> tuple[RequirementReport, ...]:
         """The last report of every requirement of which there is one."""
-        last = [each.account.last for each in self._judges]
+        last = [judge.account.last for judge in self._judges]
         return tuple([each for each in last if each is not None])
 
     def take(self, topic: str, message: Any, time: int, now: int) -> Sequence[RequirementReport]:  # noqa: ANN401
@@ -141,11 +141,11 @@ class Judges:
         """
         if self._point is not None and now > self._point:
             self._point = now - (now - self._point) % self.settings.period
-        return [each.reset(now) for each in self._judges]
+        return [judge.reset(now) for judge in self._judges]
 
     def standing(self) -> Sequence[RequirementReport]:
         """The reports while a simulated clock stands still; the monitors go on when it does."""
-        return [each.account.standing() for each in self._judges]
+        return [judge.account.standing() for judge in self._judges]
 
     def _follow_clock(self, now: int, time: int) -> None:
         """Forget what came after a time to which the clock went back.

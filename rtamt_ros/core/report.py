@@ -218,13 +218,13 @@ class Account:
 
     def why_gone(self, now: int) -> str:
         """Why a run ends whose inputs have not come or are stale."""
-        gone = [each.name for each in self.inputs if each.is_gone(now)]
+        gone = [source.name for source in self.inputs if source.is_gone(now)]
         return f"{', '.join(gone)} {'was' if len(gone) == 1 else 'were'} stale"
 
     def without(self, now: int) -> RequirementReport:
         """The report while inputs have not come or are stale."""
-        waiting = [each for each in self.inputs if each.is_awaited()]
-        stale = [each for each in self.inputs if each.is_stale(now)]
+        waiting = [source for source in self.inputs if source.is_awaited()]
+        stale = [source for source in self.inputs if source.is_stale(now)]
         what = ["waiting for " + ", ".join(each.name for each in waiting)] if waiting else []
         what += [f"{each.name} stale {seconds(each.age(now))}" for each in stale]
         what += [each.error for each in (*waiting, *stale) if each.error]
@@ -250,7 +250,7 @@ class Account:
             verdict: Its verdict.
         """
         what = [f"{name} stale {seconds(age)}" for name, age in ages.items()]
-        what += [each.error for each in self.inputs if each.error]
+        what += [source.error for source in self.inputs if source.error]
         return self._report(
             time,
             Level.STALE,

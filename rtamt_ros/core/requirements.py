@@ -54,11 +54,13 @@ def requirements_of(
         for title, part in specification.requirements.items():
             numbered = (f"{title}_{count}" for count in itertools.count(2))
             candidates = itertools.chain((title,), numbered)
-            name = next(each for each in candidates if each not in requirements)
+            name = next(candidate for candidate in candidates if candidate not in requirements)
             cells = _cells(part, settings)
             read = tuple(dict.fromkeys(source for source, _ in cells.values()))
             requirements[name] = SubscribedRequirement(name, part, cells, read, origin)
-    _check([source for each in requirements.values() for source in each.inputs], settings)
+    _check(
+        [source for requirement in requirements.values() for source in requirement.inputs], settings
+    )
     return _sharing(requirements.values())
 
 
@@ -67,16 +69,16 @@ def _sharing(requirements: Iterable[SubscribedRequirement]) -> tuple[SubscribedR
     known: dict[object, Input] = {}
 
     def shared(source: Input) -> Input:
-        fields = tuple((each.variable, each.path) for each in source.fields)
+        fields = tuple((field.variable, field.path) for field in source.fields)
         return known.setdefault((source.name, source.topic, source.default, fields), source)
 
     return tuple(
         replace(
-            each,
-            cells={name: (shared(of), place) for name, (of, place) in each.cells.items()},
-            inputs=tuple(map(shared, each.inputs)),
+            requirement,
+            cells={name: (shared(of), place) for name, (of, place) in requirement.cells.items()},
+            inputs=tuple(map(shared, requirement.inputs)),
         )
-        for each in requirements
+        for requirement in requirements
     )
 
 

@@ -60,7 +60,7 @@ class Formulas:
             monitor = _monitor(
                 replace(specification, formula=formula, formulas={}, uses={}), options
             )
-            places = [variables.index(each) for each in monitor.variables]
+            places = [variables.index(variable) for variable in monitor.variables]
             self._monitors[name] = monitor, places
         self.latencies = dict.fromkeys(self._result, 0) | {
             name: monitor.latency if isinstance(monitor, Monitor) else 0

@@ -80,14 +80,14 @@ def _parser(model: str = _ROBOT) -> argparse.ArgumentParser:
     name = "robot0" if is_robot else "robot"
     meaning = "namespace of the topics" if is_robot else "the topics are in NAME0 and NAME1"
     parser.add_argument("--name", default=name, help=f"{meaning} (default: {name})")
-    for each in scenario.parameters:
-        unit = f" in {each.unit}" if each.unit else ""
+    for parameter in scenario.parameters:
+        unit = f" in {parameter.unit}" if parameter.unit else ""
         parser.add_argument(
-            f"--{each.name.replace('_', '-')}",
+            f"--{parameter.name.replace('_', '-')}",
             type=float,
-            default=each.default,
+            default=parameter.default,
             metavar="X",
-            help=f"{each.about}{unit} (default: {each.default:g})",
+            help=f"{parameter.about}{unit} (default: {parameter.default:g})",
         )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the noise")
     if not is_robot:
@@ -138,7 +138,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser(model)
     options, of_ros = split(parser, given)
     scenario = ONE if model == _ROBOT else TWO
-    parameters = {each.name: getattr(options, each.name) for each in scenario.parameters}
+    parameters = {
+        parameter.name: getattr(options, parameter.name) for parameter in scenario.parameters
+    }
     try:
         checked_row(scenario, parameters, options.seed)  # before a node waits for a master
         generation = chosen(options.ros)

@@ -37,11 +37,14 @@ def checked_row(
         InputError: If a parameter has no such name, or a value or the seed is not in its range.
     """
     row = scenario.parameter_row(parameters, scenario.defaults)
-    for each in scenario.parameters:
-        if each.name in parameters and not each.low <= parameters[each.name] <= each.high:
+    for parameter in scenario.parameters:
+        if (
+            parameter.name in parameters
+            and not parameter.low <= parameters[parameter.name] <= parameter.high
+        ):
             raise InputError(
-                f"expected {each.name} from {each.low:g} to {each.high:g}, "
-                f"got {parameters[each.name]:g}"
+                f"expected {parameter.name} from {parameter.low:g} to {parameter.high:g}, "
+                f"got {parameters[parameter.name]:g}"
             )
     if seed < 0:
         raise InputError(f"expected a seed of at least 0, got {seed}")
@@ -126,7 +129,7 @@ class Robot:
         if np.isnan(command).any():  # the robot would be nowhere from then on
             self._node.log(Level.WARN, "a command that is nan is left out")
             return
-        low, high = np.array([each[2:] for each in ONE.actions]).T
+        low, high = np.array([action[2:] for action in ONE.actions]).T
         self._command = np.clip(command, low, high)
 
     def _step(self, _due: int) -> None:
@@ -250,7 +253,7 @@ class ServiceRobots:
             self._node.log(Level.WARN, "a command that is nan is left out")
             return
         place = slice(2 * robot, 2 * robot + 2)
-        low, high = np.array([each[2:] for each in TWO.actions[place]]).T
+        low, high = np.array([action[2:] for action in TWO.actions[place]]).T
         self._commands[place] = np.clip(command, low, high)
 
     def _step(self, _due: int) -> None:
