@@ -1,7 +1,7 @@
 """Robustness monitors as nodes of ROS 1 and ROS 2.
 
-What a node does is in `rtamt_ros.core` and `rtamt_ros.node`, which know no ROS; `rtamt_ros.ros1`
-and `rtamt_ros.ros2` run it on rospy and rclpy. Nothing here imports ROS before a node is made.
+`rtamt_ros.core` and `rtamt_ros.node` are independent of ROS; `rtamt_ros.ros1` and `rtamt_ros.ros2`
+run them on rospy and rclpy. ROS is imported when a node is created.
 """
 
 import rtamt_gym  # noqa: F401 - refuses the released library over this one

@@ -1,4 +1,4 @@
-"""``python -m rtamt_ros`` is ``ros_stl_monitor.py``."""
+"""``python -m rtamt_ros`` runs ``ros_stl_monitor.py``."""
 
 import sys
 
@@ -6,7 +6,7 @@ from rtamt_ros.process import run_module
 
 
 def main() -> int:
-    """Runs the command; returns the exit code."""
+    """Run the command; return the exit code."""
     return run_module("rtamt_ros.command")
 
 

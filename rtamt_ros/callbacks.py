@@ -1,7 +1,4 @@
-"""A callback of a subscription or a timer, until it is closed.
-
-A timer on a grid of a clock, in a thread of its own.
-"""
+"""Callbacks that can be closed, answers of services, and a timer on a grid."""
 
 from __future__ import annotations
 
@@ -17,9 +14,7 @@ from rtamt import InputError
 class Callback:
     """A callback until it is closed; calls never overlap, and an exception ends one call only.
 
-    Args:
-        callback: What is called.
-        log: Takes the traceback of an exception: the thread that calls goes on.
+    ``log`` gets the traceback of an exception.
     """
 
     def __init__(self, callback: Callable[..., None], log: Callable[[str], object]) -> None:
@@ -28,7 +23,7 @@ class Callback:
         self._lock = threading.RLock()  # a callback may close itself
 
     def __call__(self, *arguments: object) -> None:
-        """Calls it, unless it is closed."""
+        """Call back, unless it is closed."""
         with self._lock:
             if self._callback is not None:
                 try:
@@ -37,17 +32,15 @@ class Callback:
                     self._log(traceback.format_exc())
 
     def close(self) -> None:
-        """Calls it no more; waits for a call in another thread."""
+        """End the callback; wait for a call in another thread."""
         with self._lock:
             self._callback = None
 
 
 def answered(act: Callable[[], str], log: Callable[[str], object]) -> tuple[bool, str]:
-    """The answer of a service: whether it did what it is for, and a text.
+    """Return the answer of a service: whether ``act`` succeeded, and a text.
 
-    Args:
-        act: Does it, and says what it has done; an InputError says why it could not.
-        log: Takes the traceback of another exception, whose text is the answer.
+    An InputError is the answer; ``log`` gets the traceback of any other exception.
     """
     try:
         return True, act()
@@ -62,30 +55,24 @@ class NodeClock(Protocol):
     """The clock of a node of ROS."""
 
     def now(self) -> int:
-        """Its time in nanoseconds; 0 before a simulated one has begun."""
+        """Return its time in nanoseconds; 0 before a simulated clock starts."""
         ...
 
     def is_simulated(self) -> bool:
-        """Whether somebody moves it."""
+        """Return whether the clock is simulated."""
         ...
 
     def wait_for_another(self, now: int) -> None:
-        """Waits until a simulated clock shows another time than now, for half a second at most."""
+        """Wait until a simulated clock changes from ``now``, for half a second at most."""
         ...
 
 
 class GridTimer(threading.Thread):
-    """Calls back on a grid of a clock, which stays where it is when the clock jumps.
+    """A thread that calls back on a grid of a clock; the grid stays when the clock jumps.
 
-    A call that comes late is one call, however many points of the grid have passed. The timers of
-    rospy and rclpy do not do: that of rospy moves its grid by every delay, rounds its period, and
-    ends with the first exception; that of rclpy waits for its turn in an executor, which takes half
-    a millisecond to see whether anything else is to be done.
-
-    Args:
-        clock: The clock.
-        period: Nanoseconds between points.
-        callback: Takes the last point that has come.
+    A late call is one call, whatever number of points has passed; it gets the last point. The timer
+    of rospy moves its grid by every delay, rounds its period and ends with the first exception. The
+    timer of rclpy waits for an executor, which takes half a millisecond to look for other work.
     """
 
     def __init__(self, clock: NodeClock, period: int, callback: Callback) -> None:
@@ -102,7 +89,7 @@ class GridTimer(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        """Calls until it is closed."""
+        """Call back until it is closed."""
         clock, closed = self._clock, self._closed
         while not self._begin and not closed.is_set():  # a simulated clock has not begun
             self._wait(0, 0)
@@ -119,14 +106,14 @@ class GridTimer(threading.Thread):
                 self._callback(due - self._period)
 
     def _wait(self, now: int, duration: int) -> None:
-        """Waits for a duration of the wall clock, or for another time of the simulated one."""
+        """Wait for a duration of the wall clock, or for another time of a simulated clock."""
         if self._clock.is_simulated():
             self._clock.wait_for_another(now)
         else:
             self._waits.acquire(timeout=duration / 1e9)
 
     def close(self) -> None:
-        """Calls no more; waits for a call in another thread."""
+        """End the calls; wait for a call in another thread."""
         self._close()
         self._closed.set()
         with suppress(RuntimeError):  # another closes it too

@@ -1,4 +1,4 @@
-"""The command line of a monitor as a node, ``ros_stl_monitor.py``, on ROS 1 and ROS 2."""
+"""The command ``ros_stl_monitor.py``: a monitor as a node of ROS 1 or ROS 2."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _PARAMETERS_OF = {"stl": "spec_file"}  # the paper's name for it
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs a monitor until the node is told to end; returns the exit code.
+    """Run a monitor until the node ends; return the exit code.
 
     Args:
-        argv: The arguments; None: the program's own.
+        argv: The arguments; None for those of the program.
 
     Returns:
-        0 after SIGINT, SIGTERM or the like; 2 on bad arguments and specifications, with one message
-        on standard error; else what `Middleware.spin` says.
+        0 after SIGINT or SIGTERM; 2 on wrong arguments and specifications, with one message on
+        standard error; otherwise, the code of `Middleware.spin`.
     """
     try:
         return _run(sys.argv[1:] if argv is None else argv)
@@ -71,7 +71,7 @@ def _run(argv: Sequence[str]) -> int:
 
 
 def _in_options(message: str) -> str:
-    """A message about parameters in the words of the command line."""
+    """Return a message about parameters with the names of options."""
     for option, parameter in _PARAMETERS_OF.items():
         message = re.sub(rf"^{parameter}: ", f"{option}: ", message)
     return re.sub(rf"^({'|'.join([*_PARAMETERS_OF, *PARAMETERS])}): ", r"--\1: ", message)

@@ -1,4 +1,4 @@
-"""ROS 1 or ROS 2, as asked or as installed."""
+"""The choice between ROS 1 and ROS 2, and their arguments."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _UNSEEN = "; a virtual environment sees what is installed if --system-site-packa
 
 
 def chosen(asked: int | None) -> Generation:
-    """The generation of ROS that is asked for, else the one that is installed.
+    """Return the requested generation of ROS, or the installed one for None.
 
-    Where both are installed, ``ROS_VERSION`` decides, which the setup files of both set.
+    If both are installed, ``ROS_VERSION`` decides, which the setup files of both set.
 
     Raises:
         InputError: If it is not installed, or nothing decides.
@@ -50,16 +50,7 @@ def chosen(asked: int | None) -> Generation:
 
 
 def open_node(asked: int | None, name: str, arguments: Sequence[str]) -> Middleware:
-    """Makes a node on the generation that `chosen` says.
-
-    Args:
-        asked: 1, 2, or None for the one that is installed.
-        name: The name of the node.
-        arguments: The arguments of ROS, such as remappings.
-
-    Raises:
-        InputError: As `chosen` does.
-    """
+    """Create a node on the generation that `chosen` returns."""
     if chosen(asked) == 1:
         from rtamt_ros.ros1 import Ros1
 
@@ -70,11 +61,11 @@ def open_node(asked: int | None, name: str, arguments: Sequence[str]) -> Middlew
 
 
 class RosArguments(NamedTuple):
-    """What a command line says to ROS.
+    """The arguments of a command line for ROS.
 
     Attributes:
-        remappings: As ROS 1 has them: ``odom:=robot1/odom``.
-        arguments: As ROS 2 has them: ``--ros-args`` and what follows, up to ``--``.
+        remappings: For ROS 1: ``odom:=robot1/odom``.
+        arguments: For ROS 2: ``--ros-args`` and the words after it, up to ``--``.
     """
 
     remappings: list[str]
@@ -82,15 +73,11 @@ class RosArguments(NamedTuple):
 
     @property
     def has_parameters(self) -> bool:
-        """Whether the arguments of ROS 2 may set parameters."""
+        """Whether the arguments of ROS 2 can set parameters."""
         return not {"-p", "--param", "--params-file"}.isdisjoint(self.arguments)
 
     def of(self, generation: Generation) -> list[str]:
-        """The arguments that a generation of ROS understands.
-
-        Raises:
-            InputError: If there are arguments for the other one, which this one would ignore.
-        """
+        """Return the arguments of a generation; refuse those of the other one."""
         if generation == 1 and self.arguments:
             instead = "remappings as they are, odom:=robot1/odom"
             if self.has_parameters:
@@ -107,7 +94,7 @@ class RosArguments(NamedTuple):
 def split(
     parser: argparse.ArgumentParser, argv: Sequence[str]
 ) -> tuple[argparse.Namespace, RosArguments]:
-    """Reads the options of a program, and leaves to ROS what is its own."""
+    """Parse the options of a program; return the arguments of ROS apart."""
     own, arguments = list(argv), []
     if "--ros-args" in own:
         begin = own.index("--ros-args")

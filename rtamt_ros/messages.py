@@ -1,7 +1,4 @@
-"""The classes of messages and services that are installed.
-
-Whether the classes of messages have the fields that specifications name.
-"""
+"""The installed classes of messages and services, and their fields."""
 
 from __future__ import annotations
 
@@ -23,18 +20,18 @@ def installed(
     is_its_own: Callable[[type], bool],
     how: str,
 ) -> type:
-    """The class ``package/name`` of a generation of ROS.
+    """Return the class ``package/name`` of a generation of ROS.
 
     Args:
         package: The package, ``geometry_msgs``.
         name: The name of the class, ``Twist``.
-        kind: What it is a class of.
+        kind: "message" or "service".
         generation: 1 or 2.
-        is_its_own: Whether a class is one of this generation.
+        is_its_own: Returns whether a class belongs to this generation.
         how: How to install the package.
 
     Raises:
-        InputError: If there is no such class.
+        InputError: If the class does not exist.
     """
     try:
         module = import_module(f"{package}.{'msg' if kind == 'message' else 'srv'}")
@@ -57,18 +54,9 @@ def installed(
 
 
 def check_input(message: type, of: str, variable: str, path: Iterable[str | int]) -> None:
-    """Refuse a variable that a message of a class cannot have.
+    """Raise SpecificationError if a message class has no number at the path of a variable.
 
-    What a list holds shows in messages only.
-
-    Args:
-        message: The class.
-        of: Its name.
-        variable: The name of the variable.
-        path: Where it is in the message.
-
-    Raises:
-        SpecificationError: If a field is missing, or is no number.
+    Elements of lists cannot be checked.
     """
     try:
         value = _follow(message(), of, path)
@@ -82,7 +70,7 @@ def check_input(message: type, of: str, variable: str, path: Iterable[str | int]
 
 
 def check_output(message: type, of: str, path: Iterable[str]) -> None:
-    """Refuse a field that cannot hold a robustness; arguments and errors as for `check_input`."""
+    """Raise SpecificationError if a message class has no float at a path."""
     path = tuple(path)
     value = _follow(message(), of, path)
     if not isinstance(value, float):
@@ -93,7 +81,7 @@ def check_output(message: type, of: str, path: Iterable[str]) -> None:
 
 
 def _follow(message: Any, of: str, path: Iterable[str | int]) -> object:  # noqa: ANN401
-    """The value at a path of a fresh message; None from an element of a list on."""
+    """Return the value at a path of a new message; None from an element of a list on."""
     value, name = message, of
     for step in path:
         if isinstance(step, int):
@@ -114,7 +102,7 @@ def _is_number(value: object) -> bool:
 
 
 def _names(message: object) -> list[str]:
-    """The fields of a message; ROS 2 writes an underscore before their slots."""
+    """Return the fields of a message; ROS 2 adds an underscore to their slots."""
     slots: Iterable[str] = getattr(type(message), "__slots__", ())
     return [name.lstrip("_") for name in slots if not name.startswith("_check")]
 

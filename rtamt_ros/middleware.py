@@ -1,8 +1,4 @@
-"""What a node needs of ROS, in the same words for ROS 1 and ROS 2.
-
-To add a method, add it to `Middleware`, ``ros1.py`` and ``ros2.py``, and a test to
-``tests/support/ros_contract.py``, which both pass.
-"""
+"""The interface between a node and ROS, the same for ROS 1 and ROS 2."""
 
 from __future__ import annotations
 
@@ -12,7 +8,7 @@ from typing import Any, Protocol
 
 
 class Level(IntEnum):
-    """How bad a state is, with the numbers of ``diagnostic_msgs/DiagnosticStatus``."""
+    """The severity of a state, with the numbers of ``diagnostic_msgs/DiagnosticStatus``."""
 
     OK = 0
     WARN = 1
@@ -24,7 +20,7 @@ class Handle(Protocol):
     """A subscription, a publisher or a timer, until it is closed."""
 
     def close(self) -> None:
-        """Ends it; no callback begins after that."""
+        """End it; no callback starts after that."""
         ...
 
 
@@ -34,19 +30,19 @@ class Publisher(Handle, Protocol):
     message: type
 
     def publish(self, message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
-        """Publishes a message, which must be of `message`."""
+        """Publish a message of the class `message`."""
         ...
 
     def publish_numbers(self, time: int, numbers: Sequence[float]) -> None:
-        """Publishes a message with a time in its header, and numbers in the fields that are its."""
+        """Publish a message with a time in its header, and numbers in its fields."""
         ...
 
 
 class Middleware(Protocol):
-    """A node of ROS 1 or ROS 2: what `rtamt_ros.ros1` and `rtamt_ros.ros2` offer.
+    """A node of ROS 1 or ROS 2, as `rtamt_ros.ros1` and `rtamt_ros.ros2` implement it.
 
-    Times are nanoseconds of the clock of ROS: the wall clock since 1970, or the simulated one of
-    ``/clock`` under ``use_sim_time``. Callbacks may run in several threads.
+    Times are nanoseconds of the clock of ROS: the wall clock since 1970, or under ``use_sim_time``
+    the simulated clock of ``/clock``. Callbacks may run in several threads.
 
     Attributes:
         generation: 1 or 2.
@@ -57,43 +53,43 @@ class Middleware(Protocol):
     name: str
 
     def message_class(self, package: str, name: str) -> type:
-        """The class of messages ``package/name``: ``geometry_msgs``, ``Twist``.
+        """Return the class of messages ``package/name``: ``geometry_msgs``, ``Twist``.
 
         Raises:
-            InputError: If it is not installed; the message says what to install.
+            InputError: If it is not installed; the message explains how to install it.
         """
         ...
 
     def now(self) -> int:
-        """The time of the clock of ROS; 0 before the first tick of a simulated one."""
+        """Return the time of the clock of ROS; 0 before the first tick of a simulated clock."""
         ...
 
     def is_simulated(self) -> bool:
-        """Whether the clock is a simulated one, which stands still while nobody moves it."""
+        """Return whether the clock is simulated, so that it may stand still."""
         ...
 
     def resolve(self, topic: str) -> str:
-        """The whole name of a topic: with the namespace of the node, and remapped.
+        """Return the full name of a topic, with the namespace and remappings.
 
         Raises:
-            InputError: If ROS cannot have the topic, or the topic that it is remapped to.
+            InputError: If ROS does not allow the topic, or its remapping.
         """
         ...
 
     def published_topics(self) -> Collection[str] | None:
-        """The whole names of topics that somebody publishes; None where ROS does not say."""
+        """Return the full names of published topics; None if ROS does not answer."""
         ...
 
     def stamp(self, message: Any) -> int | None:  # noqa: ANN401
-        """The time in a message's header; None without a header, or where it is not set."""
+        """Return the time in a message's header; None without a header, or if it is not set."""
         ...
 
     def set_stamp(self, message: Any, time: int) -> None:  # noqa: ANN401
-        """Sets the time in a message's header; without one, does nothing."""
+        """Set the time in a message's header, if it has one."""
         ...
 
     def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
-        """Calls back with every message of a topic, and with what was latched before."""
+        """Call back with every message of a topic, and with latched ones."""
         ...
 
     def publisher(
@@ -104,32 +100,32 @@ class Middleware(Protocol):
         latched: bool = True,
         fields: Sequence[Sequence[str]] = (),
     ) -> Publisher:
-        """Publishes on a topic; a latched one gives its last message to who comes late.
+        """Publish on a topic; a latched topic gives its last message to late subscribers.
 
         The paths to fields are for `Publisher.publish_numbers`.
         """
         ...
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:
-        """Calls back at every point of a grid of the clock of ROS; calls never overlap.
+        """Call back at every point of a grid of the clock; calls never overlap.
 
-        A call is given the last point that has come; those of a timer are whole periods apart,
-        whatever the clock does. A call that is late by several points is one call.
+        A call gets the last point that has passed. The points of a timer are whole periods apart,
+        whatever the clock does. After several missed points there is one call.
         """
         ...
 
     def around(self) -> tuple[Level, str] | None:
-        """How the node stands among others; None if there was never anything to say of it.
+        """Return problems with other nodes; None if there never were any.
 
-        It is asked again and again, in a thread of its own: it may wait for answers, and may mend
-        what it finds.
+        It is called repeatedly in its own thread: it may wait for answers, and may repair what it
+        finds.
         """
         ...
 
     def trigger(self, name: str, act: Callable[[], str]) -> Handle:
-        """Offers a service ``std_srvs/Trigger`` of the node's own, which answers with a text.
+        """Offer a service ``std_srvs/Trigger`` of the node, which answers with a text.
 
-        An InputError is the answer that it did not succeed.
+        An InputError is an answer without success.
 
         Raises:
             InputError: If the services of ``std_srvs`` are not installed.
@@ -137,13 +133,13 @@ class Middleware(Protocol):
         ...
 
     def log(self, level: Level, text: str) -> None:
-        """Writes a line to the log of the node."""
+        """Write a line to the log of the node."""
         ...
 
     def spin(self) -> int:
-        """Lets callbacks run until the node ends; the exit code, 0 if it was told to."""
+        """Run callbacks until the node ends; return the exit code, 0 if it ended on request."""
         ...
 
     def close(self) -> None:
-        """Ends the node."""
+        """End the node."""
         ...

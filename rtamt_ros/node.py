@@ -1,4 +1,4 @@
-"""A monitor as a node: what it subscribes to, publishes and says, on any middleware."""
+"""A monitor as a node, on any middleware."""
 
 from __future__ import annotations
 
@@ -31,27 +31,28 @@ STANDS = 2.0
 
 
 class MonitorNode:
-    """Monitors the topics that specifications name, and publishes what it finds.
+    """Monitors the topics that specifications name, and publishes the results.
 
-    Every requirement of every specification (`Specification.requirements`) has a monitor of its
-    own. A topic that several read is subscribed to once. Each requirement is published on a topic
-    of its own, latched: the one of its output variable (``@ topic(out, monitor/out)``), else
-    ``rtamt/NAME``; so is every named formula that it uses. The bounds are on ``TOPIC/lower`` and
-    ``TOPIC/upper``, the verdict (-1, 0 or 1) on ``TOPIC/verdict``; ``/diagnostics`` has the level
-    and the numbers of every `RequirementReport`.
+    Every requirement of every specification (`Specification.requirements`) has its own monitor;
+    topics are subscribed to once. Each requirement has a latched topic: the topic of its output
+    variable (``@ topic(out, monitor/out)``), otherwise ``rtamt/NAME``; so has every named formula
+    that it uses. The bounds are on ``TOPIC/lower`` and ``TOPIC/upper``, the verdict (-1, 0 or 1) is
+    on ``TOPIC/verdict``. ``/diagnostics`` has the level and the numbers of every
+    `RequirementReport`.
 
-    Nothing happens before `start`. Making a node parses, compiles and finds the classes of all
-    messages, so that every error of a specification comes here.
+    The constructor parses, compiles and looks up all message classes, so every error of a
+    specification appears here. Nothing else happens before `start`.
 
     Args:
         middleware: The node of ROS. `stop` does not close it.
         specifications: Texts, or specifications from `rtamt.load` and `rtamt.parse`.
-        settings: How to sample. None: `Settings()`.
+        settings: The settings; None for `Settings()`.
 
     Raises:
-        SpecificationError: On a text that is no specification, or that a monitor cannot run; on
-            messages of an unknown class; if two requirements have one name or one topic.
-        InputError: On a class of messages that is not installed.
+        SpecificationError: If a text is wrong or a monitor cannot run it, if a message class is
+            unknown,
+            or if two requirements have one name or topic.
+        InputError: If a message class is not installed.
     """
 
     def __init__(
@@ -67,12 +68,12 @@ class MonitorNode:
 
     @property
     def settings(self) -> Settings:
-        """The settings: how the node samples, and when an input is stale."""
+        """The settings."""
         return self._plan.settings
 
     @property
     def specifications(self) -> tuple[Specification, ...]:
-        """The specifications that the node monitors, parsed."""
+        """The parsed specifications."""
         return self._plan.specifications
 
     @property
@@ -87,13 +88,14 @@ class MonitorNode:
         return () if running is None else running.judges.reports
 
     def reset(self) -> str:
-        """Begin all monitors anew, with the messages that are there; ``~/reset`` does the same.
+        """Start all monitors again with the current messages, as ``~/reset`` does.
 
-        Violations and the least robustness are counted anew. Until the next sample robustness and
-        bounds are nan on the topics, and verdicts 0. A record goes on in its next file.
+        Violations and the minimum robustness are counted again. Until the next sample, robustness
+        and bounds are nan on the topics, and verdicts 0. A record continues in its next file.
 
         Returns:
-            What every requirement was until now, a line for each below the first; the log has it.
+            The state of every requirement until now, one line each after the first; it is logged
+                too.
 
         Raises:
             InputError: If the node does not run.
@@ -104,10 +106,10 @@ class MonitorNode:
         return running.reset()
 
     def start(self) -> None:
-        """Subscribe, publish and sample; the monitors begin anew. Twice is once.
+        """Subscribe, publish and sample; the monitors start again. A second call does nothing.
 
         Raises:
-            InputError: If ROS refuses a topic; then nothing is left open.
+            InputError: If ROS refuses a topic; nothing is left open.
         """
         with self._lock:
             if self._running is None:
@@ -116,7 +118,7 @@ class MonitorNode:
                 self._running = running
 
     def stop(self) -> None:
-        """Close every subscription, publisher and timer; the record is complete. Twice is once."""
+        """Close every subscription, publisher and timer; the record is complete."""
         with self._lock:
             running, self._running = self._running, None
         if running is not None:
@@ -125,16 +127,17 @@ class MonitorNode:
     def replace(
         self, specifications: Sequence[str | Specification], settings: Settings | None = None
     ) -> None:
-        """Monitor other specifications, begun anew; a running node goes on running.
+        """Monitor other specifications; a running node keeps running.
 
         Args:
             specifications: As for the class.
             settings: Other settings; None keeps them.
 
         Raises:
-            SpecificationError: As for the class. The node then goes on with what it had.
-            InputError: As for the class, or if ROS refuses a topic, for which a running node has
-                begun anew with what it had.
+            SpecificationError: As for the class. The node continues unchanged.
+            InputError: As for the class, or if ROS refuses a topic; a running node then starts
+                again with
+                its old specifications.
         """
         with self._lock:
             before, was_running = self._plan, self.running
@@ -151,7 +154,7 @@ class MonitorNode:
 
 
 class _Plan:
-    """Finds and checks everything that a node needs before it starts."""
+    """Everything that a node needs before it starts, checked."""
 
     def __init__(
         self,
@@ -189,11 +192,11 @@ class _Plan:
                 check_output(self.classes[key], "/".join(key), path)
 
     def judges(self) -> Judges:
-        """Monitors that have seen nothing."""
+        """Return new judges."""
         return Judges(self.specifications, self.settings)
 
     def of(self, source: Input) -> type:
-        """The class of the messages of an input."""
+        """Return the message class of an input."""
         return self.classes[_class(source)]
 
 
@@ -202,7 +205,7 @@ def _class(source: Input) -> tuple[str, str]:
 
 
 class _Running:
-    """A node while it runs: its monitors, and all that it has open."""
+    """A running node: its judges, and everything that it has open."""
 
     def __init__(self, middleware: Middleware, plan: _Plan) -> None:
         self.judges = plan.judges()
@@ -279,7 +282,7 @@ class _Running:
             self._middleware.log(Level.WARN, f"there is no service ~/reset: {error}")
 
     def _tell_topics(self) -> None:
-        """Log on which topics the node hears and publishes, and where it records."""
+        """Log the topics of the node, and the files of its record."""
         tell, whole = partial(self._middleware.log, Level.OK), self._middleware.resolve
         for topic, sources in self.judges.topics.items():
             names = ", ".join(dict.fromkeys(source.name for source in sources))
@@ -292,7 +295,7 @@ class _Running:
             tell(f"records {path}")
 
     def _refuse_two_types(self) -> None:
-        """Refuse topics that remappings make one, if their messages are of two classes."""
+        """Refuse topics that remappings join if their message classes differ."""
         known: dict[str, tuple[str, str]] = {}
         topics = [(topic, _class(sources[0])) for topic, sources in self.judges.topics.items()]
         topics += [
@@ -315,13 +318,13 @@ class _Running:
                 )
 
     def _in_thread(self, task: Callable[[], None]) -> None:
-        """Run what may take long beside looks, which would be late."""
+        """Run a slow task in a thread, so that it does not delay looks."""
         thread = threading.Thread(target=task, name=task.__name__, daemon=True)
         self._threads.append(thread)
         thread.start()
 
     def _name_silent(self) -> None:
-        """Log which topics nobody publishes, and which may be meant."""
+        """Log the topics that nobody publishes, with similar names."""
         published = self._middleware.published_topics()
         if published is None:
             return
@@ -337,7 +340,7 @@ class _Running:
                 self._middleware.log(Level.WARN, f"nobody publishes {whole}{hint}")
 
     def _callback(self, topic: str) -> Callable[[Any], None]:
-        """The callback for messages of a topic: it hands them to the judges."""
+        """Return the callback for messages of a topic, which passes them to the judges."""
         settings, now, stamp = self._plan.settings, self._middleware.now, self._middleware.stamp
         take = self.judges.take
 
@@ -366,7 +369,7 @@ class _Running:
             self._in_thread(self._watch_clock)
 
     def _say(self, reports: Callable[[int], Sequence[RequirementReport]]) -> None:
-        """Publish the reports of the time that it is now."""
+        """Publish the reports of the current time."""
         with self._lock:
             with self._arrivals:
                 now = self._middleware.now()
@@ -382,7 +385,7 @@ class _Running:
             self._combined.publish(reports)
 
     def _watch_clock(self) -> None:
-        """Report a simulated clock that stands still, for then no timer is due."""
+        """Report a simulated clock that stands still, for which no timer is due."""
         before = 0
 
         def standing(now: int) -> Sequence[RequirementReport]:
@@ -393,7 +396,7 @@ class _Running:
             before = self._middleware.now()
 
     def _watch_others(self) -> None:
-        """Name silent topics; then say how the node stands among others, when that is new."""
+        """Log silent topics; then report problems with other nodes when they change."""
         self._name_silent()
         while not self._ended.wait(AROUND):
             found = self._middleware.around()

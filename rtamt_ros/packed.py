@@ -1,4 +1,4 @@
-"""Messages that are alike but for a time and some numbers."""
+"""Fast serialization of messages that differ in a time and some numbers."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Made:
         ]
 
     def __call__(self, time: int, numbers: Sequence[float]) -> Any:  # noqa: ANN401 - the classes of ROS have no types
-        """A message with a time in nanoseconds, where it has a header, and with numbers."""
+        """Return a message with a time in nanoseconds, if it has a header, and with numbers."""
         message = self._message()
         for (holder, last), number in zip(self._fields, numbers, strict=True):
             setattr(message if holder is None else holder(message), last, number)
@@ -48,23 +48,19 @@ class Made:
 
     @property
     def count(self) -> int:
-        """How many numbers a message has."""
+        """The number of numbers in a message."""
         return len(self._fields)
 
 
 class Packed:
-    """Gives the bytes of the messages that a `Made` makes, in a twentieth of the time.
+    """Returns the bytes of the messages of a `Made`, in a twentieth of the time.
 
-    The numbers and the time have fixed places in the bytes of ROS 1 and ROS 2, which are found in
-    those of a message. What it packs is compared with the bytes of further messages.
-
-    Args:
-        made: Makes the messages.
-        serialized: Gives the bytes of one.
+    The numbers and the time have fixed places in the bytes, which are located in one message. The
+    result is compared with the bytes of further messages.
 
     Raises:
-        ValueError: If numbers of these messages are not packed so: they have less than 64 bits, or
-            are integers.
+        ValueError: If the numbers are not packed like this: they have less than 64 bits, or are
+            integers.
     """
 
     def __init__(self, made: Made, serialized: Callable[[Any], bytes]) -> None:
@@ -91,7 +87,7 @@ class Packed:
                 raise ValueError("the bytes of messages do not have these places alone")
 
     def __call__(self, time: int, numbers: Sequence[float]) -> bytes:
-        """The bytes of a message with a time in nanoseconds and with numbers."""
+        """Return the bytes of a message with a time in nanoseconds and with numbers."""
         values: list[bytes | float] = []
         for constant, at in zip(self._constants, self._order, strict=True):
             values.append(constant)
@@ -108,7 +104,7 @@ _TIME = struct.Struct("<II")
 
 
 def _place(whole: bytes, part: bytes) -> int:
-    """Where a part is, which must be there once."""
+    """Return where a part is, which must occur once."""
     if whole.count(part) != 1:
         raise ValueError(f"expected the bytes {part.hex()} once, found {whole.count(part)}")
     return whole.index(part)

@@ -1,9 +1,6 @@
-"""What a monitor is told as parameters of ROS 2 and as options of the command line.
+"""The parameters of a monitor, for ROS 2 and as options of the command line.
 
-An option is a parameter with ``-`` for ``_``; `rtamt_ros.command` says which differ.
-
-To add a parameter: a row of `PARAMETERS`, its reading in `read`, and an option of the same name in
-`rtamt_ros.command`. ROS 2 then has it as a parameter of the node.
+An option is a parameter with ``-`` for ``_``; `rtamt_ros.command` lists the exceptions.
 """
 
 from __future__ import annotations
@@ -63,18 +60,16 @@ PARAMETERS: dict[str, tuple[object, str]] = {
 def read(
     values: Mapping[str, Any], *, runnable: bool = True
 ) -> tuple[list[Specification], Settings]:
-    """What the values of all parameters say to monitor, and how.
+    """Return the specifications and settings that the values of all parameters describe.
 
     Args:
         values: A value for each of `PARAMETERS`, by name.
-        runnable: Whether they have to fit each other; parameters that are set one by one need not
-            until there is a monitor.
+        runnable: Whether they must fit together. Parameters that are set one by one need not, until
+            there is a monitor.
 
     Raises:
-        InputError: On a value that has no meaning, a file that cannot be read, or a topic with a
-            time of its own that nothing reads.
-        SpecificationError: On a text that is no specification, or that a monitor cannot run; a note
-            names its file.
+        InputError: If a value is wrong, a file cannot be read, or ``stale`` names an unread topic.
+        SpecificationError: If a text is wrong, or no monitor can run it; a note names its file.
     """
     choices = {"unit": UNITS, "qos": get_args(Qos), "stale_as": get_args(StaleAs)}
     for name, known in choices.items():
@@ -104,7 +99,7 @@ def read(
 
 
 def _loaded(path: str, settings: Settings | None) -> Specification:
-    """The specification in a file, which a monitor can run with these settings if there are any."""
+    """Return the specification of a file; with settings, check that a monitor can run it."""
     try:
         specification = rtamt.load(path)
     except OSError as error:
@@ -120,7 +115,7 @@ def _loaded(path: str, settings: Settings | None) -> Specification:
 
 
 def _texts(values: Mapping[str, Any], name: str) -> list[str]:
-    """The texts of a parameter that is one or a list; an empty one is none."""
+    """Return the texts of a parameter that is one text or a list."""
     value = values[name]
     texts = [value] if isinstance(value, str) else value
     if not isinstance(texts, Sequence) or not all(isinstance(text, str) for text in texts):
@@ -129,14 +124,14 @@ def _texts(values: Mapping[str, Any], name: str) -> list[str]:
 
 
 def _period(value: object, unit: str) -> int:
-    """Nanoseconds of a period."""
+    """Return the nanoseconds of a period."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
         raise InputError(f"period: expected a number above 0, got {brief(value)}")
     return round(value * UNITS[unit])
 
 
 def _stale(value: object) -> tuple[float | None, dict[str, float]]:
-    """Seconds for all topics, and those for single ones."""
+    """Return the seconds for all topics, and those of single topics."""
     if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
         return value, {}
     if not isinstance(value, str | Sequence):

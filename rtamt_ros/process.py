@@ -1,7 +1,4 @@
-"""The end of a node, which signals, callbacks and other threads ask for, and of its program.
-
-The pauses of a program that samples.
-"""
+"""The process of a node: its start, its end, and its pauses."""
 
 from __future__ import annotations
 
@@ -14,13 +11,13 @@ from typing import Any
 
 
 class Ending:
-    """Whether a node shall end; once it is asked to, for good.
+    """Whether a node has been asked to end.
 
-    Where a signal would end the process at once (`run_module`), it asks from now on: the node ends
-    in good order, also before anybody waits.
+    If signals would end the process at once (`run_module`), it handles them from now on: the node
+    ends in good order, even before anybody waits.
 
     Attributes:
-        asked: Whether it is asked to.
+        asked: Whether it has been asked to.
     """
 
     def __init__(self) -> None:
@@ -33,12 +30,12 @@ class Ending:
             self._listen()
 
     def ask(self) -> None:
-        """Asks it to."""
+        """Ask the node to end."""
         self.asked = True
         self._told.put(None)
 
     def wait(self) -> None:
-        """Waits until it is asked to, in the main thread also by SIGINT or SIGTERM."""
+        """Wait for the request; in the main thread SIGINT and SIGTERM are requests too."""
         if threading.current_thread() is not threading.main_thread():
             self._wait()
             return
@@ -50,7 +47,7 @@ class Ending:
                 signal.signal(number, handler)
 
     def _listen(self) -> dict[signal.Signals, Any]:
-        """Takes signals for questions; what handled them before."""
+        """Handle signals as requests; return the handlers before."""
         numbers = (signal.SIGINT, signal.SIGTERM)
         return {number: signal.signal(number, lambda *_: self.ask()) for number in numbers}
 
@@ -60,10 +57,10 @@ class Ending:
 
 
 def run_module(name: str, *arguments: object) -> int:
-    """Runs the `main` of a module; Ctrl-C ends the process at once until there is a node.
+    """Run the `main` of a module; Ctrl-C ends the process at once until there is a node.
 
-    Python would show a traceback wherever it is, and modules in C make other errors of an
-    interrupt while they are loaded.
+    Otherwise, Python would show a traceback, and modules in C would turn an interrupt during their
+    import into other errors.
 
     Returns:
         The exit code.
@@ -74,10 +71,9 @@ def run_module(name: str, *arguments: object) -> int:
 
 
 def shorten_pauses() -> None:
-    """Take what is loaded out of the searches for garbage, which stop all threads.
+    """Exclude loaded objects from garbage collections, which stop all threads.
 
-    A search of all objects takes 40 ms to 150 ms, as ten samples at 200 Hz do; from here on it is
-    one of those that were made later.
+    A collection of all objects takes 40 ms to 150 ms, as long as ten samples at 200 Hz.
     """
     gc.collect()
     gc.freeze()

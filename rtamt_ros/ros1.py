@@ -1,7 +1,7 @@
 """The middleware of ROS 1, on rospy.
 
-It and `rtamt_ros.ros1_master` are the only modules that import rospy and messages of ROS 1. rospy
-makes one node in a process, once: there is one `Ros1` in the life of a process.
+Only this module and `rtamt_ros.ros1_master` import rospy and messages of ROS 1. rospy allows one
+node per process, so a process creates one `Ros1`.
 """
 
 from __future__ import annotations
@@ -56,14 +56,15 @@ _QUEUE = 100
 class Ros1:
     """A node of ROS 1, as `rtamt_ros.middleware.Middleware` describes it.
 
-    It ends on SIGINT, SIGTERM and `rosnode kill`: `spin` returns 0. It also ends when another node
-    of its name comes, with `DISPLACED`, and when a master that came back refuses it, with
-    `REFUSED`. Without a master it waits for one and says so, as every node of ROS 1 does.
+    It ends on SIGINT, SIGTERM and `rosnode kill`: `spin` returns 0. When another node takes its
+    name, `spin` returns `DISPLACED`; when a restarted master refuses it, `REFUSED`. Without a
+    master it waits for one and logs that, as every node of ROS 1 does.
 
     Args:
-        name: The name of the node. What is illegal in names of ROS becomes ``_``, and a number is
-            added: of two nodes with one name the master ends the first. ``__name:=NAME`` among the
-            arguments gives the very name.
+        name: The name of the node. Characters that ROS does not allow become ``_``, and a number is
+            added,
+            because the master ends the first of two nodes with one name. ``__name:=NAME`` among the
+            arguments sets the exact name.
         arguments: Remappings and private parameters, such as ``odom:=robot1/odom``.
     """
 
@@ -119,7 +120,7 @@ class Ros1:
         return not rospy.rostime.is_wallclock()
 
     def wait_for_another(self, now: int) -> None:
-        """Waits as `rtamt_ros.callbacks.NodeClock` says."""
+        """Wait as `rtamt_ros.callbacks.NodeClock` describes."""
         ticked = rospy.rostime.get_rostime_cond()
         with ticked:
             if _now() == now:
@@ -210,26 +211,26 @@ class Ros1:
         rospy.signal_shutdown("closed")
 
     def _end(self, why: str) -> None:
-        """Takes what rospy says when it ends the node."""
+        """Take the reason with which rospy ends the node."""
         if _SAME_NAME in why:
             self._fail(DISPLACED, f"another node has the name {self.name}; {_NAME_IT}")
         self._ending.ask()
 
     def _fail(self, code: int, why: str) -> None:
-        """Ends the node with a code."""
+        """End the node with an exit code."""
         self.log(Level.ERROR, why)
         self._code = self._code or code
         self._ending.ask()
 
 
 def legal_name(name: str) -> str:
-    """The nearest name that ROS allows: letters of ASCII, digits and ``_``, a letter first."""
+    """Return the nearest name that ROS allows: ASCII letters, digits and ``_``, a letter first."""
     words = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
     return words if words[:1].isalpha() else f"monitor_{words}".rstrip("_")
 
 
 def _how(package: str) -> str:
-    """How to install a package of messages."""
+    """Return how to install a package of messages."""
     debian = package.replace("_", "-")
     return (
         f"apt-get install python3-{debian} (Debian) or ros-noetic-{debian}, or source the "
@@ -238,7 +239,7 @@ def _how(package: str) -> str:
 
 
 def _now() -> int:
-    """The time of the clock of ROS in nanoseconds; 0 before the first tick of a simulated one."""
+    """Return the time of the clock of ROS in nanoseconds; 0 before a simulated clock ticks."""
     # rospy reads the wall clock as a float, which is exact to a quarter of a microsecond only.
     if rospy.rostime.is_wallclock():
         return time.time_ns()
@@ -247,7 +248,7 @@ def _now() -> int:
 
 @cache
 def _stamped(name: str) -> type:
-    """Makes the class of a number with a header, with the wire format of the package rtamt_msgs."""
+    """Make the class of a number with a header, with the wire format of the package rtamt_msgs."""
     header = std_msgs.msg.Header
     text = f"Header header\nfloat64 value\n{'=' * 80}\nMSG: {header._type}\n{header._full_text}"  # noqa: SLF001
     made: type = genpy.dynamic.generate_dynamic(f"rtamt_msgs/{name}", text)[f"rtamt_msgs/{name}"]
@@ -300,7 +301,7 @@ class _Publisher:
 
 
 def _packing(message: type, made: Made) -> Callable[[int, Sequence[float]], _Packed]:
-    """Makes what rospy takes for messages of a class, and writes as it would write these."""
+    """Return a class that rospy accepts and writes like messages of the given class."""
     of = {name: getattr(message, name) for name in ("_md5sum", "_has_header")}
     of |= {"pack": staticmethod(Packed(made, _serialized)), "__slots__": ()}
     return type(f"{message.__name__}Packed", (_Packed,), of)
@@ -313,9 +314,9 @@ def _serialized(message: Any) -> bytes:
 
 
 class _Packed:
-    """A message that is packed once it is sent.
+    """A message that is packed when it is sent.
 
-    rospy knows it by the sum of its class, and writes a count into its header.
+    rospy identifies it by the checksum of its class, and writes a count into its header.
     """
 
     __slots__ = ("_numbers", "_time", "seq")
@@ -331,11 +332,11 @@ class _Packed:
 
     @property
     def header(self) -> _Packed:
-        """What has the count."""
+        """The part with the count."""
         return self
 
     def serialize(self, buffer: BytesIO) -> None:
-        """Writes the bytes, with the count, which a header begins with."""
+        """Write the bytes, with the count, which is first in a header."""
         found = self.pack(self._time, self._numbers)
         if self._has_header:
             buffer.write(self.seq.to_bytes(4, "little"))
@@ -355,10 +356,10 @@ class _Service:
 
 
 class _Refusals(logging.Handler):
-    """Tells the log of the node why a publisher refuses it: rospy tells its file alone."""
+    """Logs why a publisher refuses the node; rospy writes it to its file only."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Logs why a thread of rospy, which has the name of the topic, could not connect."""
+        """Log why a thread of rospy, which has the name of the topic, could not connect."""
         why = re.match(r"unable to create subscriber transport: (.*)\.  ", record.getMessage())
         if why is not None:
             rospy.logerr(f"no messages come from a publisher of {record.threadName}: {why[1]}")

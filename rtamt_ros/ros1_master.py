@@ -1,4 +1,4 @@
-"""How a node of ROS 1 stands with its master, which may go, and come back and know no node."""
+"""The connection of a node to the master of ROS 1, which may restart without its state."""
 
 from __future__ import annotations
 
@@ -27,18 +27,17 @@ class Refused(Exception):  # noqa: N818
 
 
 class MasterLink:
-    """Sees whether a master knows a node, and registers the node at one that does not.
+    """Checks whether the master knows a node, and registers the node again if not.
 
-    rospy registers what it opens once. A master that begins anew knows nothing of it, and nobody
-    who comes then finds the node; connections that are there go on. What rospy has told the first
-    master is told to the new one, by the API of masters, and the node is told of publishers as a
-    master tells it, by the API of nodes.
+    rospy registers what it opens once. A restarted master knows nothing of it, and new nodes do not
+    find the node, although its connections stay. So this class repeats all registrations with the
+    new master, by the API of masters, and informs the node of publishers, by the API of nodes.
 
     Args:
         name: The name of the node, which rospy has registered.
 
     Attributes:
-        said: What there is to say since something was not well; None before.
+        said: The state since the first problem; None before.
     """
 
     def __init__(self, name: str) -> None:
@@ -51,7 +50,7 @@ class MasterLink:
         self.said: tuple[Level, str] | None = None
 
     def look(self) -> None:
-        """Look whether all is well, and mend what is not.
+        """Check the master, and repair what is wrong.
 
         Raises:
             Displaced: If the master knows another node by the name.
@@ -84,7 +83,7 @@ class MasterLink:
         self.said = level, text.format(self._address)
 
     def _register(self, master: ServerProxy) -> None:
-        """Tell a master what rospy has told another one."""
+        """Repeat the registrations of rospy with a master."""
         topics, services = registration.get_topic_manager(), registration.get_service_manager()
         for topic, kind in topics.get_publications():
             _taken(master.registerPublisher(self._name, topic, kind, self._own))
@@ -106,22 +105,18 @@ class _Patient(Transport):
 
 
 def _proxy(address: str) -> ServerProxy:
-    """The functions at an address."""
+    """Return the functions at an address."""
     return ServerProxy(address, transport=_Patient())
 
 
 def _answer(answer: Any) -> Sequence[Any]:
-    """What every function of ROS answers: a code, a text and a value."""
+    """Return a code, a text and a value, the answer of every function of ROS."""
     code, text, value = answer
     return code, text, value
 
 
 def _taken(answer: Any) -> Any:
-    """The value of an answer.
-
-    Raises:
-        Refused: If its code is not 1.
-    """
+    """Return the value of an answer; raise Refused if its code is not 1."""
     code, text, value = _answer(answer)
     if code != 1:
         raise Refused(str(text))

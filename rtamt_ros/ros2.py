@@ -1,7 +1,7 @@
 """The middleware of ROS 2, on rclpy.
 
-It, its own `rtamt_ros.ros2_subscription` and `rtamt_ros.ros2_subscription`, and
-`rtamt_ros.ros2_lifecycle` are the only modules that import rclpy and messages of ROS 2.
+Only this module, `rtamt_ros.ros2_subscription` and `rtamt_ros.ros2_lifecycle` import rclpy and
+messages of ROS 2.
 """
 
 from __future__ import annotations
@@ -44,21 +44,21 @@ _SECOND = 1_000_000_000
 class Ros2:
     """A node of ROS 2, as `rtamt_ros.middleware.Middleware` describes it.
 
-    Callbacks of messages run in one thread, those of a timer on the wall clock in another; on a
-    simulated clock both run in one, so that a time of the clock comes after what was sent before
-    it. What is published is reliable, which every subscription may ask for.
+    Callbacks of messages run in one thread, and timers on the wall clock in others. On a simulated
+    clock all run in one thread, so a tick comes after the messages that were sent before it.
+    Publishers are reliable, which every subscription may request.
 
     Args:
-        name: The name of the node, unless ``-r __node:=NAME`` in the arguments gives another.
+        name: The name of the node, unless ``-r __node:=NAME`` in the arguments sets another.
         arguments: Such as ``--ros-args -r odom:=robot1/odom -p use_sim_time:=true``.
         make: Makes the node of rclpy from its name and a context.
 
     Attributes:
         node: The node of rclpy.
-        qos: The quality of service of the subscriptions to come. ``"best_effort"`` hears every
-            publisher, of sensor data too; ``"reliable"`` hears only reliable publishers, which send
-            again what was lost.
-        depth: How many messages of a topic wait for their callback before the oldest is dropped.
+        qos: The quality of service of new subscriptions. ``"best_effort"`` receives from every
+            publisher;
+            ``"reliable"`` only from reliable ones, which send lost messages again.
+        depth: The number of messages of a topic that wait before the oldest is dropped.
     """
 
     generation = 2
@@ -125,7 +125,7 @@ class Ros2:
         return bool(self._clock.ros_time_is_active)
 
     def wait_for_another(self, now: int) -> None:  # noqa: ARG002
-        """Waits for a clock that was set to be simulated after the timer was made."""
+        """Wait for a clock that became simulated after the timer was made."""
         time.sleep(0.005)
 
     def resolve(self, topic: str) -> str:
@@ -205,7 +205,7 @@ class Ros2:
             logger.warning(text)
 
     def spin(self) -> int:
-        """Lets callbacks run until `close`, SIGINT or SIGTERM; no callback runs when it returns."""
+        """Run callbacks until `close`, SIGINT or SIGTERM; none runs when it returns."""
         with self._spinning:
             executor = SingleThreadedExecutor(context=self.node.context)
             executor.add_node(self.node)
@@ -232,7 +232,7 @@ class Ros2:
         return 0
 
     def close(self) -> None:
-        """Ends the node. In a callback it returns at once, and `spin` does the rest."""
+        """End the node. In a callback it returns at once, and `spin` completes it."""
         self._closing = True
         self._ending.ask()
         if threading.current_thread() in (self._runner, self._hearing, *self._timers):
@@ -244,14 +244,14 @@ class Ros2:
                 self.node.context.shutdown()
 
     def _close_threads(self) -> None:
-        """Ends what calls back beside an executor."""
+        """End the threads that call back next to an executor."""
         self._hearing.close()
         for timer in self._timers:
             timer.close()
 
 
 class _Timer:
-    """Calls back with points of a grid of its own, which lies just before that of the timer."""
+    """Calls back with the points of its own grid, shortly before rclpy's timer."""
 
     def __init__(self, ros: Ros2, period: int, callback: Callback) -> None:
         self._node = ros.node
@@ -284,7 +284,7 @@ class _Service:
 
 
 class _Publisher:
-    """A publisher until it is closed; who comes late gets nothing any more."""
+    """A publisher until it is closed; later subscribers get nothing."""
 
     def __init__(self, node: Node, entity: Any, message: type, made: Made) -> None:
         self.message = message
@@ -301,7 +301,7 @@ class _Publisher:
 
 @contextmanager
 def _refusals(what: str) -> Iterator[None]:
-    """Says what rclpy refuses, without the lines of its sources."""
+    """Turn refusals of rclpy into InputError, without the lines of its sources."""
     try:
         yield
     except (NameValidationException, RCLError) as error:
@@ -310,7 +310,7 @@ def _refusals(what: str) -> Iterator[None]:
 
 
 def _how(package: str) -> str:
-    """How to install a package of messages."""
+    """Return how to install a package of messages."""
     distribution = os.environ.get("ROS_DISTRO")  # which setup files set, and wheels do not
     install = "apt-get install" if distribution else "pip install"
     return (
@@ -320,12 +320,12 @@ def _how(package: str) -> str:
 
 
 def _is_service(found: type) -> bool:
-    """Whether a class is one of services of ROS 2."""
+    """Return whether a class is a service of ROS 2."""
     return hasattr(found, "Response") and _is_message(found)
 
 
 def _is_message(found: type) -> bool:
-    """Whether a class is one of messages or services of ROS 2."""
+    """Return whether a class is a message or a service of ROS 2."""
     try:
         check_for_type_support(found)
     except AttributeError:

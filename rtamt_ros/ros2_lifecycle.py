@@ -1,4 +1,4 @@
-"""The monitor as a lifecycle node of ROS 2 that parameters set."""
+"""The monitor as a lifecycle node of ROS 2 with parameters."""
 
 from __future__ import annotations
 
@@ -29,18 +29,17 @@ _SEVERAL_TYPES = ("spec", "spec_file", "period", "stale")
 class LifecycleMonitor:
     """A monitor as a lifecycle node.
 
-    To configure it reads the parameters and the specifications; active, it subscribes, samples
-    and publishes; inactive, it does nothing and its topics have no value. Parameters that are set
-    at run time begin the monitors anew; one that cannot be is refused with the reason, and the
-    monitors go on with what they had.
+    Configuring reads the parameters and the specifications. The active node subscribes, samples and
+    publishes; the inactive one does nothing. A parameter that is set at run time restarts the
+    monitors; one that cannot be set is refused with the reason, and the monitors continue.
 
     Args:
-        name: The name of the node, unless the arguments give another.
+        name: The name of the node, unless the arguments set another.
         arguments: As for `Ros2`.
-        parameters: Values of `PARAMETERS`, which prevail over those in the arguments.
+        parameters: Values of `PARAMETERS`, which override those in the arguments.
 
     Raises:
-        InputError: On a parameter of another type.
+        InputError: If a parameter has another type.
 
     Attributes:
         ros: The middleware.
@@ -57,34 +56,34 @@ class LifecycleMonitor:
         self.node: LifecycleNode = self.ros.node
 
     def autostart(self) -> bool:
-        """Configures and activates the node; whether both went well."""
+        """Configure and activate the node; return whether both succeeded."""
         transitions = self.node.trigger_configure, self.node.trigger_activate
         return all(transition() == TransitionCallbackReturn.SUCCESS for transition in transitions)
 
     def configure(self) -> None:
-        """Reads parameters and specifications."""
+        """Read parameters and specifications."""
         values = self._values()
         specifications, settings = read(values)
         self._monitor = MonitorNode(self.ros, _some(specifications), settings)
         self._hear(values)
 
     def activate(self) -> None:
-        """Subscribes and publishes; the monitors begin anew."""
+        """Subscribe and publish; the monitors start again."""
         if self._monitor is not None:
             self._monitor.start()
 
     def deactivate(self) -> None:
-        """Closes subscriptions and publishers."""
+        """Close subscriptions and publishers."""
         if self._monitor is not None:
             self._monitor.stop()
 
     def clean_up(self) -> None:
-        """Forgets the specifications too."""
+        """Forget the specifications too."""
         self.deactivate()
         self._monitor = None
 
     def transition(self, act: Callable[[], None]) -> TransitionCallbackReturn:
-        """Does what a transition asks for; what it refuses is logged."""
+        """Run a transition; log an error."""
         try:
             act()
         except RtamtError as error:
@@ -96,7 +95,7 @@ class LifecycleMonitor:
         return TransitionCallbackReturn.SUCCESS
 
     def set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        """Takes parameters at run time, or says why not."""
+        """Take parameters at run time, or return why not."""
         given = {
             parameter.name: parameter.value
             for parameter in parameters
@@ -132,7 +131,7 @@ class LifecycleMonitor:
 
 
 class _Node(LifecycleNode):  # type: ignore[misc] # rclpy has no types
-    """The node of rclpy, which leaves everything to its monitor."""
+    """The node of rclpy, which passes everything to its monitor."""
 
     def __init__(
         self,
@@ -188,10 +187,10 @@ def run(
     arguments: Sequence[str] = (),
     parameters: Mapping[str, object] | None = None,
 ) -> int:
-    """Runs a `LifecycleMonitor` until SIGINT or SIGTERM.
+    """Run a `LifecycleMonitor` until SIGINT or SIGTERM.
 
     Returns:
-        0, or 2 if the node could not start itself; the log says why.
+        0; or 2 if the node could not start itself, and the log has the reason.
     """
     monitor = LifecycleMonitor(name, arguments, parameters)
     try:
@@ -206,10 +205,10 @@ def run(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The program ``stl_monitor`` of ``ros2 run``: `run`, on parameters alone.
+    """Run the program ``stl_monitor`` of ``ros2 run``, on parameters alone.
 
     Args:
-        arguments: The words of a command line; None: the program's own.
+        arguments: The words of a command line; None for those of the program.
     """
     shown = [
         f"  {name:<10} {meaning}" + (f" ({default})" if default not in {"", None} else "")
@@ -238,5 +237,5 @@ def _some(specifications: list[Specification]) -> list[Specification]:
 
 
 def _text(error: RtamtError) -> str:
-    """The text of an error, with its notes."""
+    """Return the text of an error, with its notes."""
     return "\n".join([str(error), *getattr(error, "__notes__", ())])

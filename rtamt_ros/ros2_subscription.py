@@ -1,7 +1,4 @@
-"""A thread that takes the messages of subscriptions of ROS 2, and does nothing else.
-
-A subscription of ROS 2 that hears what is published, and what publishers have kept.
-"""
+"""Subscriptions of ROS 2 in their own thread, with what publishers have kept."""
 
 from __future__ import annotations
 
@@ -29,12 +26,12 @@ from rtamt_ros.parameters import Qos
 
 
 class Hearing(threading.Thread):
-    """Takes messages of some subscriptions of a node as soon as they come.
+    """A thread that takes the messages of some subscriptions of a node.
 
-    An executor of rclpy gathers all entities of its nodes for every message, which takes as long as
-    twenty requirements take to be judged. This thread waits for its subscriptions and their events
-    alone, from which their `group` keeps executors. An executor that waited for the events would
-    also wake for every message, again and again until it is taken.
+    An executor of rclpy collects all entities of its nodes for every message, which takes as long
+    as judging twenty requirements. This thread waits only for its subscriptions and their events,
+    from which their `group` keeps executors away. An executor that waited for the events would also
+    wake for every message, repeatedly until it is taken.
 
     Args:
         node: The node of rclpy.
@@ -55,7 +52,7 @@ class Hearing(threading.Thread):
         self._closed = False
 
     def add(self, subscription: Subscription, callback: Callable[..., None]) -> None:
-        """Call back with messages of a subscription, and what rclpy knows of each."""
+        """Call back with messages of a subscription, and rclpy's information on each."""
         with self._lock:
             self._callbacks[subscription] = callback
             if self.ident is None:
@@ -63,25 +60,25 @@ class Hearing(threading.Thread):
         self._tell()
 
     def remove(self, subscription: Subscription) -> None:
-        """Call back no more, unless it is under way; then the subscription may be destroyed."""
+        """End the callbacks of a subscription, except one in progress; it can be destroyed then."""
         with self._lock:
             self._callbacks.pop(subscription, None)
         self._tell()
 
     def close(self) -> None:
-        """Take nothing more, and wait for a callback that is under way."""
+        """End all callbacks, and wait for one in progress."""
         self._closed = True
         self._tell()
         if self.ident is not None:
             self.join()
 
     def _tell(self) -> None:
-        """Ends the wait of the thread, if it is in one."""
+        """Interrupt a wait of the thread."""
         if self.is_alive():
             self._changed.trigger()
 
     def run(self) -> None:
-        """Takes messages until it is closed."""
+        """Take messages until it is closed."""
         while not self._closed:
             with ExitStack() as held:  # what is destroyed meanwhile stays until it is left
                 with self._lock:
@@ -97,7 +94,7 @@ class Hearing(threading.Thread):
     def _take(
         self, callbacks: dict[Subscription, Callable[..., None]], events: Sequence[EventHandler]
     ) -> None:
-        """Takes messages of subscriptions until others are wanted."""
+        """Take messages of subscriptions until the set of subscriptions changes."""
         by_pointer = {each.handle.pointer: (each, of) for each, of in callbacks.items()}
         counts = len(callbacks), 1, 0, 0, 0, len(events)
         waits: Any = rclpy_implementation.WaitSet(*counts, self._context.handle)
@@ -125,7 +122,7 @@ class Hearing(threading.Thread):
 def _hand_over(
     ready: Sequence[tuple[Subscription, Callable[..., None]]], told: Sequence[EventHandler]
 ) -> None:
-    """Calls back with what came of subscriptions, and with events."""
+    """Call back with the messages of subscriptions, and with events."""
     for subscription, callback in ready:
         taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
         if taken is not None:
@@ -136,7 +133,7 @@ def _hand_over(
 
 
 class _Apart(MutuallyExclusiveCallbackGroup):  # type: ignore[misc] # rclpy has no types
-    """Keeps executors away."""
+    """A callback group that keeps executors away."""
 
     def can_execute(self, entity: object) -> bool:  # noqa: ARG002
         return False
@@ -149,22 +146,24 @@ _QOS: dict[Qos, ReliabilityPolicy] = {
 
 
 class Ros2Subscription:
-    """A subscription that hears what is published, and what publishers have kept.
+    """A subscription that receives new messages, and those that publishers have kept.
 
-    What was kept (``transient_local``) DDS gives to a reader that asks for it alone, and to such a
-    reader nothing of a publisher that keeps nothing. So the first reader, ``live``, asks for
-    nothing. Where a publisher keeps, ``late`` asks. Once something came one of the two stays:
-    ``late``, which hears a publisher that begins anew too, if every publisher keeps.
+    DDS gives kept messages (``transient_local``) only to a reader that requests them, and gives
+    such a reader nothing from publishers that keep nothing. So the first reader, ``live``, requests
+    nothing. If a publisher keeps messages, a second reader, ``late``, requests them. After the
+    first message one of the two stays: ``late`` if every publisher keeps messages, because it also
+    receives from restarted publishers.
 
     Args:
         node: The node of rclpy.
         topic: As in the specification.
         message: The class of its messages.
         callback: Takes every message, once.
-        qos: ``"best_effort"`` hears every publisher; ``"reliable"`` reliable ones only.
-        depth: How many messages wait for the callback.
+        qos: ``"best_effort"`` receives from every publisher; ``"reliable"`` from reliable ones
+            only.
+        depth: The number of messages that wait for the callback.
         log: The log of the node.
-        hearing: The thread that takes the messages; None: an executor of the node does.
+        hearing: The thread that takes the messages; None for an executor of the node.
     """
 
     def __init__(
@@ -205,7 +204,7 @@ class Ros2Subscription:
         self._watch: Any = node.create_timer(1.0, self._look, clock=clock)
 
     def close(self) -> None:
-        """Hears nothing more."""
+        """End the subscription."""
         self._callback.close()
         with self._lock:
             self._closed = True
@@ -222,7 +221,7 @@ class Ros2Subscription:
         self._open("late", profile, self._hear_all)
 
     def _open(self, name: str, profile: QoSProfile, unheard: Callable[[object], None]) -> None:
-        """Opens a reader; `unheard` is called when there is a publisher that it cannot hear."""
+        """Open a reader; ``unheard`` is called for a publisher that it cannot receive from."""
         events = SubscriptionEventCallbacks(incompatible_qos=unheard, use_default_callbacks=False)
         hearing = self._hearing
         self._readers[name] = self._node.create_subscription(
@@ -256,7 +255,7 @@ class Ros2Subscription:
         self._callback(message)
 
     def _look(self) -> None:
-        """Looks at the publishers once a second, until one reader stays: DDS tells of few."""
+        """Check the publishers once a second, until one reader stays; DDS reports few changes."""
         publishers = self._node.get_publishers_info_by_topic(self._whole_name)
         wanted = f"{self._message.__module__.partition('.')[0]}/msg/{self._message.__name__}"
         others = sorted({publisher.topic_type for publisher in publishers} - {wanted})
@@ -292,7 +291,7 @@ class Ros2Subscription:
         )
 
     def _hear_all(self, _event: object) -> None:
-        """Goes back to the reader that hears everybody."""
+        """Return to the reader that receives from everybody."""
         with self._lock:
             self._mixed = True
             if not self._closed and "live" not in self._readers:
@@ -301,7 +300,7 @@ class Ros2Subscription:
 
 
 def _keeps(qos: QoSProfile) -> bool:
-    """Whether a publisher gives what it has published to who comes late."""
+    """Return whether a publisher gives its last messages to late subscribers."""
     return (
         qos.durability is DurabilityPolicy.TRANSIENT_LOCAL
         and qos.reliability is ReliabilityPolicy.RELIABLE

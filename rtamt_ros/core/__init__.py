@@ -1,1 +1,1 @@
-"""From messages to reports: what a monitor does with topics, on any middleware or on none."""
+"""The monitors of a node, independent of ROS."""

@@ -22,29 +22,21 @@ _Events = dict[str, list[tuple[float, float]]]
 class DenseJudge:
     """Judges a requirement on events: a value lasts until the next message of its topic.
 
-    A run begins when every input has come and none is stale. The robustness of a time is reported
-    as soon as it is known: with receive times, when a message comes or a look is taken, up to the
-    message's own time, as topics that are silent have kept their values; with stamps, when every
-    topic has a later one. `rtamt.dense.Monitor` gives the robustness; if it cannot wait for the
-    requirement, `rtamt.dense.EpisodeMonitor` gives the robustness of the run so far. Bounds and
-    verdict come from `rtamt.dense.EpisodeMonitor`.
+    A run starts when every input has a value and none is stale. The robustness of a time is
+    reported as soon as it is known: with receive times at the next message or look, because silent
+    topics have kept their values; with stamps when every topic has a later one.
+    `rtamt.dense.Monitor` gives the robustness. If it cannot wait for the requirement,
+    `rtamt.dense.EpisodeMonitor` gives the robustness of the run so far. Bounds and verdict always
+    come from `rtamt.dense.EpisodeMonitor`.
 
-    Under ``stale_as="unknown"`` a run goes on while inputs are stale: from the time on at which one
-    is, `rtamt.dense.EpisodeMonitor` takes its values for unknown until its next message.
-    `rtamt.dense.Monitor`, which needs every value, begins anew when all inputs are there again.
-
-    Args:
-        requirement: What to judge.
-        settings: The semantics, and what the times of messages are.
-        record: Where the events go.
+    Under ``stale_as="unknown"`` a run continues while inputs are stale: their values are unknown
+    until their next message. `rtamt.dense.Monitor`, which needs every value, starts again when all
+    are there.
 
     Attributes:
         account: The history of the requirement.
-        inputs: What it reads.
+        inputs: The inputs of the requirement.
         lateness: As in `Judges`, for this requirement.
-
-    Raises:
-        SpecificationError: If a monitor cannot run the requirement.
     """
 
     def __init__(
@@ -95,9 +87,9 @@ class DenseJudge:
         self._verdict = Verdict.UNDECIDED
 
     def stop(self, why: str) -> None:
-        """End the run; the next event with which every input is there begins another.
+        """End the run; the next event with all inputs starts another.
 
-        A violation that is certain by now counts, also if no report has said so yet.
+        A certain violation counts, even if no report has shown it yet.
         """
         if self._origin is not None:
             self._decided()
@@ -105,16 +97,16 @@ class DenseJudge:
             self._origin = None
 
     def reset(self, now: int) -> RequirementReport:
-        """End the run as somebody asks for another; what is held is held from now on.
+        """End the run on request; held values count from now on.
 
-        With stamps the next run begins at the oldest message that is held, as after a restart.
+        With stamps the next run starts at the oldest held message, as after a restart.
         """
         self.stop("")
         self._since = now if self._silence else 0
         return self.account.reset(now)
 
     def event(self, source: Input, now: int) -> Sequence[RequirementReport]:
-        """The reports of what a message that was taken makes known."""
+        """Return the reports that a new message causes."""
         if self._origin is None:
             return self._begin(now)
         if self._has_jumped():
@@ -123,7 +115,7 @@ class DenseJudge:
         return self._feed([source], now)
 
     def look(self, now: int) -> Sequence[RequirementReport]:
-        """The reports of a time at which no message came."""
+        """Return the reports of a time without a message."""
         if self._is_absent(now):
             self.stop(self.account.why_gone(now))
             return [self.account.without(now)]
@@ -148,7 +140,7 @@ class DenseJudge:
         return self._feed(self.inputs, now)
 
     def _forget(self) -> None:
-        """Begin robustness anew."""
+        """Reset the monitors of robustness."""
         for each in (self._monitor, *self._named.values()):
             if each is not None:
                 each.reset()
@@ -196,7 +188,7 @@ class DenseJudge:
     def _silence_of(
         self, sources: Sequence[Input], events: _Events, now: int
     ) -> list[tuple[int, dict[str, float]]]:
-        """Make the values of inputs that have become stale unknown; the rows of a record."""
+        """Make the values of newly stale inputs unknown; return the rows of a record."""
         before, rows = self._silent, []
         self._silent = {each for each in self.inputs if each.is_stale(now)}
         for source in self.inputs:
@@ -212,14 +204,14 @@ class DenseJudge:
         return rows
 
     def _without(self, now: int) -> Sequence[RequirementReport]:
-        """The report of a time at which inputs are stale in a run that goes on."""
+        """Return the report of a time at which inputs are stale in a run that continues."""
         ages = {source.name: source.age(now) for source in self.inputs if source in self._silent}
         self._decided()
         bounds = self._episode.bounds()
         return [self.account.without_values(now, ages, bounds, self._episode.verdict)]
 
     def _keep(self, rows: list[tuple[int, dict[str, float]]]) -> None:
-        """Count a run that has begun, and record the events that were taken in."""
+        """Count a run at its first events, and record the events."""
         if self._fresh:
             self._fresh = False
             self.account.begin(self._why)
@@ -231,7 +223,7 @@ class DenseJudge:
                     self._record.row(time, event)
 
     def _extend_lasting(self, events: _Events) -> None:
-        """Makes defaults, before the first message, and unknown values last as long as the rest."""
+        """Extend defaults and unknown values as far as the other inputs."""
         lasting = [
             source for source in self.inputs if source.time is None or source in self._silent
         ]
@@ -240,7 +232,7 @@ class DenseJudge:
             self._extend(events, lasting, min(stamped))
 
     def _extend(self, events: _Events, sources: Sequence[Input], until: int) -> None:
-        """Makes values last until then; a new message lasts a nanosecond, so that it is judged."""
+        """Extend values to a time; a new message lasts a nanosecond, so that it counts."""
         for source in sources:
             if self._last[source] < until:
                 self._last[source] = until
@@ -249,12 +241,12 @@ class DenseJudge:
                     events.setdefault(name, []).append(same)
 
     def _held(self, source: Input) -> dict[str, float]:
-        """The values of an input, nan if they are not known."""
+        """Return the values of an input; nan if they are unknown."""
         silent = source in self._silent
         return {n: math.nan if silent else source.values[place] for n, place in self._read[source]}
 
     def _update(self, events: _Events) -> Sequence[tuple[float, float]]:
-        """Take in events; the robustness of times that they settle."""
+        """Take events; return the robustness of times that they settle."""
         robustness = self._episode.update(events)
         if self._silent:
             self._gaps, self._apart = True, True
@@ -299,7 +291,7 @@ class DenseJudge:
         return reports
 
     def _decided(self) -> bool:
-        """Whether the verdict on the run is new; a violation is counted."""
+        """Return whether the verdict on the run is new, and count a violation."""
         before, self._verdict = self._verdict, self._episode.verdict
         if self._verdict is before:
             return False
@@ -309,7 +301,7 @@ class DenseJudge:
         return True
 
     def _values(self) -> Mapping[str, float]:
-        """The robustness of every named formula, nan where it is not known yet."""
+        """Return the robustness of every named formula; nan where it is not known yet."""
         if self._monitor is not None:
             return self._monitor.values
         spec = self._episode.specification
@@ -321,7 +313,7 @@ class DenseJudge:
         }
 
     def _latenesses(self) -> dict[str, int]:
-        """By how many nanoseconds the formulas that are known last lie before the requirement."""
+        """Return the nanoseconds by which each formula lies before the requirement."""
         late = {
             name: each.horizon if isinstance(each, rtamt.dense.Monitor) else 0.0
             for name, each in self._named.items()
@@ -350,7 +342,7 @@ class DenseJudge:
 def _alone(
     specification: Specification, name: str, options: Mapping[str, Any]
 ) -> rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor:
-    """The monitor of a named formula by itself."""
+    """Return the monitor of a named formula."""
     formula = specification.formulas[name]
     alone = replace(specification, formula=formula, formulas={name: formula}, uses={})
     try:

@@ -1,4 +1,4 @@
-"""The messages of a topic: what it held at a time, and how old that was."""
+"""The inputs of a node: the values of a topic over time, and their age."""
 
 from __future__ import annotations
 
@@ -16,35 +16,29 @@ _Arrival = tuple[int, int, list[float], int]
 
 
 class Input:
-    """A topic, and what the specifications read of its messages.
+    """A topic, and the fields that specifications read from its messages.
 
-    `take` keeps what comes, in any thread. One thread calls `gather`, and then `settle` for times
-    that are whole periods apart: it holds what came last by each. Nothing of a message is kept but
-    its numbers; of those between two such times only the last is kept, and none that is older than
-    a gap and a period, however long nothing is gathered.
-
-    Args:
-        name: What the specifications call it.
-        topic: As it is written there.
-        settings: When it is stale, and what the times of messages are.
-        default: The value before the first message, for which nothing waits then.
+    `take` stores messages from any thread. One thread calls `gather`, and then `settle` for times
+    that are whole periods apart: it selects the last message up to each time. Only numbers are
+    stored. Between two such times only the last message is kept, and none that is older than a gap
+    and a period.
 
     Attributes:
-        default: As given.
-        package: The package of the class of its messages.
-        message: The name of the class.
-        fields: What is read of a message; `values` has the same order.
-        values: The values of the message that is held, in order; before the first the default, or
-            none.
-        time: Nanoseconds at which it came, or of its stamp; None before the first.
-        came: Nanoseconds at which it came. Its age counts from here where its stamp is later: a
-            publisher whose clock is ahead is stale as soon as another.
-        taken: How many messages were taken.
-        out_of_order: How many were left out because they are older than the one before.
-        errors: How many were left out because they could not be read.
+        default: The value before the first message; None if the input waits for one.
+        package: The package of the message class.
+        message: The name of the message class.
+        fields: The fields that are read, in the order of `values`.
+        values: The values of the selected message, the default, or nothing before the first.
+        time: The time of the message in nanoseconds: its arrival or its stamp; None before the
+            first.
+        came: The arrival in nanoseconds. The age counts from here if the stamp is later, so that a
+            publisher with a fast clock becomes stale as soon as others.
+        taken: The number of accepted messages.
+        out_of_order: The number of messages left out because they are older than the one before.
+        errors: The number of messages left out because they could not be read.
         error: Why the last message could not be read; empty if it could.
-        jumps: How often the stamps went back by more than a gap, and stayed there.
-        went_back: By how many nanoseconds they did so last.
+        jumps: The number of times that the stamps went back by more than a gap, and stayed there.
+        went_back: The size of the last jump in nanoseconds.
     """
 
     __slots__ = (
@@ -105,7 +99,7 @@ class Input:
         self.error = ""
 
     def add(self, field: SubscribedField) -> int:
-        """Read a field too; gives its place in `values`."""
+        """Read another field; return its place in `values`."""
         paths = [each.path for each in self.fields]
         if field.path in paths:
             return paths.index(field.path)
@@ -115,7 +109,7 @@ class Input:
         return len(paths)
 
     def take(self, message: Any, time: int, came: int) -> bool:  # noqa: ANN401 - the classes of ROS have no types
-        """Keep what is read of a message until it is settled; False if it is left out."""
+        """Store the fields of a message until it is settled; return False if it is left out."""
         try:
             values = [float(read(message)) for read in self._reads]
         except _UNREADABLE as error:
@@ -140,7 +134,7 @@ class Input:
         return True
 
     def gather(self) -> None:
-        """Let `settle` find what came up to now."""
+        """Make the messages that have arrived available to `settle`."""
         if self._arrived:
             with self._lock:
                 for each in self._arrived:
@@ -148,7 +142,7 @@ class Input:
                 self._arrived.clear()
 
     def settle(self, time: int) -> None:
-        """Hold the last message that came by a time, of those that were gathered."""
+        """Select the last gathered message up to a time."""
         self._settled = time
         waiting = self._waiting
         while waiting and waiting[0][0] <= time:
@@ -158,7 +152,7 @@ class Input:
                 self.went_back = back
 
     def _add(self, some: deque[_Arrival], one: _Arrival) -> None:
-        """Add a message in the place of those that no time to be settled needs any more."""
+        """Add a message, and drop those before it that no time can select any more."""
         came, time, values, back = one
         settled, period = self._settled, self._period
         while some:
@@ -172,26 +166,26 @@ class Input:
         some.append((came, time, values, back))
 
     def age(self, now: int) -> int:
-        """Nanoseconds since the last message; 0 without one."""
+        """Return the nanoseconds since the last message; 0 before the first."""
         return 0 if self.time is None else now - min(self.time, self.came)
 
     def is_stale(self, now: int) -> bool:
-        """Whether the last message is too old; it is not if there was none."""
+        """Return whether the last message is too old; False before the first."""
         return self.age(now) > self.stale_after
 
     def is_awaited(self) -> bool:
-        """Whether it has no value before its first message."""
+        """Return whether there is neither a message nor a default."""
         return self.time is None and self.default is None
 
     def is_gone(self, now: int) -> bool:
-        """Whether it has no value: it is awaited or stale."""
+        """Return whether there is no current value: it is awaited or stale."""
         time = self.time
         if time is None:
             return self.default is None
         return now - min(time, self.came) > self.stale_after
 
     def forget_after(self, now: int) -> None:
-        """Forget messages that came later than now, before the clock went back."""
+        """Drop messages that arrived after ``now``, to which the clock went back."""
         with self._lock:
             if self.time is not None and self.came > now:
                 self.time = None
@@ -204,7 +198,7 @@ class Input:
                 self._newest = kept[-1][1] if kept else self._newest
 
     def came_before_the_clock(self, now: int) -> None:
-        """Take now for the time of messages that came before a simulated clock began."""
+        """Date messages that arrived before a simulated clock started to ``now``."""
         with self._lock:
             for some in (self._waiting, self._arrived):
                 dated = [(came or now, time or now, held, back) for came, time, held, back in some]
@@ -225,7 +219,7 @@ class Input:
         return False
 
     def _reason(self, message: Any, error: Exception | None) -> str:  # noqa: ANN401
-        """The first field that cannot be read, and why."""
+        """Return the first field that cannot be read, and why."""
         for field in self.fields:
             try:
                 value = field.read(message)

@@ -1,11 +1,4 @@
-"""All requirements of a node: what messages and the clock do to them.
-
-To change what a node does with a message or a tick of the clock, change `Judges.take` or
-`Judges.look`; ``sampled.py`` and ``dense.py`` here judge samples and events.
-
-To add a number or a note about a requirement: a field of `RequirementReport`, an entry of ``_told``
-in ``publishing.py``, and its words in `RequirementReport.text`.
-"""
+"""The judges of all requirements of a node."""
 
 from __future__ import annotations
 
@@ -26,26 +19,18 @@ from rtamt_ros.core.settings import Settings
 class Judges:
     """Judges every requirement of some specifications.
 
-    On samples, several threads may `take` messages while one takes `look` after look; the time of a
-    message is read where no look reads its own meanwhile. All requirements are sampled at the same
-    times, a period apart. In dense time all calls come one after the other.
-
-    Args:
-        specifications: What to judge.
-        settings: How.
-
-    Raises:
-        SpecificationError: If a monitor cannot run a requirement, or a topic has no class of
-            messages or two.
+    On samples, several threads may call `take` while one calls `look`; no look reads its time while
+    the time of a message is read. All requirements share the sample times, a period apart. In dense
+    time all calls must come one after the other.
 
     Attributes:
-        inputs: What the requirements read.
-        topics: The topics that are read, and the inputs of each.
-        requirements: What is judged.
-        settings: How.
-        lateness: For each requirement and named formula of it, the nanoseconds by which what its
-            value is about lies before `RequirementReport.time`; on samples for the result too,
-            which is the formula ``""``.
+        inputs: The inputs of all requirements.
+        topics: The inputs by topic.
+        requirements: The requirements.
+        settings: The settings.
+        lateness: For each requirement and formula, the nanoseconds by which the time of its value
+            lies
+            before `RequirementReport.time`. On samples the formula ``""`` is the result.
     """
 
     def __init__(self, specifications: Sequence[Specification], settings: Settings) -> None:
@@ -72,17 +57,17 @@ class Judges:
 
     @property
     def files(self) -> list[Path]:
-        """The files that the next samples are written to."""
+        """The files of the next samples."""
         return [record.path for record in self._records if record is not None]
 
     @property
     def reports(self) -> tuple[RequirementReport, ...]:
-        """The last report of every requirement of which there is one."""
+        """The last report of each requirement that has one."""
         last = [judge.account.last for judge in self._judges]
         return tuple([each for each in last if each is not None])
 
     def take(self, topic: str, message: Any, time: int, now: int) -> Sequence[RequirementReport]:  # noqa: ANN401
-        """Take a message, at the time that counts; in dense time, the reports that it brings."""
+        """Take a message with its time; in dense time, return the reports that it causes."""
         dense = self.settings.dense
         if dense and now > 0:
             self._follow_clock(now, now)
@@ -99,11 +84,11 @@ class Judges:
         return reports
 
     def look(self, due: int, now: int) -> Sequence[RequirementReport]:
-        """The reports of a time: on samples, of every point that came since the last look.
+        """Return the reports of a time; on samples, of every point since the last look.
 
         Args:
-            due: The last point of the grid that has come; dense time has none.
-            now: What the clock shows.
+            due: The last point of the grid; unused in dense time.
+            now: The time of the clock.
         """
         if now <= 0:
             return [each.account.without_clock() for each in self._judges]
@@ -126,7 +111,7 @@ class Judges:
         return reports
 
     def _points(self, due: int) -> tuple[Sequence[int], str]:
-        """The points since the last that was judged; why it is the last alone, after a gap."""
+        """Return the points to judge; after a gap only the last one, and the reason."""
         last, period = self._point, self.settings.period
         if last is None:
             return [due], ""
@@ -135,24 +120,22 @@ class Judges:
         return range(last + period, due + 1, period), ""
 
     def reset(self, now: int) -> Sequence[RequirementReport]:
-        """Begin all runs anew, as somebody asks for; the reports until they do.
+        """Start all runs again on request; return the reports until they start.
 
-        What is due by now and was not judged yet belongs to no run.
+        Points that are due but not judged yet belong to no run.
         """
         if self._point is not None and now > self._point:
             self._point = now - (now - self._point) % self.settings.period
         return [judge.reset(now) for judge in self._judges]
 
     def standing(self) -> Sequence[RequirementReport]:
-        """The reports while a simulated clock stands still; the monitors go on when it does."""
+        """Return the reports while a simulated clock stands still."""
         return [judge.account.standing() for judge in self._judges]
 
     def _follow_clock(self, now: int, time: int) -> None:
-        """Forget what came after a time to which the clock went back.
+        """Drop what arrived after a time to which the clock went back.
 
-        Args:
-            now: What the clock shows.
-            time: Of what is judged now: that of messages which came before a simulated clock began.
+        Messages from before the start of a simulated clock get ``time``.
         """
         back = self._now - now
         if not self._now:
@@ -167,13 +150,13 @@ class Judges:
         self._now = max(self._now, now)
 
     def flush(self) -> None:
-        """Put on the disk what was recorded."""
+        """Write the records to disk."""
         for record in self._records:
             if record is not None:
                 record.flush()
 
     def close(self) -> None:
-        """End the records."""
+        """Close the records."""
         for record in self._records:
             if record is not None:
                 record.close()

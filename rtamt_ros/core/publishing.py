@@ -1,9 +1,4 @@
-"""Messages of ``diagnostic_msgs``, of which a row is the state of a requirement.
-
-One message for each sample, with what is known of all requirements.
-
-Reports as messages on topics, and as diagnostics.
-"""
+"""Reports as messages: robustness and bounds on topics, diagnostics, and combined messages."""
 
 from __future__ import annotations
 
@@ -20,17 +15,7 @@ from rtamt_ros.middleware import Level, Middleware, Publisher
 
 
 class Statuses:
-    """Makes messages of ``diagnostic_msgs/DiagnosticArray``.
-
-    Args:
-        middleware: The node of ROS.
-
-    Attributes:
-        array: The class of the messages.
-
-    Raises:
-        InputError: If ``diagnostic_msgs`` is not installed.
-    """
+    """Makes messages of ``diagnostic_msgs/DiagnosticArray``, whose class is ``array``."""
 
     def __init__(self, middleware: Middleware) -> None:
         self._middleware = middleware
@@ -40,7 +25,7 @@ class Statuses:
         )
 
     def made(self, time: int, rows: Iterable[tuple[str, Level, str, Mapping[str, str]]]) -> Any:  # noqa: ANN401 - the classes of ROS have no types
-        """A message with a time; a row is a name, a level, a text, and values by name."""
+        """Return a message; a row is a name, a level, a text, and values by name."""
         array = self.array()
         self._middleware.set_stamp(array, time)
         array.status = [self._row(*row) for row in rows]
@@ -59,18 +44,10 @@ class Statuses:
 
 
 class Combined:
-    """Publishes ``diagnostic_msgs/DiagnosticArray``: a header with a time, and rows with names.
+    """Publishes one ``diagnostic_msgs/DiagnosticArray`` per sample with all requirements.
 
-    It is the type of message with both that every ROS has, and that nobody has to build. The stamp
-    is the time of the sample, and each field what is known then: robustness that is late says what
-    it is about, and lies within bounds of the same message.
-
-    Args:
-        middleware: The node of ROS.
-        topic: Where they are published; the last is kept.
-
-    Raises:
-        InputError: If ``diagnostic_msgs`` is not installed, or ROS refuses the topic.
+    Every ROS has this type, and nobody has to build it. The stamp is the time of the sample.
+    Robustness that is late has its own time, and is within the bounds of the same message.
     """
 
     def __init__(self, middleware: Middleware, topic: str) -> None:
@@ -78,7 +55,7 @@ class Combined:
         self._publisher = middleware.publisher(topic, self._statuses.array)
 
     def publish(self, reports: Sequence[RequirementReport]) -> None:
-        """Publish the reports of samples, a message for each; all of a sample are neighbours."""
+        """Publish the reports of samples; the reports of one sample are adjacent."""
         for time, its in groupby(reports, attrgetter("time")):
             rows = [(each.name, each.level, each.text, _values(each)) for each in its]
             if time > 0:
@@ -90,7 +67,7 @@ class Combined:
 
 
 def _values(report: RequirementReport) -> dict[str, str]:
-    """What is known of a requirement, with numbers that read back as they were."""
+    """Return the values of a report as text; numbers are exact."""
     return {
         "robustness": _exact(report.robustness),
         "at": "" if report.about is None else _exact_seconds(report.about),
@@ -106,7 +83,7 @@ def _exact(value: float | None) -> str:
 
 
 def _exact_seconds(time: int) -> str:
-    """A time to the nanosecond."""
+    """Return a time in seconds, exact to the nanosecond."""
     return "{}.{:09d}".format(*divmod(time, 1_000_000_000))
 
 
@@ -117,18 +94,7 @@ _SECOND = 1_000_000_000
 
 
 class Publishing:
-    """Publishers of the robustness, the bounds and the verdict of requirements.
-
-    Args:
-        middleware: The node of ROS.
-        outputs: The topics of robustness.
-        bounds: For each requirement the topic below which its bounds are.
-        classes: The classes of all messages, by package and name.
-        lateness: As in `Judges`.
-
-    Raises:
-        InputError: If ROS refuses a topic; then no publisher is left open.
-    """
+    """Publishes the robustness, the bounds and the verdict of requirements."""
 
     def __init__(
         self,
@@ -160,7 +126,7 @@ class Publishing:
             raise
 
     def publish(self, report: RequirementReport) -> None:
-        """Publish what is known; of the bounds and the verdict, what is new."""
+        """Publish a report; bounds and verdict only if they changed."""
         for outgoing in self._of[report.name]:
             outgoing.publish(report)
 
@@ -178,7 +144,7 @@ class Publishing:
 
 
 class _Bounds:
-    """The messages of bounds and a verdict, each of which is published once until it changes.
+    """The bounds and the verdict of a requirement, published only when they change.
 
     Their topics are latched, and a message costs as much as a hundred samples of a monitor.
     """
@@ -199,7 +165,7 @@ class _Bounds:
 
 
 class _Bound:
-    """The messages of a bound or a verdict."""
+    """The messages of one bound, or of the verdict."""
 
     def __init__(self, what: str, publisher: Publisher) -> None:
         self._of = attrgetter(what)
@@ -219,10 +185,10 @@ class _Bound:
 
 
 class _Outgoing:
-    """The messages of one topic, one for each time: that which all its fields are about.
+    """The messages of one topic, one for each time that its fields are about.
 
-    A field whose values are known sooner than those of another waits for them. What is not known,
-    as an input is stale, is nan in the messages that wait for it, and at the time of the sample.
+    A field that is known earlier waits for the others. While an input is stale, unknown fields are
+    nan in the messages that wait, and at the time of the sample.
     """
 
     def __init__(
@@ -261,7 +227,7 @@ class _Outgoing:
             }
 
     def _found(self, key: tuple[str, str], report: RequirementReport) -> tuple[int, float] | None:
-        """What a report says of a formula, and the time that it is about; None: nothing new."""
+        """Return the value of a formula in a report, with its time; None if it is not new."""
         name = key[1]
         value = report.values.get(name) if name else report.robustness
         about = report.time - self._late[key] if name else report.about
@@ -287,19 +253,13 @@ class _Outgoing:
 
 
 class Diagnostics:
-    """The states of requirements on ``/diagnostics``: once a second, and when one is another.
+    """The states of requirements on ``/diagnostics``: once a second, and when one changes.
 
-    It is another when its level changes, or when its record ends. The log has these times only.
-
-    Without the package ``diagnostic_msgs`` there are none, which the log says.
-
-    Args:
-        middleware: The node of ROS.
-        formulas: The formula of every requirement.
+    A state changes with its level, or when its record ends; these changes are logged too. Without
+    ``diagnostic_msgs`` there are no diagnostics, which the log reports.
 
     Attributes:
-        around: How the node stands among others, as `Middleware.around` says; what is new is told
-            too, and from then on it is a state of its own.
+        around: The result of `Middleware.around`, which becomes a state of its own when it is new.
     """
 
     def __init__(self, middleware: Middleware, formulas: Mapping[str, str]) -> None:
@@ -318,7 +278,7 @@ class Diagnostics:
             self._publisher = middleware.publisher("/diagnostics", self._made.array, latched=False)
 
     def tell(self, reports: Sequence[RequirementReport], now: int) -> bool:
-        """Publish and log what is new; whether it was time to."""
+        """Publish and log news; return whether it was time to."""
         states, before = [*map(_STATE, reports)], self._states
         around = self.around
         news = around is not None and around != self._told_around
@@ -361,7 +321,7 @@ _STATE = attrgetter("level", "unrecorded")
 
 
 def _told(report: RequirementReport, formula: str) -> dict[str, str]:
-    """The numbers of a report for a reader."""
+    """Return the numbers of a report for a reader."""
     return {
         "formula": formula,
         "robustness": _number(report.robustness),

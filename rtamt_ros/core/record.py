@@ -1,4 +1,4 @@
-"""The samples or events of a requirement as a CSV file that ``rtamt monitor`` reads."""
+"""A CSV file of samples or events, in the format that ``rtamt monitor`` reads."""
 
 from __future__ import annotations
 
@@ -17,20 +17,18 @@ from rtamt import InputError
 class CsvRecord:
     """Writes a file for each run of a monitor: ``run.csv``, ``run-2.csv``, ``run-3.csv``.
 
-    A file that is there stays as it is, and the next number is taken.
-
-    The times are dates of the clock of ROS, to the nanosecond. Where a file cannot be written, as
-    on a disk that is full, the record ends, and nothing else does.
+    It skips numbers of existing files. Times are dates of the clock of ROS, to the nanosecond. If a
+    file cannot be written, only the record ends.
 
     Args:
         path: The file of the first run.
-        columns: The columns beside the time.
+        columns: The columns after the time.
 
     Raises:
-        InputError: If there is no such folder, or the path is one.
+        InputError: If the folder does not exist, or the path is a folder.
 
     Attributes:
-        error: Why the record has ended; empty while it goes on.
+        error: Why the record has ended; empty before.
     """
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
@@ -52,7 +50,7 @@ class CsvRecord:
         return next(path for path in paths if not path.is_file())
 
     def begin(self) -> None:
-        """Begin the file of the next run."""
+        """Start the file of the next run."""
         self.close()
         if self.error:
             return
@@ -62,18 +60,18 @@ class CsvRecord:
             self._write(self._columns)
 
     def row(self, time: int, values: Iterable[object]) -> None:
-        """Write a row, at a time in nanoseconds."""
+        """Write a row with a time in nanoseconds."""
         with self._ending():
             self._write((f"{np.datetime64(time, 'ns')}Z", *values))
 
     def flush(self) -> None:
-        """Put on the disk what was written."""
+        """Write the rows to disk."""
         if self._file is not None:
             with self._ending():
                 self._file.flush()
 
     def close(self) -> None:
-        """End the file of this run."""
+        """Close the file of this run."""
         file, self._file, self._write = self._file, None, _nowhere
         if file is not None:
             with self._ending():
@@ -81,7 +79,7 @@ class CsvRecord:
 
     @contextmanager
     def _ending(self) -> Iterator[None]:
-        """End the record where the system refuses to write."""
+        """End the record if the system refuses to write."""
         try:
             yield
         except OSError as error:
@@ -93,4 +91,4 @@ class CsvRecord:
 
 
 def _nowhere(_row: Sequence[object]) -> None:
-    """Write a row of a record that has ended."""
+    """Ignore a row of a record that has ended."""

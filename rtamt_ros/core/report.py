@@ -1,7 +1,4 @@
-"""What a monitor says of a requirement at one time.
-
-The history of a requirement since the node was started or reset: its reports are made of it.
-"""
+"""The reports of a requirement, and the history that they summarize."""
 
 from __future__ import annotations
 
@@ -19,41 +16,43 @@ _NO_VALUES: Mapping[str, float] = MappingProxyType({})
 
 
 class RequirementReport(NamedTuple):
-    """What a monitor says of a requirement at one time.
+    """The report of a monitor on a requirement at one time.
 
     Attributes:
         name: The name of the requirement.
-        time: Nanoseconds of the clock of ROS: the time of the last sample; in dense time the one up
-            to which the robustness is known. The time of the look while there is neither.
-        level: How bad it is.
-        problem: Why there is no robustness, or what is wrong with an input; empty if all is well.
-        robustness: None while nothing can be said: an input has not come, or the latency has not
-            passed since the start. nan while an input is stale.
-        about: The time that the robustness is about: `time` less the latency. None without a
-            robustness.
-        lower: The least robustness since the last start, over all continuations and ends; nan while
-            an input is stale, unless its values count as unknown; None before the first sample.
-        upper: The greatest.
-        verdict: The verdict since the last start; UNDECIDED while an input is stale, unless its
-            values count as unknown; None before the first sample.
-        values: The robustness of every named formula of the requirement, nan until its own latency
-            has passed; empty while there is nothing to say.
-        asked: For each implication that the requirement asks at every sample the samples of the run
-            at which its left side holds for certain; None where they are not counted.
-        worst: The least robustness since the node was started or reset; None before the first.
-        worst_time: The time that it is about.
-        stale: The inputs that are stale.
-        waiting: The inputs that have not come.
-        violations: Runs of the monitor since then in which a violation was certain.
-        violated_at: The time at which the first of them was.
-        missed: Samples that were judged so late that the next was due; their values are right.
-        out_of_order: Messages left out because they are older than the one before.
-        errors: Messages left out because a field was nan, or was not there.
-        restarts: How often the monitor began anew, after a gap or a jump of the clock.
-        restarted_because: Why it did so last.
-        resets: How often it was told to begin anew, which is no restart.
-        reset_at: When it was told so last; None: never.
-        unrecorded: Why samples are no longer recorded, where they were to be.
+        time: Nanoseconds of the clock of ROS: the time of the last sample; in dense time the time
+            up to
+            which the robustness is known; otherwise, the time of the look.
+        level: The severity.
+        problem: Why there is no robustness, or what is wrong with an input; empty if nothing is.
+        robustness: None while it is unknown: an input is missing, or the latency has not passed.
+            nan
+            while an input is stale.
+        about: The time of the robustness: `time` minus the latency. None without a robustness.
+        lower: The minimum robustness of the run over all continuations and ends. nan while an input
+            is
+            stale, unless stale values are unknown values; None before the first sample.
+        upper: The maximum.
+        verdict: The verdict on the run. UNDECIDED while an input is stale, unless stale values are
+            unknown values; None before the first sample.
+        values: The robustness of every named formula, nan until its latency has passed.
+        asked: For each implication under an outer ``always``, the number of samples of the run at
+            which
+            its left side certainly holds; None if they are not counted.
+        worst: The minimum robustness since the start or reset of the node; None before the first.
+        worst_time: The time of `worst`.
+        stale: The stale inputs.
+        waiting: The inputs without a message.
+        violations: The number of runs since the start or reset with a certain violation.
+        violated_at: The time of the first of them.
+        missed: The number of samples judged after the next was due; their values are right.
+        out_of_order: The number of messages left out because they are older than the one before.
+        errors: The number of messages left out because a field was nan or missing.
+        restarts: The number of runs that followed a gap or a jump of the clock.
+        restarted_because: The reason for the last restart.
+        resets: The number of resets on request.
+        reset_at: The time of the last reset; None before.
+        unrecorded: Why the record has ended; empty if it has not.
     """
 
     name: str
@@ -84,7 +83,7 @@ class RequirementReport(NamedTuple):
 
     @property
     def text(self) -> str:
-        """All of it in one line, ``"holds so far, robustness 0.5"`` or ``"odom stale 0.4 s"``."""
+        """The report in one line: ``"holds so far, robustness 0.5"``, ``"odom stale 0.4 s"``."""
         parts = [self._robustness_text(), self.problem]
         if self.violations:
             times, at = counted(self.violations, "time"), seconds(self.violated_at or 0, 3)
@@ -122,17 +121,17 @@ class RequirementReport(NamedTuple):
 
 
 def holds(robustness: float) -> bool:
-    """`rtamt.holds` for one number, in a hundredth of the time."""
+    """Return `rtamt.holds` of one number, in a hundredth of the time."""
     return copysign(1.0, robustness) > 0
 
 
 def seconds(nanoseconds: float, digits: int = 1) -> str:
-    """A duration or a time for a reader: ``0.4 s``."""
+    """Return a duration or a time for a reader: ``0.4 s``."""
     return f"{nanoseconds / 1e9:.{digits}f} s"
 
 
 def counted(count: int, what: str) -> str:
-    """A number of things for a reader: ``2 samples``."""
+    """Return a count for a reader: ``2 samples``."""
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
@@ -144,11 +143,7 @@ _UNKNOWN = _NAN, None, _NAN, _NAN, Verdict.UNDECIDED, _NO_VALUES, None
 
 
 class Account:
-    """Counts what happens to a requirement, and makes its reports.
-
-    Args:
-        requirement: The requirement.
-        record: Where its samples go.
+    """The history of a requirement since the node started or was reset; it makes the reports.
 
     Attributes:
         last: The last report.
@@ -172,16 +167,16 @@ class Account:
         self._violated_at: int | None = None
 
     def begin(self, why: str) -> None:
-        """A run begins; why the one before has ended."""
+        """Start a run, with the reason for the end of the one before."""
         if self._began and not self._waits_for_run:
             self.restarts += 1
             self._why = why
         self._began, self._waits_for_run = True, False
 
     def reset(self, now: int) -> RequirementReport:
-        """The report of a time at which somebody asks for a new run; it says what is forgotten.
+        """Return the report of a reset on request, with the state that it ends.
 
-        The run that begins next is no restart.
+        The next run is not a restart.
         """
         was = "nothing was judged yet"
         if self.last is not None:
@@ -196,33 +191,33 @@ class Account:
         return self._report(now, Level.WARN, f"begins anew; {was}", unknown)
 
     def found(self, robustness: float, about: int) -> None:
-        """A robustness is known."""
+        """Take a robustness, and the time that it is about."""
         if self._worst is None or robustness < self._worst:
             self._worst, self._worst_time = robustness, about
 
     def violated(self, time: int) -> None:
-        """The violation is certain; once a run."""
+        """Count a certain violation, once per run."""
         self._violations += 1
         if self._violated_at is None:
             self._violated_at = time
 
     def without_clock(self) -> RequirementReport:
-        """The report before a simulated clock has begun."""
+        """Return the report before the start of a simulated clock."""
         return self._report(0, Level.WARN, "waiting for the clock")
 
     def standing(self) -> RequirementReport:
-        """The report while a simulated clock stands still: nothing is known of the time since."""
+        """Return the report while a simulated clock stands still."""
         time = self.last.time if self.last is not None else 0
         unknown = _UNKNOWN if self._began else _NOTHING
         return self._report(time, Level.STALE, "the clock stands still", unknown)
 
     def why_gone(self, now: int) -> str:
-        """Why a run ends whose inputs have not come or are stale."""
+        """Return why a run ends whose inputs are missing or stale."""
         gone = [source.name for source in self.inputs if source.is_gone(now)]
         return f"{', '.join(gone)} {'was' if len(gone) == 1 else 'were'} stale"
 
     def without(self, now: int) -> RequirementReport:
-        """The report while inputs have not come or are stale."""
+        """Return the report while inputs are missing or stale."""
         waiting = [source for source in self.inputs if source.is_awaited()]
         stale = [source for source in self.inputs if source.is_stale(now)]
         what = ["waiting for " + ", ".join(each.name for each in waiting)] if waiting else []
@@ -241,13 +236,13 @@ class Account:
     def without_values(
         self, time: int, ages: Mapping[str, int], bounds: tuple[float, float], verdict: Verdict
     ) -> RequirementReport:
-        """The report of a sample in a run that goes on without the values of stale inputs.
+        """Return the report of a sample in a run that continues without stale inputs.
 
         Args:
-            time: Of the sample.
-            ages: The stale inputs, and for how many nanoseconds nothing came.
-            bounds: The least and the greatest robustness of the run.
-            verdict: Its verdict.
+            time: The time of the sample.
+            ages: The stale inputs, with the nanoseconds since their last message.
+            bounds: The bounds of the run.
+            verdict: The verdict on the run.
         """
         what = [f"{name} stale {seconds(age)}" for name, age in ages.items()]
         what += [source.error for source in self.inputs if source.error]
@@ -260,7 +255,7 @@ class Account:
         )
 
     def failed(self, time: int, reason: str) -> RequirementReport:
-        """The report of values that have no robustness, such as ``sqrt(-1)``."""
+        """Return the report of values without a robustness, such as ``sqrt(-1)``."""
         return self._report(time, Level.ERROR, reason, _UNKNOWN)
 
     def judged(
@@ -275,10 +270,10 @@ class Account:
         may_rise: bool,
         asked: tuple[int, ...] | None = None,
     ) -> RequirementReport:
-        """The report of a time at which the monitor has all it needs.
+        """Return the report of a sample with all inputs.
 
-        A negative robustness is no error while it may still rise, as it may for a goal without an
-        end.
+        A negative robustness is not an error while it ``may_rise``, as for a goal without a
+        deadline.
         """
         errors = [source.error for source in self.inputs if source.error]
         problem = "; ".join(errors) if errors else ""
@@ -299,7 +294,7 @@ class Account:
         stale: tuple[str, ...] = (),
         waiting: tuple[str, ...] = (),
     ) -> RequirementReport:
-        """The report, with what is found: its fields from the robustness to `asked`."""
+        """Return a report; ``found`` has its fields from `robustness` to `asked`."""
         out_of_order = errors = 0
         for source in self.inputs:
             out_of_order += source.out_of_order

@@ -1,7 +1,4 @@
-"""The requirements that a node judges, and the topics that they read.
-
-On which topics, and as which messages, the robustness of requirements is published.
-"""
+"""The requirements of a node, and the topics that they read and publish."""
 
 from __future__ import annotations
 
@@ -19,14 +16,14 @@ from rtamt_ros.core.settings import Settings
 
 @dataclass(frozen=True, slots=True)
 class SubscribedRequirement:
-    """A requirement of a specification, and where its variables come from.
+    """A requirement of a specification, and the inputs of its variables.
 
     Attributes:
-        name: Its name, which no other requirement of the node has.
+        name: Its name, unique in the node.
         specification: The requirement alone, with the formulas that it uses.
-        cells: For each variable an input and the place in its values.
+        cells: For each variable an input, and the place in its values.
         inputs: The inputs that it reads.
-        origin: The number of its specification among those given, from 0.
+        origin: The index of its specification.
     """
 
     name: str
@@ -39,15 +36,14 @@ class SubscribedRequirement:
 def requirements_of(
     specifications: Iterable[Specification], settings: Settings
 ) -> tuple[SubscribedRequirement, ...]:
-    """The requirements of specifications, with the inputs that they read.
+    """Return the requirements of specifications, with the inputs that they read.
 
-    Requirements that read the same of a topic share its input, which is read once then; a field
-    that one cannot read concerns no other. Requirements of one name are told apart by a number:
-    ``out``, ``out_2``.
+    Requirements that read the same fields of a topic share an input. Other requirements have their
+    own, so an unreadable field affects only them. Equal names get a number: ``out``, ``out_2``.
 
     Raises:
-        SpecificationError: If a topic is read as messages of two classes, or of none.
-        InputError: If the settings speak of a topic that is not read.
+        SpecificationError: If a topic has no message class, or two.
+        InputError: If a setting names a topic that nothing reads.
     """
     requirements: dict[str, SubscribedRequirement] = {}
     for origin, specification in enumerate(specifications):
@@ -65,7 +61,7 @@ def requirements_of(
 
 
 def _sharing(requirements: Iterable[SubscribedRequirement]) -> tuple[SubscribedRequirement, ...]:
-    """The requirements with one input for all that read the same of a topic."""
+    """Return the requirements with one input for all that read the same fields of a topic."""
     known: dict[object, Input] = {}
 
     def shared(source: Input) -> Input:
@@ -83,7 +79,7 @@ def _sharing(requirements: Iterable[SubscribedRequirement]) -> tuple[SubscribedR
 
 
 def _cells(specification: Specification, settings: Settings) -> dict[str, tuple[Input, int]]:
-    """Makes the inputs; maps each variable to its input and its place among the input's values."""
+    """Return the input of each variable, and its place among the values of the input."""
     inputs: dict[tuple[str, float | None], Input] = {}
     cells = {}
     for each in specification.subscriptions():
@@ -96,12 +92,7 @@ def _cells(specification: Specification, settings: Settings) -> dict[str, tuple[
 
 
 def unbounded(specification: Specification, formula: Formula | None = None) -> str:
-    """The operator of ``always p`` and ``eventually p`` that have no bounds; else nothing.
-
-    Args:
-        specification: The requirement.
-        formula: A part of it; None: all of it.
-    """
+    """Return "always" or "eventually" if the formula is it without bounds; otherwise ""."""
     formula = specification.formula if formula is None else formula
     begin, end = specification.bounds(formula.interval)
     single = formula.op is not None and formula.op.name in ("always", "eventually")
@@ -132,13 +123,13 @@ def _check(inputs: Collection[Input], settings: Settings) -> None:
 
 
 def _default(specification: Specification, subscription: Subscription) -> float | None:
-    """The value before the first message, which the declaration of a plain variable may have."""
+    """Return the value before the first message, which a plain variable may declare."""
     values = {specification.defaults.get(field.variable) for field in subscription.fields}
     return values.pop() if len(values) == 1 else None
 
 
 def _agree(source: Input, package: str | None, message: str | None, name: str) -> None:
-    """Give an input the class of messages that the variable ``name`` has; refuse a second one."""
+    """Give an input the message class of the variable ``name``; refuse a second class."""
     if message is None:
         return
     if source.message is None:
@@ -153,14 +144,14 @@ def _agree(source: Input, package: str | None, message: str | None, name: str) -
 
 @dataclass(slots=True)
 class Output:
-    """A topic, and the formulas whose robustness its messages hold.
+    """A topic, and the formulas whose robustness its messages carry.
 
     Attributes:
-        topic: The topic, as written in the specification or made of a name.
-        package: The package of the class of its messages.
-        message: The name of the class.
-        formulas: For each requirement and formula of it the path to its field; the result of a
-            requirement is the formula ``""``.
+        topic: The topic, as in the specification or derived from a name.
+        package: The package of the message class.
+        message: The name of the message class.
+        formulas: For each requirement and formula the path to its field; the result is the formula
+            ``""``.
     """
 
     topic: str
@@ -172,15 +163,16 @@ class Output:
 def outputs_of(
     requirements: Sequence[SubscribedRequirement], *, dense: bool = False
 ) -> list[Output]:
-    """The topics of requirements, and of the formulas with names that they use.
+    """Return the topics of requirements, and of the named formulas that they use.
 
-    Formulas that are named after fields of one message, ``out.value`` and ``out.part``, are on one
-    topic, which ``out`` names. A default topic that is taken gets a number: ``rtamt/out_2``.
+    Formulas that are named after fields of one message, ``out.value`` and ``out.part``, share the
+    topic of ``out``. A default topic that is taken gets a number: ``rtamt/out_2``.
 
     Raises:
-        SpecificationError: If two results, or formulas of two texts, were given one topic, a
-            result the topic of an input of its text, or a formula the name of a whole message; in
-            dense time, if formulas are named after several fields of one message.
+        SpecificationError: If two results, or formulas of two texts, have one topic, if a result
+            has the
+            topic of an input of its text, if a formula has the name of a message; in dense time, if
+            formulas are named after several fields of one message.
     """
     made: dict[tuple[int, str], Output] = {}
     taken = {topic for each in requirements for topic in each.specification.topics.values()}
@@ -206,7 +198,7 @@ def outputs_of(
 
 
 def bound_topics(outputs: Sequence[Output]) -> dict[str, str]:
-    """The topic of each requirement below which its bounds and its verdict are published."""
+    """Return the topic below which the bounds and the verdict of each requirement are published."""
     topics = {}
     for output in outputs:
         results = {name: path for (name, formula), path in output.formulas.items() if not formula}
@@ -218,7 +210,7 @@ def bound_topics(outputs: Sequence[Output]) -> dict[str, str]:
 
 
 def _free(topic: str, taken: set[str]) -> str:
-    """A default topic, with a number if it is taken."""
+    """Return a default topic, with a number if it is taken."""
     numbered = (f"{topic}_{count}" for count in itertools.count(2))
     free = next(each for each in itertools.chain((topic,), numbered) if each not in taken)
     taken.add(free)

@@ -1,9 +1,4 @@
-"""The named formulas of a requirement for which no monitor can wait as a whole.
-
-How often the implications of a requirement were put to the test up to now.
-
-A requirement on samples: the last values, once a period.
-"""
+"""A requirement on samples: the last values, once a period."""
 
 from __future__ import annotations
 
@@ -31,20 +26,14 @@ from rtamt_ros.core.settings import Settings
 
 
 class Formulas:
-    """Gives the robustness of every named formula by itself.
+    """The robustness of every named formula of a requirement that no online monitor can run.
 
-    `Monitor` gives it, late by the latency of the formula. Where the formula has an unbounded
-    future inside, for which no monitor can wait, `EpisodeMonitor` gives the robustness if the run
-    ended now.
-
-    Args:
-        specification: The requirement.
-        variables: The order of the values of a sample.
-        options: The options of the monitors.
+    `Monitor` gives it, late by the latency of the formula; for an unbounded future inside the
+    formula, `EpisodeMonitor` gives the robustness if the run ended now.
 
     Attributes:
-        values: The robustness of every named formula with the last sample.
-        latencies: Samples by which the value of every named formula is late.
+        values: The robustness of every named formula after the last sample.
+        latencies: The number of samples by which each value is late.
     """
 
     def __init__(
@@ -68,11 +57,7 @@ class Formulas:
         }
 
     def update(self, sample: Sequence[float], robustness: float) -> None:
-        """Take in a sample, with which the requirement has this robustness.
-
-        Raises:
-            InputError: If a term is no number.
-        """
+        """Take a sample, with which the requirement has this robustness."""
         self.values = dict.fromkeys(self._result, robustness)
         for name, (monitor, places) in self._monitors.items():
             self.values[name] = monitor.update(*[sample[place] for place in places])
@@ -91,21 +76,17 @@ def _monitor(specification: Specification, options: Mapping[str, Any]) -> Monito
 
 
 class AskedCounts:
-    """Counts the samples at which the left sides of implications hold for certain.
+    """Counts the triggers of implications that a requirement checks at every sample.
 
-    Of implications that a requirement asks at every sample: ``always(p implies q)``, several joined
-    by ``and``. They are counted as `rtamt.judge` counts them on the whole trace, a sample as
-    soon as the latency of the left side has passed since.
-
-    Args:
-        specification: The requirement.
-        variables: The order of the values of a sample.
-        options: The period, and how bounds are aligned.
+    These are implications in ``always(p implies q)``, or in several of them joined by ``and``. The
+    counts are those of `rtamt.judge` on the whole trace; a sample counts when the latency of the
+    left side has passed.
 
     Attributes:
-        counts: For each implication, in the order of the text, its samples; None if nobody can
-            count them: the requirement has none, or others too, a left side is about a future
-            without an end, or not all values of a sample were known.
+        counts: The triggers of each implication, in the order of the text. None if they cannot be
+            counted: there are no such implications or also others, a left side has an unbounded
+            future,
+            or a value was unknown.
     """
 
     def __init__(
@@ -137,7 +118,7 @@ class AskedCounts:
             monitor.reset()
 
     def update(self, sample: Sequence[float]) -> None:
-        """Take in a sample."""
+        """Take a sample."""
         if self.counts is not None:
             found = [
                 monitor.update(*[sample[place] for place in places])
@@ -148,12 +129,12 @@ class AskedCounts:
             self.counts = tuple(map(sum, zip(self.counts, news, strict=True)))
 
     def stop(self) -> None:
-        """Count no more, as values are not known."""
+        """Stop counting, because values are unknown."""
         self.counts = None
 
 
 def _asked_always(specification: Specification, formula: Formula, *, always: bool) -> list[Formula]:
-    """The implications that a formula asks at every sample."""
+    """Return the implications that a formula checks at every sample."""
     name = "" if formula.op is None else formula.op.name
     parts = cast("Sequence[Formula]", formula.args)
     if name == "and":
@@ -168,25 +149,17 @@ def _asked_always(specification: Specification, formula: Formula, *, always: boo
 class SampledJudge:
     """Judges a requirement on the last values, once a period.
 
-    `Monitor` gives the robustness, or `EpisodeMonitor` if no monitor can wait for the requirement.
-    `Formulas` does the same for every named formula.
+    `Monitor` gives the robustness; `EpisodeMonitor` does if no online monitor can run the
+    requirement. `Formulas` does the same for every named formula.
 
-    Under ``stale_as="unknown"`` a run goes on while inputs are stale: `EpisodeMonitor` takes their
-    values for unknown, so that bounds and verdict are about the whole run. `Monitor` and
-    `Formulas`, which need every value, begin anew when all inputs are there again.
-
-    Args:
-        requirement: What to judge.
-        settings: The period, the semantics and `align`.
-        record: Where the samples go.
+    Under ``stale_as="unknown"`` a run continues while inputs are stale: `EpisodeMonitor` takes
+    their values as unknown, so bounds and verdict are about the whole run. `Monitor` and
+    `Formulas`, which need every value, start again when all inputs are there.
 
     Attributes:
         account: The history of the requirement.
-        inputs: What it reads.
+        inputs: The inputs of the requirement.
         lateness: As in `Judges`, for this requirement.
-
-    Raises:
-        SpecificationError: If a monitor cannot run the requirement.
     """
 
     def __init__(
@@ -242,22 +215,22 @@ class SampledJudge:
         self._jumps = 0
 
     def stop(self, why: str) -> None:
-        """End the run; the next look at which every input is there begins another."""
+        """End the run; the next look with all inputs starts another."""
         if self._running:
             self._why = why
             self._running = False
 
     def reset(self, now: int) -> RequirementReport:
-        """End the run as somebody asks for another, which begins with the next sample."""
+        """End the run on request; the next one starts with the next sample."""
         self.stop("")
         return self.account.reset(now)
 
     def sample(self, time: int, *, late: bool = False, gap: str = "") -> RequirementReport:
-        """The report of a time, one period after the last; the inputs hold what came by then.
+        """Return the report of a time; the inputs hold the last values up to it.
 
         Args:
-            time: Of the sample.
-            late: Whether the next one is due too.
+            time: The time of the sample.
+            late: Whether the next sample is due too.
             gap: Why it is not one period after the last; empty if it is.
         """
         jumps = 0
@@ -324,7 +297,7 @@ class SampledJudge:
         )
 
     def _sample(self, now: int) -> tuple[list[float], list[Input]]:
-        """The values of a time, and the inputs of which they are not known and nan."""
+        """Return the values of a time, nan where they are unknown, and the stale inputs."""
         stale = [each for each in self.inputs if each.is_stale(now)] if self._unknown else []
         held = [source.values for source in self.inputs]
         if not stale:
@@ -335,7 +308,7 @@ class SampledJudge:
         return [held[at][place] for at, place in self._places], stale
 
     def _apart(self, sample: Sequence[float]) -> float:
-        """Takes values of which some are not known, with which there is no robustness."""
+        """Take values of which some are unknown; there is no robustness."""
         self._episode.update(*sample)
         if self._asked is not None:
             self._asked.stop()
@@ -361,7 +334,7 @@ class SampledJudge:
         return robustness
 
     def _values(self, robustness: float) -> Mapping[str, float]:
-        """The robustness of every named formula, nan where it is not known yet."""
+        """Return the robustness of every named formula; nan where it is not known yet."""
         if self._alone:  # in a tenth of the time that the monitor takes to list its values
             return {self._alone: robustness}
         if self._formulas is not None:

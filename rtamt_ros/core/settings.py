@@ -1,4 +1,4 @@
-"""How a node samples, and when an input is stale."""
+"""The settings of a node: how it samples, and when an input is stale."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ class Settings:
     """How a node samples, and when an input is stale.
 
     Attributes:
-        period: Nanoseconds between samples. In dense time, those between looks for stale inputs.
-        dense: Whether to monitor in dense time: a message is an event at its time, and nothing is
-            sampled.
-        stamps: Whether the time of a message is the one in its header, where it has one that is
-            set; else it is the time at which it came.
-        stale: Seconds without a message after which an input is stale; inf: never. None: five
+        period: Nanoseconds between samples; in dense time, between checks for stale inputs.
+        dense: Whether to monitor in dense time: each message is an event, and nothing is sampled.
+        stamps: Whether the time of a message is its stamp, if it is set, and not its arrival.
+        stale: Seconds without a message after which an input is stale; inf for never. None for five
             periods, and at least half a second.
         stale_of: The same for single topics, named as in the specification.
-        stale_as: What a stale input does. ``"restart"``: the run ends, and the next begins when
-            every input is there again. ``"unknown"``: the run goes on, and nothing is known of the
-            input meanwhile; bounds and verdict hold for whatever it was.
+        stale_as: The effect of a stale input. ``"restart"``: the run ends, and the next one starts
+            when
+            every input is there again. ``"unknown"``: the run continues with unknown values; bounds
+            and
+            verdict hold for all values.
         semantics: As for `rtamt.Monitor`.
-        align: As for `rtamt.Monitor`; dense time has no samples to round to.
-        record: A CSV file for times, variables and robustness of every sample, or in dense time for
-            every event: ``rtamt monitor`` finds the same robustness. A run of the monitor after a
-            restart has a file of its own, ``NAME-2.csv``; of several requirements each has,
-            ``NAME-REQUIREMENT.csv``.
-        combined: A topic for one message a sample with what is known of all requirements, as
-            `rtamt_ros.core.publishing.Combined` says; empty: none.
+        align: As for `rtamt.Monitor`; not in dense time.
+        record: A CSV file for times, variables and robustness of every sample, or of every event in
+            dense
+            time. ``rtamt monitor`` computes the same robustness from it. Each further run has its
+            own
+            file, ``NAME-2.csv``, and so has each of several requirements, ``NAME-REQUIREMENT.csv``.
+        combined: A topic for one message per sample with all requirements, as
+            `rtamt_ros.core.publishing.Combined` describes; empty for none.
 
     Raises:
-        InputError: On a period or a time that is not positive, or on `align` or `combined` in dense
-            time.
+        InputError: If a time is not positive, or if `align` or `combined` is set in dense time.
     """
 
     period: int = 100_000_000
@@ -84,11 +84,11 @@ class Settings:
 
     @property
     def gap(self) -> int:
-        """Nanoseconds that are no delay but a gap: five periods, and at least half a second."""
+        """The nanoseconds from which a delay is a gap: five periods, and at least half a second."""
         return max(5 * self.period, _SECOND // 2)
 
     def stale_after(self, topic: str) -> float:
-        """Nanoseconds without a message after which an input is stale; inf: never."""
+        """Return the nanoseconds without a message after which an input is stale."""
         seconds = self.stale_of.get(topic, self.stale)
         if seconds is None:
             return self.gap

@@ -1,1 +1,1 @@
-"""A robot and its controller as nodes, to try a monitor on."""
+"""Simulated robots and their controllers as nodes, to try a monitor."""

@@ -1,4 +1,4 @@
-"""``python -m rtamt_ros.simulator``: a robot and its controller as nodes."""
+"""``python -m rtamt_ros.simulator``: simulated robots and their controllers as nodes."""
 
 import sys
 
@@ -6,7 +6,7 @@ from rtamt_ros.process import run_module
 
 
 def main() -> int:
-    """Runs the robot, the controller or both; returns the exit code."""
+    """Run the command; return the exit code."""
     return run_module("rtamt_ros.simulator.command")
 
 

@@ -27,17 +27,17 @@ _ROBOT, _TWO = "mobile-robot", "two-service-robots"
 
 
 def _stuck(text: str) -> Stuck:
-    """Reads ``BEGIN:DURATION``."""
+    """Parse ``BEGIN:DURATION``."""
     return Stuck(*_numbers(text, ("BEGIN", "DURATION"), "5:1"))
 
 
 def _surge(text: str) -> Surge:
-    """Reads ``BEGIN:DURATION:SPEED``."""
+    """Parse ``BEGIN:DURATION:SPEED``."""
     return Surge(*_numbers(text, ("BEGIN", "DURATION", "SPEED"), "5:1:-0.5"))
 
 
 def _numbers(text: str, names: Sequence[str], example: str) -> list[float]:
-    """Reads numbers between colons: a begin, a duration, and others."""
+    """Parse numbers between colons: a start, a duration, and others."""
     try:
         begin, duration, *_ = found = list(map(float, text.split(":")))
         good = begin >= 0 and duration > 0 and all(map(math.isfinite, found))
@@ -51,7 +51,7 @@ def _numbers(text: str, names: Sequence[str], example: str) -> list[float]:
 
 
 def _parser(model: str = _ROBOT) -> argparse.ArgumentParser:
-    """The command line of a model."""
+    """Return the parser of a model."""
     is_robot = model == _ROBOT
     scenario = ONE if is_robot else TWO
     what = (
@@ -111,7 +111,7 @@ def _parser(model: str = _ROBOT) -> argparse.ArgumentParser:
 def _fill(
     node: Middleware, model: str, options: argparse.Namespace, parameters: Mapping[str, float]
 ) -> None:
-    """Puts the robots and the controller of a model into a node, or one of both."""
+    """Add the robots and the controller of a model to a node, or one of them."""
     moves, drives = options.only != "controller", options.only != "robot"
     if model == _TWO:
         if moves:
@@ -126,10 +126,10 @@ def _fill(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the robot, the controller or both until the node ends; returns the exit code.
+    """Run the robots, the controller or both until the node ends; return the exit code.
 
     Args:
-        arguments: The words of a command line; None: the program's own.
+        arguments: The words of a command line; None for those of the program.
     """
     given = sys.argv[1:] if arguments is None else arguments
     first = argparse.ArgumentParser(add_help=False, allow_abbrev=False)

@@ -31,11 +31,7 @@ def _nanoseconds(scenario: Scenario) -> int:
 def checked_row(
     scenario: Scenario, parameters: Mapping[str, float], seed: int
 ) -> NDArray[np.float64]:
-    """The parameters of a scenario, within their ranges; others have their defaults.
-
-    Raises:
-        InputError: If a parameter has no such name, or a value or the seed is not in its range.
-    """
+    """Return the parameters of a scenario, with defaults; raise InputError outside their ranges."""
     row = scenario.parameter_row(parameters, scenario.defaults)
     for parameter in scenario.parameters:
         if (
@@ -52,11 +48,11 @@ def checked_row(
 
 
 class Stuck(NamedTuple):
-    """A fault of the robot: its wheels are blocked, whatever is commanded.
+    """A fault of the robot: its wheels are blocked.
 
     Attributes:
         begin: Seconds from its first command.
-        duration: Seconds that it lasts.
+        duration: Seconds.
     """
 
     begin: float
@@ -64,11 +60,11 @@ class Stuck(NamedTuple):
 
 
 class Surge(NamedTuple):
-    """A fault of the controller: it commands one speed straight ahead.
+    """A fault of the controller: it commands a speed straight ahead.
 
     Attributes:
         begin: Seconds from its first odometry.
-        duration: Seconds that it lasts.
+        duration: Seconds.
         speed: The speed in m/s.
     """
 
@@ -78,7 +74,7 @@ class Surge(NamedTuple):
 
 
 def _lasts(fault: Stuck | Surge, steps: int) -> bool:
-    """Whether a fault lasts over the step that comes after this many."""
+    """Return whether a fault covers the step after this number of steps."""
     begin = round(fault.begin / ONE.period)
     return begin <= steps < begin + round(fault.duration / ONE.period)
 
@@ -88,14 +84,13 @@ class Robot:
 
     Args:
         node: The node that it runs in.
-        name: The namespace of its topics, and of its frames.
-        parameters: Parameters of the scenario by name: ``lag`` in seconds, ``noise`` as a fraction
-            of the twist, and where it starts.
+        name: The namespace of its topics and frames.
+        parameters: Parameters of the scenario ``MobileRobot`` by name.
         seed: The seed of the noise.
         stuck: When its wheels are blocked.
 
     Raises:
-        InputError: If a parameter has no such name, or a value or the seed is not in its range.
+        InputError: If a parameter is unknown, or a value or the seed is out of range.
     """
 
     def __init__(
@@ -133,7 +128,7 @@ class Robot:
         self._command = np.clip(command, low, high)
 
     def _step(self, _due: int) -> None:
-        """Moves for a period and says where the robot is then."""
+        """Move for a period, and publish the odometry."""
         command, parameters = self._command, self._parameters
         if command is None:  # it stands
             command = np.zeros(len(ONE.actions))
@@ -162,12 +157,12 @@ class Robot:
 class RobotController:
     """A controller that subscribes to ``NAME/odom`` and publishes ``NAME/cmd_vel``.
 
-    It commands ten times a second from its first odometry on, also when no more odometry comes.
+    It publishes ten commands a second after its first odometry, even if no more odometry comes.
 
     Args:
         node: The node that it runs in.
         name: The namespace of the topics of its robot.
-        surge: When it commands one speed instead.
+        surge: When it commands another speed.
     """
 
     def __init__(
@@ -191,7 +186,7 @@ class RobotController:
         self._point = next_point(pose.position.x, pose.position.y, self._point)
 
     def _step(self, _due: int) -> None:
-        """Commands what the baseline of the scenario does, or the fault."""
+        """Command what the baseline of the scenario does, or the fault."""
         if self._pose is None:
             return
         speed, turn = drive(*self._pose, *ROUTE[self._point])
@@ -214,12 +209,12 @@ class ServiceRobots:
 
     Args:
         node: The node that they run in.
-        name: What the namespaces of their topics begin with, and their frames.
-        parameters: Parameters of the scenario by name.
+        name: The start of the namespaces of their topics and frames.
+        parameters: Parameters of the scenario ``TwoServiceRobots`` by name.
         seed: The seed of the noise.
 
     Raises:
-        InputError: If a parameter has no such name, or a value or the seed is not in its range.
+        InputError: If a parameter is unknown, or a value or the seed is out of range.
     """
 
     def __init__(
@@ -257,7 +252,7 @@ class ServiceRobots:
         self._commands[place] = np.clip(command, low, high)
 
     def _step(self, _due: int) -> None:
-        """Moves both for a period and says where they are then."""
+        """Move both for a period, and publish their odometry."""
         noise = self._random.standard_normal(TWO.noise)
         TWO.step(self._commands, self._parameters, noise, self._state, self._seen)
         now = self._node.now()
@@ -277,13 +272,13 @@ class ServiceRobots:
 class ServiceController:
     """A controller that subscribes to the odometry of both robots and publishes their commands.
 
-    It commands ten times a second, as soon as it has odometry of both. A robot that is at its
-    station goes to the other one of its two next.
+    It publishes ten commands a second, as soon as it has odometry of both. A robot at its station
+    goes to its other station next.
 
     Args:
         node: The node that it runs in.
         name: As for the robots.
-        parameters: Parameters of the scenario by name, of which it reads ``speed`` and ``caution``.
+        parameters: Parameters of the scenario, of which it reads ``speed`` and ``caution``.
     """
 
     def __init__(
@@ -321,7 +316,7 @@ class ServiceController:
             self._aim(robot)
 
     def _step(self, _due: int) -> None:
-        """Commands what the baseline of the scenario does."""
+        """Command what the baseline of the scenario does."""
         if np.isnan(self._seen).any():
             return
         TWO.baseline(0.0, self._seen, self._parameters, self._action)
