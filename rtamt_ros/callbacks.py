@@ -28,7 +28,7 @@ class Callback:
             if self._callback is not None:
                 try:
                     self._callback(*arguments)
-                except Exception:  # noqa: BLE001 - the thread would end, or the node
+                except Exception:  # noqa: BLE001 - it would end the thread or the node
                     self._log(traceback.format_exc())
 
     def close(self) -> None:
@@ -46,7 +46,7 @@ def answered(act: Callable[[], str], log: Callable[[str], object]) -> tuple[bool
         return True, act()
     except InputError as error:
         return False, str(error)
-    except Exception as error:  # noqa: BLE001 - who asks would wait, or hear nothing of it
+    except Exception as error:  # noqa: BLE001 - the caller would get no answer
         log(traceback.format_exc())
         return False, f"{type(error).__name__}: {error}"
 
@@ -82,7 +82,7 @@ class GridTimer(threading.Thread):
         self._callback: Callable[[int], None] = callback
         self._close = callback.close
         self._closed = threading.Event()
-        # An event makes a lock for each wait, and takes four times as long as a lock that is taken.
+        # A wait for a lock takes a quarter of the time of a wait for an event.
         self._waits = threading.Lock()
         self._waits.acquire()
         self._begin = clock.now()
@@ -91,7 +91,7 @@ class GridTimer(threading.Thread):
     def run(self) -> None:
         """Call back until it is closed."""
         clock, closed = self._clock, self._closed
-        while not self._begin and not closed.is_set():  # a simulated clock has not begun
+        while not self._begin and not closed.is_set():  # a simulated clock has not started
             self._wait(0, 0)
             self._begin = clock.now()
         due = self._begin + self._period
@@ -100,7 +100,7 @@ class GridTimer(threading.Thread):
             if due - self._period <= now < due:
                 self._wait(now, due - now)
                 continue
-            late = now >= due  # else the clock has jumped back
+            late = now >= due  # otherwise, the clock has jumped back
             due = now + self._period - (now - self._begin) % self._period
             if late:
                 self._callback(due - self._period)
@@ -116,5 +116,5 @@ class GridTimer(threading.Thread):
         """End the calls; wait for a call in another thread."""
         self._close()
         self._closed.set()
-        with suppress(RuntimeError):  # another closes it too
+        with suppress(RuntimeError):  # another thread closes it too
             self._waits.release()

@@ -19,7 +19,7 @@ from rtamt_ros.process import shorten_pauses
 
 _PROGRAM = "ros_stl_monitor.py"
 _NODE = "stl_monitor"
-_PARAMETERS_OF = {"stl": "spec_file"}  # the paper's name for it
+_PARAMETERS_OF = {"stl": "spec_file"}  # the name in the paper
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -45,19 +45,19 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str]) -> int:
     parsed, of_ros = split(_parser(), argv)
     options = vars(parsed)
-    asked = options.pop("ros", None)
-    given = {_PARAMETERS_OF.get(name, name): value for name, value in options.items()}
-    # Everything that can be wrong without ROS is found before a node waits for a master.
+    requested = options.pop("ros", None)
+    parameters = {_PARAMETERS_OF.get(name, name): value for name, value in options.items()}
+    # Errors that do not need ROS are raised before a node waits for a master.
     defaults = {name: default for name, (default, _) in PARAMETERS.items()}
-    specifications, settings = read({**defaults, **given})
+    specifications, settings = read({**defaults, **parameters})
     if not specifications and not of_ros.has_parameters:
         raise InputError("nothing to monitor: write --stl FILE or --spec TEXT")
-    generation = chosen(asked)
+    generation = chosen(requested)
     arguments = of_ros.of(generation)
     if generation == 2:
         from rtamt_ros.ros2_lifecycle import run
 
-        return run(_NODE, arguments, given)
+        return run(_NODE, arguments, parameters)
     ros = open_node(generation, _NODE, arguments)
     try:
         node = MonitorNode(ros, specifications, settings)
@@ -91,72 +91,72 @@ def _parser() -> argparse.ArgumentParser:
         "publishes robustness, its bounds and verdicts until Ctrl-C.",
         epilog="Remappings go to ROS: odom:=robot1/odom on ROS 1, --ros-args -r odom:=robot1/odom "
         "on ROS 2.",
-        argument_default=argparse.SUPPRESS,  # what is not given is a parameter's default
+        argument_default=argparse.SUPPRESS,  # parameters have the defaults
         allow_abbrev=False,
     )
-    what = parser.add_argument_group("what to monitor")
-    what.add_argument(
+    monitoring = parser.add_argument_group("what to monitor")
+    monitoring.add_argument(
         "--stl",
         action="append",
         metavar="FILE",
         help="a file with a specification; may be repeated",
     )
-    what.add_argument(
+    monitoring.add_argument(
         "--spec",
         action="append",
         metavar="TEXT",
         help="the text of a specification; may be repeated",
     )
-    what.add_argument(
+    monitoring.add_argument(
         "--semantics",
         choices=get_args(SemanticsName),
         metavar="NAME",
         help=f"how predicates count: {', '.join(get_args(SemanticsName))}; those about inputs or "
         f"outputs read the declarations of the text (default: {_default('semantics')})",
     )
-    when = parser.add_argument_group("when to sample")
-    when.add_argument(
+    sampling = parser.add_argument_group("when to sample")
+    sampling.add_argument(
         "--period",
         type=_number,
         metavar="N",
         help=f"the time between samples (default: {_default('period')})",
     )
-    when.add_argument(
+    sampling.add_argument(
         "--unit",
         choices=tuple(UNITS),
         help=f"of the period (default: {_default('unit')})",
     )
-    when.add_argument(
+    sampling.add_argument(
         "--align",
         choices=("outward", "inward", "nearest"),
         help="how a bound that is no multiple of the period is rounded to samples (default: such "
         "a bound is an error)",
     )
-    when.add_argument(
+    sampling.add_argument(
         "--dense",
         action="store_true",
         help="sample nothing: a message is an event at its time",
     )
-    when.add_argument(
+    sampling.add_argument(
         "--stamps",
         action="store_true",
         help="the time of a message is the one in its header, not that at which it came",
     )
-    when.add_argument(
+    sampling.add_argument(
         "--stale",
         action="append",
         metavar="SECONDS",
         help="an input without a message for so long is stale, and nothing is said of what reads "
         "it; TOPIC=SECONDS is for one topic; may be repeated (default: five periods, at least 0.5)",
     )
-    when.add_argument(
+    sampling.add_argument(
         "--stale-as",
         choices=get_args(StaleAs),
         help="what a stale input does: restart ends the run, and the next begins when it is there "
         "again; unknown goes on, nothing is known of it meanwhile, and bounds and verdict hold for "
         f"whatever it was (default: {_default('stale_as')})",
     )
-    when.add_argument(
+    sampling.add_argument(
         "--record",
         metavar="FILE.csv",
         help="write times, variables and robustness of every sample",

@@ -23,7 +23,7 @@ _INSTALL = {
 _UNSEEN = "; a virtual environment sees what is installed if --system-site-packages made it"
 
 
-def chosen(asked: int | None) -> Generation:
+def chosen(requested: int | None) -> Generation:
     """Return the requested generation of ROS, or the installed one for None.
 
     If both are installed, ``ROS_VERSION`` decides, which the setup files of both set.
@@ -31,22 +31,21 @@ def chosen(asked: int | None) -> Generation:
     Raises:
         InputError: If it is not installed, or nothing decides.
     """
-    found = [each for each, library in _LIBRARIES.items() if find_spec(library)]
-    for each, library in _LIBRARIES.items():
-        if asked == each and each not in found:
-            raise InputError(
-                f"ROS {each} needs {library}, which is not installed: {_INSTALL[each]}{_UNSEEN}"
-            )
-    if asked is None and len(found) == len(_LIBRARIES):
-        asked = {"1": 1, "2": 2}.get(os.environ.get("ROS_VERSION", ""))
-        if asked is None:
+    present = [generation for generation, library in _LIBRARIES.items() if find_spec(library)]
+    for generation, library in _LIBRARIES.items():
+        if requested == generation and generation not in present:
+            how = f"{_INSTALL[generation]}{_UNSEEN}"
+            raise InputError(f"ROS {generation} needs {library}, which is not installed: {how}")
+    if requested is None and len(present) == len(_LIBRARIES):
+        requested = {"1": 1, "2": 2}.get(os.environ.get("ROS_VERSION", ""))
+        if requested is None:
             raise InputError("ROS 1 and ROS 2 are both installed: write --ros 1 or --ros 2")
-    if asked is None and not found:
+    if requested is None and not present:
         raise InputError(
             "expected rospy of ROS 1 or rclpy of ROS 2, found neither. "
             f"ROS 1: {_INSTALL[1]}. ROS 2: {_INSTALL[2]}{_UNSEEN}"
         )
-    return next(each for each in found if asked in (None, each))
+    return next(generation for generation in present if requested in (None, generation))
 
 
 def open_node(asked: int | None, name: str, arguments: Sequence[str]) -> Middleware:
@@ -103,9 +102,9 @@ def split(
         del own[begin:end]
     options, rest = parser.parse_known_args(own)
     if unknown := [word for word in rest if ":=" not in word]:
-        known = [name for action in parser._actions for name in action.option_strings]  # noqa: SLF001
-        hint = nearest(unknown[0], known)
-        if unknown[0].endswith(".stl") and "--stl" in known:
+        options_known = [name for action in parser._actions for name in action.option_strings]  # noqa: SLF001
+        hint = nearest(unknown[0], options_known)
+        if unknown[0].endswith(".stl") and "--stl" in options_known:
             hint = f"; write --stl {unknown[0]}"
         parser.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
     return options, RosArguments(rest, arguments)

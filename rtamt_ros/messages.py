@@ -36,30 +36,34 @@ def installed(
     try:
         module = import_module(f"{package}.{'msg' if kind == 'message' else 'srv'}")
     except ImportError as error:
-        # All names end alike: what comes before tells them apart.
-        others = [each.name[:-5] for each in iter_modules() if each.name.endswith("_msgs")]
+        # All names end alike, so only their starts are compared.
+        others = [
+            module_info.name[:-5]
+            for module_info in iter_modules()
+            if module_info.name.endswith("_msgs")
+        ]
         meant = nearest(package.removesuffix("_msgs"), others).replace("'?", "_msgs'? If not, ")
         raise InputError(
             f"the {kind}s of {package} are not installed{meant or ': '}{how}"
         ) from error
-    found = getattr(module, name, None)
-    if not isinstance(found, type):
+    cls = getattr(module, name, None)
+    if not isinstance(cls, type):
         raise InputError(f"{package} has no {kind} {name}{nearest(name, vars(module))}")
-    if not is_its_own(found):
+    if not is_its_own(cls):
         raise InputError(
             f"expected {package} of ROS {generation}, found {package} of ROS {3 - generation} in "
             f"{module.__file__}: start from a terminal where only ROS {generation} is set up"
         )
-    return found
+    return cls
 
 
-def check_input(message: type, of: str, variable: str, path: Iterable[str | int]) -> None:
+def check_input(message: type, class_name: str, variable: str, path: Iterable[str | int]) -> None:
     """Raise SpecificationError if a message class has no number at the path of a variable.
 
     Elements of lists cannot be checked.
     """
     try:
-        value = _follow(message(), of, path)
+        value = _follow(message(), class_name, path)
     except SpecificationError as error:
         raise SpecificationError(f"{variable}: {error}") from None
     if value is not None and not _is_number(value):
@@ -69,20 +73,20 @@ def check_input(message: type, of: str, variable: str, path: Iterable[str | int]
         )
 
 
-def check_output(message: type, of: str, path: Iterable[str]) -> None:
+def check_output(message: type, class_name: str, path: Iterable[str]) -> None:
     """Raise SpecificationError if a message class has no float at a path."""
     path = tuple(path)
-    value = _follow(message(), of, path)
+    value = _follow(message(), class_name, path)
     if not isinstance(value, float):
         raise SpecificationError(
-            f"expected a floating-point field for a robustness, got {of}.{'.'.join(path)} "
+            f"expected a floating-point field for a robustness, got {class_name}.{'.'.join(path)} "
             f"of type {type(value).__name__}"
         )
 
 
-def _follow(message: Any, of: str, path: Iterable[str | int]) -> object:  # noqa: ANN401
+def _follow(message: Any, class_name: str, path: Iterable[str | int]) -> object:  # noqa: ANN401
     """Return the value at a path of a new message; None from an element of a list on."""
-    value, name = message, of
+    value, name = message, class_name
     for step in path:
         if isinstance(step, int):
             if not hasattr(value, "__len__") or isinstance(value, str):
@@ -97,7 +101,7 @@ def _follow(message: Any, of: str, path: Iterable[str | int]) -> object:  # noqa
 
 
 def _is_number(value: object) -> bool:
-    # An array of NumPy, as ROS 2 has for lists of fixed length, has `__float__` too.
+    # Arrays of NumPy, which ROS 2 uses for lists of fixed length, have `__float__` too.
     return hasattr(value, "__float__") and not hasattr(value, "__len__")
 
 

@@ -48,11 +48,9 @@ class MonitorNode:
         specifications: Texts, or specifications from `rtamt.load` and `rtamt.parse`.
         settings: The settings; None for `Settings()`.
 
-    Raises:
-        SpecificationError: If a text is wrong or a monitor cannot run it, if a message class is
-            unknown,
-            or if two requirements have one name or topic.
-        InputError: If a message class is not installed.
+    Raises: SpecificationError: If a text is wrong or a monitor cannot run it, if a message class is
+        unknown, or if two requirements have one name or topic. InputError: If a message class is
+        not installed.
     """
 
     def __init__(
@@ -93,9 +91,8 @@ class MonitorNode:
         Violations and the minimum robustness are counted again. Until the next sample, robustness
         and bounds are nan on the topics, and verdicts 0. A record continues in its next file.
 
-        Returns:
-            The state of every requirement until now, one line each after the first; it is logged
-                too.
+        Returns: The state of every requirement until now, one line each after the first; it is
+            logged too.
 
         Raises:
             InputError: If the node does not run.
@@ -133,11 +130,9 @@ class MonitorNode:
             specifications: As for the class.
             settings: Other settings; None keeps them.
 
-        Raises:
-            SpecificationError: As for the class. The node continues unchanged.
-            InputError: As for the class, or if ROS refuses a topic; a running node then starts
-                again with
-                its old specifications.
+        Raises: SpecificationError: As for the class. The node continues unchanged. InputError: As
+            for the class, or if ROS refuses a topic; a running node then starts again with its old
+            specifications.
         """
         with self._lock:
             before, was_running = self._plan, self.running
@@ -211,9 +206,9 @@ class _Running:
         self.judges = plan.judges()
         self._middleware = middleware
         self._plan = plan
-        self._lock = threading.RLock()  # of what is published, and of monitors in dense time
-        # Who holds it reads the clock: messages and looks come in the order of their times. On
-        # samples a message does not wait until a look has published.
+        self._lock = threading.RLock()  # protects publishing, and judges in dense time
+        # The clock is read under this lock, so messages and looks come in the order of their times.
+        # On samples it is another lock, so that messages do not wait for a look to publish.
         self._arrivals = self._lock if plan.settings.dense else threading.RLock()
         self._closed = False
         self._handles: list[Handle] = []
@@ -246,14 +241,14 @@ class _Running:
         except InputError:
             self.close()
             raise
-        if middleware.now() <= 0:  # a simulated clock that does not come calls no timer
+        if middleware.now() <= 0:  # no timer is due before a simulated clock starts
             self._look(0)
 
     def close(self) -> None:
         with self._lock:
             self._closed = True
         self._ended.set()
-        # Not under the lock: a handle may wait for a callback that waits for the lock.
+        # Without the lock: a handle may wait for a callback that waits for the lock.
         while self._handles:
             self._handles.pop().close()
         for thread in self._threads:
@@ -271,9 +266,9 @@ class _Running:
             self._publish_all(reports)
         count = counted(len(reports), "requirement")
         begin = f"{count} {'begins' if len(reports) == 1 else 'begin'} anew at {seconds(now, 3)}"
-        said = "\n".join([begin, *(f"{report.name}: {report.problem}" for report in reports)])
-        self._middleware.log(Level.WARN, said)
-        return said
+        text = "\n".join([begin, *(f"{report.name}: {report.problem}" for report in reports)])
+        self._middleware.log(Level.WARN, text)
+        return text
 
     def _offer_reset(self) -> None:
         try:
@@ -308,13 +303,13 @@ class _Running:
                     "combined: expected a topic of its own, got /diagnostics, where all nodes say "
                     "their states; write another, such as rtamt/all"
                 )
-        for topic, found in topics:
-            whole = self._middleware.resolve(topic)
-            first = known.setdefault(whole, found)
-            if first != found:
+        for topic, kind in topics:
+            full = self._middleware.resolve(topic)
+            other = known.setdefault(full, kind)
+            if other != kind:
                 raise InputError(
-                    f"expected one type of messages on {whole}, got {'/'.join(first)} and "
-                    f"{'/'.join(found)}"
+                    f"expected one type of messages on {full}, got {'/'.join(other)} and "
+                    f"{'/'.join(kind)}"
                 )
 
     def _in_thread(self, task: Callable[[], None]) -> None:
@@ -333,11 +328,11 @@ class _Running:
         own |= {f"{topic}/{what}" for topic in self._plan.bounds.values() for what in BOUNDS}
         others = set(published) - {self._middleware.resolve(topic) for topic in own}
         for topic, sources in self.judges.topics.items():
-            whole = self._middleware.resolve(topic)
+            full = self._middleware.resolve(topic)
             needed = any(source.default is None for source in sources)
-            if needed and whole not in published:
-                hint = nearest(whole, others)
-                self._middleware.log(Level.WARN, f"nobody publishes {whole}{hint}")
+            if needed and full not in published:
+                hint = nearest(full, others)
+                self._middleware.log(Level.WARN, f"nobody publishes {full}{hint}")
 
     def _callback(self, topic: str) -> Callable[[Any], None]:
         """Return the callback for messages of a topic, which passes them to the judges."""
@@ -399,7 +394,7 @@ class _Running:
         """Log silent topics; then report problems with other nodes when they change."""
         self._name_silent()
         while not self._ended.wait(AROUND):
-            found = self._middleware.around()
-            if found != self._diagnostics.around:
-                self._diagnostics.around = found
+            around = self._middleware.around()
+            if around != self._diagnostics.around:
+                self._diagnostics.around = around
                 self._say(lambda _now: [])

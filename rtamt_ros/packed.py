@@ -58,32 +58,34 @@ class Packed:
     The numbers and the time have fixed places in the bytes, which are located in one message. The
     result is compared with the bytes of further messages.
 
-    Raises:
-        ValueError: If the numbers are not packed like this: they have less than 64 bits, or are
-            integers.
+    Raises: ValueError: If the numbers are not packed like this: they have less than 64 bits, or are
+        integers.
     """
 
-    def __init__(self, made: Made, serialized: Callable[[Any], bytes]) -> None:
+    def __init__(self, make: Made, serialize: Callable[[Any], bytes]) -> None:
         time, number = _PROBES[0]
-        numbers = [number * (place + 1) for place in range(made.count)]
-        whole = serialized(made(time, numbers))
-        parts = [(_place(whole, _DOUBLE.pack(each)), "d", at) for at, each in enumerate(numbers)]
+        numbers = [number * (place + 1) for place in range(make.count)]
+        data = serialize(make(time, numbers))
+        parts = [
+            (_place(data, _DOUBLE.pack(each)), "d", number_index)
+            for number_index, each in enumerate(numbers)
+        ]
         stamp = _TIME.pack(*divmod(time, _SECOND))
-        self._timed = stamp in whole
+        self._timed = stamp in data
         if self._timed:
-            parts.append((_place(whole, stamp), "II", -1))
+            parts.append((_place(data, stamp), "II", -1))
         parts.sort()
         layout, self._constants, end = "<", [], 0
         for place, kind, _ in parts:
             layout += f"{place - end}s{kind}"
-            self._constants.append(whole[end:place])
+            self._constants.append(data[end:place])
             end = place + 8
-        self._rest = whole[end:]
-        self._order = [at for _, _, at in parts]
+        self._rest = data[end:]
+        self._order = [number_index for _, _, number_index in parts]
         self._pack = struct.Struct(f"{layout}{len(self._rest)}s").pack
         for time, number in _PROBES:
-            numbers = [number * (place + 1) for place in range(made.count)]
-            if self(time, numbers) != serialized(made(time, numbers)):
+            numbers = [number * (place + 1) for place in range(make.count)]
+            if self(time, numbers) != serialize(make(time, numbers)):
                 raise ValueError("the bytes of messages do not have these places alone")
 
     def __call__(self, time: int, numbers: Sequence[float]) -> bytes:
@@ -103,8 +105,8 @@ _DOUBLE = struct.Struct("<d")
 _TIME = struct.Struct("<II")
 
 
-def _place(whole: bytes, part: bytes) -> int:
+def _place(data: bytes, part: bytes) -> int:
     """Return where a part is, which must occur once."""
-    if whole.count(part) != 1:
-        raise ValueError(f"expected the bytes {part.hex()} once, found {whole.count(part)}")
-    return whole.index(part)
+    if data.count(part) != 1:
+        raise ValueError(f"expected the bytes {part.hex()} once, found {data.count(part)}")
+    return data.index(part)

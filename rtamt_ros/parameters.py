@@ -94,7 +94,7 @@ def read(
     specifications = [_loaded(path, settings if runnable else None) for path in paths]
     specifications += [rtamt.parse(text) for text in _texts(values, "spec")]
     if specifications and runnable:
-        Judges(specifications, settings)  # which refuses what no monitor can run
+        Judges(specifications, settings)  # raises an error if no monitor can run them
     return specifications, settings
 
 
@@ -136,13 +136,13 @@ def _stale(value: object) -> tuple[float | None, dict[str, float]]:
         return value, {}
     if not isinstance(value, str | Sequence):
         raise InputError(f"stale: expected seconds, or a list of TOPIC=SECONDS, got {brief(value)}")
-    of: dict[str, float] = {}
-    for each in [value] if isinstance(value, str) else value:
+    by_topic: dict[str, float] = {}
+    for item in [value] if isinstance(value, str) else value:
         try:
-            topic, _, seconds = each.rpartition("=")
-            of[topic] = float(seconds)
+            topic, _, seconds = item.rpartition("=")
+            by_topic[topic] = float(seconds)
         except (AttributeError, ValueError):
             raise InputError(
-                f"stale: expected seconds or TOPIC=SECONDS, got {brief(each)}"
+                f"stale: expected seconds or TOPIC=SECONDS, got {brief(item)}"
             ) from None
-    return of.pop("", None), of
+    return by_topic.pop("", None), by_topic

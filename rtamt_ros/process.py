@@ -22,8 +22,8 @@ class Ending:
 
     def __init__(self) -> None:
         self.asked = False
-        # A signal may come while it is waited for: of what waits, only this can be told by a
-        # handler that interrupts it, where the lock of an event would wait for itself.
+        # A signal handler may interrupt the wait and put into this queue; it would deadlock with
+        # the lock of an event.
         self._told: SimpleQueue[None] = SimpleQueue()
         quiet = signal.getsignal(signal.SIGINT) is signal.SIG_DFL
         if quiet and threading.current_thread() is threading.main_thread():
@@ -53,7 +53,7 @@ class Ending:
 
     def _wait(self) -> None:
         self._told.get()
-        self._told.put(None)  # for whoever waits too
+        self._told.put(None)  # for other waiting threads
 
 
 def run_module(name: str, *arguments: object) -> int:

@@ -33,7 +33,7 @@ from rtamt_ros.packed import Made, Packed
 from rtamt_ros.process import Ending
 from rtamt_ros.ros1_master import Displaced, MasterLink, Refused
 
-# The messages of the package rtamt_msgs, which few have installed: they are made at run time.
+# The messages of the package rtamt_msgs, made at run time because few have installed it.
 _STAMPED = ("FloatStamped", "FloatMessage")
 _LOGS = {
     Level.OK: rospy.loginfo,
@@ -42,14 +42,13 @@ _LOGS = {
     Level.STALE: rospy.logwarn,
 }
 DISPLACED = 4
-"""The exit code of a node that ends as another one of its name came: to begin it anew would end
-that one."""
+"""The exit code after another node took the name; a restart would end that one."""
 REFUSED = 5
 """The exit code of a node that a master does not register."""
 _TOPICS_OF_LOG = "/rosout_disable_topics_generation"
 _SAME_NAME = "new node registered with same name"  # the master's words
 _NAME_IT = "give each its own: __name:=NAME"
-# What rospy sends to a subscriber that is slower than its topic waits in a queue this long.
+# The length of the queue for a subscriber that is slower than its topic.
 _QUEUE = 100
 
 
@@ -60,12 +59,10 @@ class Ros1:
     name, `spin` returns `DISPLACED`; when a restarted master refuses it, `REFUSED`. Without a
     master it waits for one and logs that, as every node of ROS 1 does.
 
-    Args:
-        name: The name of the node. Characters that ROS does not allow become ``_``, and a number is
-            added,
-            because the master ends the first of two nodes with one name. ``__name:=NAME`` among the
-            arguments sets the exact name.
-        arguments: Remappings and private parameters, such as ``odom:=robot1/odom``.
+    Args: name: The name of the node. Characters that ROS does not allow become ``_``, and a number
+        is added, because the master ends the first of two nodes with one name. ``__name:=NAME``
+        among the arguments sets the exact name. arguments: Remappings and private parameters, such
+        as ``odom:=robot1/odom``.
     """
 
     generation = 1
@@ -74,26 +71,26 @@ class Ros1:
         # rospy takes remappings from `arguments`, but the namespace from `sys.argv` alone.
         namespace = rosgraph.names.get_ros_namespace(argv=arguments)
         rospy.names._set_caller_id(f"{namespace}unnamed")  # noqa: SLF001
-        given = [
+        names = [
             argument.removeprefix("__name:=")
             for argument in arguments
             if argument[:8] == "__name:="
         ]
-        if not all(map(rosgraph.names.is_legal_base_name, given)):
-            raise InputError(f"__name: expected letters, digits and '_', got {given[0]!r}")
+        if not all(map(rosgraph.names.is_legal_base_name, names)):
+            raise InputError(f"__name: expected letters, digits and '_', got {names[0]!r}")
         try:
             rospy.init_node(legal_name(name), list(arguments), anonymous=True, disable_signals=True)
         except rospy.ROSException as error:
             raise InputError(f"no node of ROS: {error}") from error
-        # While this parameter is not set rospy asks the master for it at every line of the log: a
-        # look would wait for the answer, and of two nodes with one name each would end the other.
+        # If this parameter is not set, rospy asks the master for it with every line of the log. A
+        # look would wait for the answer, and two nodes with one name would end each other.
         parameters = rospy.impl.paramserver.get_param_server_cache()
         parameters.set(_TOPICS_OF_LOG, rospy.get_param_cached(_TOPICS_OF_LOG, False))  # noqa: FBT003
         self.name: str = rospy.get_name()
         self._timers: list[GridTimer] = []
         self._ending = Ending()
         self._code = 0
-        rospy.core.add_preshutdown_hook(self._end)  # the public one does not say why
+        rospy.core.add_preshutdown_hook(self._end)  # the public hook has no reason
         self._master = MasterLink(self.name)
         self._refusals = _Refusals()
         logging.getLogger("rospy.internal").addHandler(self._refusals)
@@ -104,14 +101,14 @@ class Ros1:
                 stamped: type = _stamped(name)
                 return stamped
             raise InputError(f"{package} has no message {name}{nearest(name, _STAMPED)}")
-        found: type = installed(
+        cls: type = installed(
             package,
             name,
             generation=1,
             is_its_own=lambda each: issubclass(each, genpy.Message),
             how=_how(package),
         )
-        return found
+        return cls
 
     def now(self) -> int:
         return _now()
@@ -127,15 +124,15 @@ class Ros1:
                 ticked.wait(0.5)
 
     def resolve(self, topic: str) -> str:
-        whole = str(rospy.resolve_name(topic))
-        for name in (topic, whole):
+        full = str(rospy.resolve_name(topic))
+        for name in (topic, full):
             if not rosgraph.names.is_legal_name(name) or not name.isascii():
-                remapped = "" if name == topic else f", which is remapped to {whole!r}"
+                remapped = "" if name == topic else f", which is remapped to {full!r}"
                 raise InputError(
                     f"topic {topic!r}{remapped}: expected letters, digits, '_' and '/', first a "
                     "letter, '/' or '~'"
                 )
-        return whole
+        return full
 
     def published_topics(self) -> set[str] | None:
         try:
@@ -153,7 +150,7 @@ class Ros1:
         return (stamp and int(stamp.to_nsec())) or None
 
     def set_stamp(self, message: Any, time: int) -> None:
-        if hasattr(message, "header"):  # a Time of its own takes longer to make than all the rest
+        if hasattr(message, "header"):  # a new Time would take longer than the rest
             stamp = message.header.stamp
             stamp.secs, stamp.nsecs = divmod(time, 1_000_000_000)
 
@@ -240,7 +237,7 @@ def _how(package: str) -> str:
 
 def _now() -> int:
     """Return the time of the clock of ROS in nanoseconds; 0 before a simulated clock ticks."""
-    # rospy reads the wall clock as a float, which is exact to a quarter of a microsecond only.
+    # rospy reads the wall clock as a float, which is exact to a quarter of a microsecond.
     if rospy.rostime.is_wallclock():
         return time.time_ns()
     return int(rospy.get_rostime().to_nsec())
@@ -251,16 +248,16 @@ def _stamped(name: str) -> type:
     """Make the class of a number with a header, with the wire format of the package rtamt_msgs."""
     header = std_msgs.msg.Header
     text = f"Header header\nfloat64 value\n{'=' * 80}\nMSG: {header._type}\n{header._full_text}"  # noqa: SLF001
-    made: type = genpy.dynamic.generate_dynamic(f"rtamt_msgs/{name}", text)[f"rtamt_msgs/{name}"]
-    made.__name__ = made.__qualname__ = name
-    return made
+    cls: type = genpy.dynamic.generate_dynamic(f"rtamt_msgs/{name}", text)[f"rtamt_msgs/{name}"]
+    cls.__name__ = cls.__qualname__ = name
+    return cls
 
 
 class _Subscription:
     def __init__(self, topic: str, message: type, callback: Callable[[Any], None]) -> None:
         self._callback = Callback(callback, rospy.logerr)
         self._subscriber = rospy.Subscriber(topic, message, self._callback, tcp_nodelay=True)
-        # rospy keeps the first class that a topic is asked with, and hands its messages to all.
+        # rospy passes messages of the first class of a topic to all subscriptions.
         first = self._subscriber.impl.data_class
         if first is not message:
             self.close()
@@ -274,7 +271,7 @@ class _Subscription:
 
 
 class _Publisher:
-    def __init__(self, topic: str, message: type, made: Made, *, latched: bool) -> None:
+    def __init__(self, topic: str, message: type, maker: Made, *, latched: bool) -> None:
         self.message = message
         self._publisher = rospy.Publisher(
             topic, message, latch=latched, queue_size=_QUEUE, tcp_nodelay=True
@@ -282,15 +279,15 @@ class _Publisher:
         self._topic = self._publisher.impl
         self._latched = latched
         self.publish: Callable[[Any], None] = self._publisher.publish
-        self._make: Callable[[int, Sequence[float]], Any] = made
-        if made.count:
+        self._make: Callable[[int, Sequence[float]], Any] = maker
+        if maker.count:
             with suppress(ValueError):
-                self._make = _packing(message, made)
+                self._make = _packing(message, maker)
 
     def publish_numbers(self, time: int, numbers: Sequence[float]) -> None:
         message = self._make(time, numbers)
         if self._latched:
-            # Who connects from here on gets it of rospy, which takes as long again to see nobody.
+            # rospy sends it to later subscribers. Publishing to nobody would double the time.
             self._topic.latch = message
             if not self._topic.has_connections():
                 return
@@ -300,11 +297,11 @@ class _Publisher:
         self._publisher.unregister()
 
 
-def _packing(message: type, made: Made) -> Callable[[int, Sequence[float]], _Packed]:
+def _packing(message: type, maker: Made) -> Callable[[int, Sequence[float]], _Packed]:
     """Return a class that rospy accepts and writes like messages of the given class."""
-    of = {name: getattr(message, name) for name in ("_md5sum", "_has_header")}
-    of |= {"pack": staticmethod(Packed(made, _serialized)), "__slots__": ()}
-    return type(f"{message.__name__}Packed", (_Packed,), of)
+    attributes = {name: getattr(message, name) for name in ("_md5sum", "_has_header")}
+    attributes |= {"pack": staticmethod(Packed(maker, _serialized)), "__slots__": ()}
+    return type(f"{message.__name__}Packed", (_Packed,), attributes)
 
 
 def _serialized(message: Any) -> bytes:
@@ -337,11 +334,11 @@ class _Packed:
 
     def serialize(self, buffer: BytesIO) -> None:
         """Write the bytes, with the count, which is first in a header."""
-        found = self.pack(self._time, self._numbers)
+        packed = self.pack(self._time, self._numbers)
         if self._has_header:
             buffer.write(self.seq.to_bytes(4, "little"))
-            found = found[4:]
-        buffer.write(found)
+            packed = packed[4:]
+        buffer.write(packed)
 
 
 class _Service:

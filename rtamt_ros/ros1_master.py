@@ -18,7 +18,7 @@ PATIENCE = 2.0
 """Seconds for an answer: a master may hang, and a node that ends waits for none."""
 
 
-class Displaced(Exception):  # noqa: N818 - what has happened to the node
+class Displaced(Exception):  # noqa: N818
     """Another node has the name of this one."""
 
 
@@ -44,7 +44,7 @@ class MasterLink:
         self._name = name
         self._own = str(rospy.get_node_uri())
         self._address = str(rosgraph.get_master_uri())
-        self._process: int | None = None  # of the master that knows all of the node
+        self._process: int | None = None  # of the master with all registrations
         self._gone = self._partly = False
         self._again = 0
         self.said: tuple[Level, str] | None = None
@@ -59,10 +59,10 @@ class MasterLink:
         try:
             with _proxy(self._address) as master:
                 process = _taken(master.getPid(self._name))
-                known, _, found = _answer(master.lookupNode(self._name, self._name))
-                if rospy.core.is_shutdown_requested():  # by then it may have left the master
+                known, _, address = _answer(master.lookupNode(self._name, self._name))
+                if rospy.core.is_shutdown_requested():  # it may have left the master
                     return
-                if known == 1 and found != self._own:
+                if known == 1 and address != self._own:
                     raise Displaced(f"another node has the name {self._name}")
                 if known != 1 or self._partly or self._process not in (None, process):
                     self._partly = True
@@ -91,8 +91,8 @@ class MasterLink:
             _taken(master.registerService(self._name, service, address, self._own))
         with _proxy(self._own) as node:
             for topic, kind in topics.get_subscriptions():
-                found = _taken(master.registerSubscriber(self._name, topic, kind, self._own))
-                _taken(node.publisherUpdate("/master", topic, found))
+                publishers = _taken(master.registerSubscriber(self._name, topic, kind, self._own))
+                _taken(node.publisherUpdate("/master", topic, publishers))
 
 
 class _Patient(Transport):

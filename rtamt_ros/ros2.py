@@ -17,7 +17,7 @@ from functools import partial
 from typing import Any
 
 import rclpy
-from rclpy._rclpy_pybind11 import RCLError  # rclpy has no public name for it
+from rclpy._rclpy_pybind11 import RCLError  # there is no public name
 from rclpy.context import Context
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import NameValidationException
@@ -53,12 +53,10 @@ class Ros2:
         arguments: Such as ``--ros-args -r odom:=robot1/odom -p use_sim_time:=true``.
         make: Makes the node of rclpy from its name and a context.
 
-    Attributes:
-        node: The node of rclpy.
-        qos: The quality of service of new subscriptions. ``"best_effort"`` receives from every
-            publisher;
-            ``"reliable"`` only from reliable ones, which send lost messages again.
-        depth: The number of messages of a topic that wait before the oldest is dropped.
+    Attributes: node: The node of rclpy. qos: The quality of service of new subscriptions.
+        ``"best_effort"`` receives from every publisher; ``"reliable"`` only from reliable ones,
+        which send lost messages again. depth: The number of messages of a topic that wait before
+        the oldest is dropped.
     """
 
     generation = 2
@@ -71,8 +69,8 @@ class Ros2:
             others = remove_ros_args(arguments)
             if others:
                 raise InputError(f"ROS 2 has no argument {others[0]}; its own follow --ros-args")
-            # rclpy takes the first argument for the program's name. Its handlers of signals would
-            # end ROS while callbacks run: `spin` has its own.
+            # The first argument is the name of the program. The signal handlers of rclpy would end
+            # ROS while callbacks run, so `spin` has its own.
             rclpy.init(
                 args=[name, *arguments],
                 context=context,
@@ -176,11 +174,11 @@ class Ros2:
         latched: bool = True,
         fields: Sequence[Sequence[str]] = (),
     ) -> Publisher:
-        if latched:  # who comes late gets all that is kept: the last
+        if latched:  # late subscribers get the last message
             qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         else:
             qos = QoSProfile(depth=DEPTH)
-        # Every event that rclpy may tell of costs time at every message that the node takes.
+        # Every event of rclpy costs time with every message that the node takes.
         events = PublisherEventCallbacks(use_default_callbacks=False)
         with _refusals(f"topic {topic!r}"):
             entity = self.node.create_publisher(message, topic, qos, event_callbacks=events)
@@ -188,7 +186,7 @@ class Ros2:
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:
         called = Callback(callback, partial(self.log, Level.ERROR))
-        if self.is_simulated():  # in the thread of the callbacks of messages that came before
+        if self.is_simulated():  # in the thread of message callbacks
             return _Timer(self, period, called)
         timer = GridTimer(self, period, called)
         self._timers.append(timer)
@@ -196,7 +194,7 @@ class Ros2:
 
     def log(self, level: Level, text: str) -> None:
         logger = self.node.get_logger()
-        # rclpy holds every line of a program to one level.
+        # rclpy ties every line of a program to one level.
         if level is Level.OK:
             logger.info(text)
         elif level is Level.ERROR:
@@ -216,16 +214,16 @@ class Ros2:
                         executor.spin()
                     except ExternalShutdownException:
                         self._ending.ask()
-                    except Exception:  # noqa: BLE001 - of a service that rclpy offers
+                    except Exception:  # noqa: BLE001 - from a service of rclpy
                         if not self._ending.asked:
                             self.log(Level.ERROR, traceback.format_exc())
 
-            # A wait of rclpy does not return for a signal; an ending's wait does.
+            # Signals do not interrupt a wait of rclpy.
             self._runner = threading.Thread(target=run, name=self.name)
             self._runner.start()
             self._ending.wait()
             executor.shutdown()
-            self._runner.join()  # a callback that runs while ROS ends aborts the process
+            self._runner.join()  # a callback at the end of ROS would abort the process
             self._close_threads()
         if self._closing:
             self.close()
@@ -262,7 +260,7 @@ class _Timer:
             time = now()
             self._callback(time - (time - begin) % period)
 
-        # rclpy makes nanoseconds of the seconds, and cuts off what is less.
+        # rclpy converts seconds to nanoseconds and truncates.
         self._timer = self._node.create_timer((period + 0.5) / _SECOND, call)
 
     def close(self) -> None:
@@ -311,7 +309,7 @@ def _refusals(what: str) -> Iterator[None]:
 
 def _how(package: str) -> str:
     """Return how to install a package of messages."""
-    distribution = os.environ.get("ROS_DISTRO")  # which setup files set, and wheels do not
+    distribution = os.environ.get("ROS_DISTRO")  # set by setup files, not by wheels
     install = "apt-get install" if distribution else "pip install"
     return (
         f"{install} ros-{distribution or 'jazzy'}-{package.replace('_', '-')}, or source the "
@@ -319,15 +317,15 @@ def _how(package: str) -> str:
     )
 
 
-def _is_service(found: type) -> bool:
+def _is_service(cls: type) -> bool:
     """Return whether a class is a service of ROS 2."""
-    return hasattr(found, "Response") and _is_message(found)
+    return hasattr(cls, "Response") and _is_message(cls)
 
 
-def _is_message(found: type) -> bool:
+def _is_message(cls: type) -> bool:
     """Return whether a class is a message or a service of ROS 2."""
     try:
-        check_for_type_support(found)
+        check_for_type_support(cls)
     except AttributeError:
         return False
     return True

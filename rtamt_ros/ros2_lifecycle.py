@@ -89,21 +89,21 @@ class LifecycleMonitor:
         except RtamtError as error:
             self.ros.log(Level.ERROR, _text(error))
             return TransitionCallbackReturn.FAILURE
-        except Exception:  # noqa: BLE001 - rclpy would say nothing of it
+        except Exception:  # noqa: BLE001 - rclpy would not log it
             self.ros.log(Level.ERROR, traceback.format_exc())
             return TransitionCallbackReturn.ERROR
         return TransitionCallbackReturn.SUCCESS
 
     def set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         """Take parameters at run time, or return why not."""
-        given = {
+        values = {
             parameter.name: parameter.value
             for parameter in parameters
             if parameter.name in PARAMETERS
         }
         try:
-            if given:
-                self._change(given)
+            if values:
+                self._change(values)
         except RtamtError as error:
             return SetParametersResult(successful=False, reason=_text(error))
         except Exception as error:  # noqa: BLE001 - rclpy would not answer
@@ -111,9 +111,9 @@ class LifecycleMonitor:
             return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
         return SetParametersResult(successful=True)
 
-    def _change(self, given: Mapping[str, object]) -> None:
+    def _change(self, changes: Mapping[str, object]) -> None:
         before = self._values()
-        values = {**before, **given}
+        values = {**before, **changes}
         specifications, settings = read(values, runnable=self._monitor is not None)
         if self._monitor is None:
             return
@@ -141,21 +141,19 @@ class _Node(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         *,
         context: Context,
     ) -> None:
-        given = [Parameter(each, value=value) for each, value in parameters.items()]
-        super().__init__(name, context=context, parameter_overrides=given)
-        for each, (default, meaning) in PARAMETERS.items():
-            how = ParameterDescriptor(
+        overrides = [Parameter(parameter, value=value) for parameter, value in parameters.items()]
+        super().__init__(name, context=context, parameter_overrides=overrides)
+        for parameter, (default, meaning) in PARAMETERS.items():
+            descriptor = ParameterDescriptor(
                 description=meaning,
-                dynamic_typing=each in _SEVERAL_TYPES,
-                read_only=each == "autostart",
+                dynamic_typing=parameter in _SEVERAL_TYPES,
+                read_only=parameter == "autostart",
             )
             try:
-                self.declare_parameter(each, default, how)
+                self.declare_parameter(parameter, default, descriptor)
             except ParameterException as error:
-                raise InputError(f"parameter {each}: {error}") from error
-        for (
-            parameter_override
-        ) in self._parameter_overrides:  # rclpy says nothing of those that nobody declares
+                raise InputError(f"parameter {parameter}: {error}") from error
+        for parameter_override in self._parameter_overrides:  # rclpy ignores undeclared ones
             if not self.has_parameter(parameter_override) and not parameter_override.startswith(
                 "qos_overrides."
             ):
@@ -177,7 +175,7 @@ class _Node(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
         return self._monitor.transition(self._monitor.clean_up)
 
-    # After both the node is as good as new, and a shutdown says so by its name alone.
+    # Both leave the node as new; a shutdown differs in its name only.
     on_shutdown = on_cleanup
     on_error = on_cleanup
 
@@ -221,10 +219,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         epilog="\n".join(["parameters:", *shown]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    given = sys.argv[1:] if arguments is None else arguments
-    parser.parse_known_args(given)  # `Ros2` refuses what ROS does not know
+    words = sys.argv[1:] if arguments is None else arguments
+    parser.parse_known_args(words)  # `Ros2` refuses unknown arguments
     try:
-        code = run(arguments=given)
+        code = run(arguments=words)
     except RtamtError as error:
         parser.error(str(error))
     sys.exit(code)

@@ -80,22 +80,22 @@ class Hearing(threading.Thread):
     def run(self) -> None:
         """Take messages until it is closed."""
         while not self._closed:
-            with ExitStack() as held:  # what is destroyed meanwhile stays until it is left
+            with ExitStack() as stack:  # destroyed entities stay until the end of the block
                 with self._lock:
                     callbacks = dict(self._callbacks)
-                    for each in (self._context, self._changed, *callbacks):
-                        held.enter_context(each.handle)
+                    for entity in (self._context, self._changed, *callbacks):
+                        stack.enter_context(entity.handle)
                     events = [event for callback in callbacks for event in callback.event_handlers]
                     for event in events:
-                        held.enter_context(event)
-                with suppress(InvalidHandle):  # of what was removed, and then destroyed
+                        stack.enter_context(event)
+                with suppress(InvalidHandle):  # an entity was removed and destroyed
                     self._take(callbacks, events)
 
     def _take(
         self, callbacks: dict[Subscription, Callable[..., None]], events: Sequence[EventHandler]
     ) -> None:
         """Take messages of subscriptions until the set of subscriptions changes."""
-        by_pointer = {each.handle.pointer: (each, of) for each, of in callbacks.items()}
+        by_pointer = {each.handle.pointer: (each, callback) for each, callback in callbacks.items()}
         counts = len(callbacks), 1, 0, 0, 0, len(events)
         waits: Any = rclpy_implementation.WaitSet(*counts, self._context.handle)
         changed = self._changed.handle
@@ -108,28 +108,28 @@ class Hearing(threading.Thread):
             waits.add_guard_condition(changed)
             waits.wait(-1)
             ready = [by_pointer[each] for each in waits.get_ready_entities("subscription")]
-            told = [each for each in events if each.is_ready(waits)]
+            occurred = [each for each in events if each.is_ready(waits)]
             try:
-                _hand_over(ready, told)
+                _hand_over(ready, occurred)
             except InvalidHandle:
                 raise
-            except Exception:  # noqa: BLE001 - of a message whose texts are no UTF-8
+            except Exception:  # noqa: BLE001 - a text is not UTF-8
                 self._log(traceback.format_exc())
             if waits.get_ready_entities("guard_condition"):
                 return
 
 
 def _hand_over(
-    ready: Sequence[tuple[Subscription, Callable[..., None]]], told: Sequence[EventHandler]
+    ready: Sequence[tuple[Subscription, Callable[..., None]]], occurred: Sequence[EventHandler]
 ) -> None:
     """Call back with the messages of subscriptions, and with events."""
     for subscription, callback in ready:
         taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
         if taken is not None:
             callback(*taken)
-    for event in told:
-        if what := event.take_data():
-            event.callback(what)
+    for event in occurred:
+        if data := event.take_data():
+            event.callback(data)
 
 
 class _Apart(MutuallyExclusiveCallbackGroup):  # type: ignore[misc] # rclpy has no types
@@ -154,16 +154,11 @@ class Ros2Subscription:
     first message one of the two stays: ``late`` if every publisher keeps messages, because it also
     receives from restarted publishers.
 
-    Args:
-        node: The node of rclpy.
-        topic: As in the specification.
-        message: The class of its messages.
-        callback: Takes every message, once.
-        qos: ``"best_effort"`` receives from every publisher; ``"reliable"`` from reliable ones
-            only.
-        depth: The number of messages that wait for the callback.
-        log: The log of the node.
-        hearing: The thread that takes the messages; None for an executor of the node.
+    Args: node: The node of rclpy. topic: As in the specification. message: The class of its
+        messages. callback: Takes every message, once. qos: ``"best_effort"`` receives from every
+        publisher; ``"reliable"`` from reliable ones only. depth: The number of messages that wait
+        for the callback. log: The log of the node. hearing: The thread that takes the messages;
+        None for an executor of the node.
     """
 
     def __init__(
@@ -186,20 +181,20 @@ class Ros2Subscription:
         self._qos: Qos = qos
         self._depth = depth
         self._log = log
-        self._lock = threading.RLock()  # of the readers
+        self._lock = threading.RLock()  # protects the readers
         self._readers: dict[str, Any] = {}
         self._closed = False
         self._came = False
-        self._mixed = False  # whether there is a publisher that `late` cannot hear
-        self._newest = 0  # when the newest of what came was sent, until one reader stays
-        # When the last that came were sent. One reader may be closed before the other has given
-        # what both were given: so many messages are compared after that too.
+        self._mixed = False  # whether `late` cannot receive from a publisher
+        self._newest = 0  # the newest source time, until one reader stays
+        # The source times of the last messages. One reader may be closed before the other has
+        # delivered messages that both received, so some later ones are compared too.
         self._recent: deque[int] = deque(maxlen=2 * depth)
         self._compared = 2 * depth
         self._others: list[str] = []
         self._open_live()
         self._whole_name = self._readers["live"].topic_name
-        # Of the wall clock: a simulated one may stand while publishers come.
+        # The wall clock: a simulated clock may stand still while publishers appear.
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._watch: Any = node.create_timer(1.0, self._look, clock=clock)
 
@@ -214,7 +209,7 @@ class Ros2Subscription:
 
     def _open_live(self) -> None:
         profile = QoSProfile(depth=self._depth, reliability=_QOS[self._qos])
-        self._open("live", profile, self._tell_unheard)
+        self._open("live", profile, self._log_unheard)
 
     def _open_late(self) -> None:
         profile = QoSProfile(depth=self._depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -246,9 +241,9 @@ class Ros2Subscription:
         if self._compared:
             sent, watched = info["source_timestamp"], self._watch is not None
             if sent in self._recent:
-                return  # the other reader heard it
+                return  # the other reader delivered it
             if watched and sent <= self._newest and len(self._readers) == 2:
-                return  # it is older than what was heard
+                return  # it is older than a delivered one
             self._newest = max(sent, self._newest)
             self._recent.append(sent)
             self._compared -= not watched
@@ -283,7 +278,7 @@ class Ros2Subscription:
         if watch is not None:
             self._node.destroy_timer(watch)
 
-    def _tell_unheard(self, _event: object) -> None:
+    def _log_unheard(self, _event: object) -> None:
         self._log(
             Level.ERROR,
             f"a publisher of {self._whole_name} is not {self._qos}: none of its messages come; "

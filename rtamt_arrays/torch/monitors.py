@@ -37,7 +37,7 @@ class OrderedFormulas(Generic[Machine]):
     """A machine that runs the formulas of a program on ordered integers.
 
     Args:
-        make: Makes the machine.
+        made: Makes the machine.
         program: The program.
         reader: Reads the floats of a caller.
         tables: The floats of the machine's state, except a ring of which a step reads few.
@@ -236,11 +236,8 @@ class TorchOnlineMonitor(OnlineMonitor):
             state: As for `update`.
             sample: As for `update`.
 
-        Raises:
-            InputError: As `update` does, and if the state or the sample requires a gradient. After
-                an
-                error the state is unchanged.
-            InputTypeError: As `update` does.
+        Raises: InputError: As `update` does, and if the state or the sample requires a gradient.
+            After an error the state is unchanged. InputTypeError: As `update` does.
         """
         _check_gradients(self._reader, self.variables, state, sample)
         written = self._ordered_writing.run(OnlineMonitor.update, state, sample)

@@ -66,17 +66,19 @@ class DenseJudge:
         self.lateness = {"": 0, **self._latenesses()}
         self._read = {
             source: [
-                (name, place) for name, (of, place) in requirement.cells.items() if of is source
+                (name, place)
+                for name, (owner, place) in requirement.cells.items()
+                if owner is source
             ]
             for source in self.inputs
         }
-        whole = unbounded(spec)
-        self._may_rise = self._monitor is None or whole == "eventually"
-        self._about_run = bool(whole) and self._monitor is not None
+        outermost = unbounded(spec)
+        self._may_rise = self._monitor is None or outermost == "eventually"
+        self._about_run = bool(outermost) and self._monitor is not None
         self._silence = not settings.stamps
         self._record = record
         self._origin: int | None = None
-        self._since = 0  # the messages before count from here
+        self._since = 0  # older messages count from here
         self._fresh = True
         self._last: dict[Input, int] = {}
         self._silent: set[Input] = set()
@@ -130,7 +132,7 @@ class DenseJudge:
         self._forget()
         self._silent, self._gaps, self._apart = set(), False, False
         self._has_jumped()
-        if now < self._since:  # the clock went back since
+        if now < self._since:  # the clock went back
             self._since = 0
         times = [max(source.time, self._since) for source in self.inputs if source.time is not None]
         self._origin = min(times, default=now)
@@ -141,9 +143,9 @@ class DenseJudge:
 
     def _forget(self) -> None:
         """Reset the monitors of robustness."""
-        for each in (self._monitor, *self._named.values()):
-            if each is not None:
-                each.reset()
+        for monitor in (self._monitor, *self._named.values()):
+            if monitor is not None:
+                monitor.reset()
 
     def _is_absent(self, now: int) -> bool:
         if self._unknown:
@@ -162,8 +164,7 @@ class DenseJudge:
             time, values = source.time, source.values
             if time is None:  # a default
                 time = origin
-            # A clock may slip back a little, have one time for two messages, or come after a value
-            # that lasted until now.
+            # A clock may go back a little or repeat a time, and the last value may last until now.
             time = max(time, self._since, self._last.get(source, time - 1) + 1)
             self._last[source] = time
             row = {name: values[place] for name, place in self._read[source]}
@@ -178,19 +179,19 @@ class DenseJudge:
         else:
             self._extend_lasting(events)
         try:
-            found = self._update(events)
-        except InputError as error:  # a term is no number
+            robustness = self._update(events)
+        except InputError as error:  # a term is not a number
             self.stop("there was no robustness")
             return [self.account.failed(now, str(error))]
         self._keep(rows)
-        return self._without(now) if self._silent else self._judged(found, now)
+        return self._without(now) if self._silent else self._judged(robustness, now)
 
     def _silence_of(
         self, sources: Sequence[Input], events: _Events, now: int
     ) -> list[tuple[int, dict[str, float]]]:
         """Make the values of newly stale inputs unknown; return the rows of a record."""
         before, rows = self._silent, []
-        self._silent = {each for each in self.inputs if each.is_stale(now)}
+        self._silent = {source for source in self.inputs if source.is_stale(now)}
         for source in self.inputs:
             if source in self._silent and (source in sources or source not in before):
                 time = max(now - source.age(now) + int(source.stale_after), self._last[source]) + 1
@@ -227,7 +228,7 @@ class DenseJudge:
         lasting = [
             source for source in self.inputs if source.time is None or source in self._silent
         ]
-        stamped = [time for each, time in self._last.items() if each not in lasting]
+        stamped = [time for source, time in self._last.items() if source not in lasting]
         if lasting and stamped:
             self._extend(events, lasting, min(stamped))
 
@@ -251,7 +252,7 @@ class DenseJudge:
         if self._silent:
             self._gaps, self._apart = True, True
             return []
-        if self._apart:  # all inputs are there again
+        if self._apart:  # all inputs are back
             self._apart = False
             self._forget()
             events = {
@@ -259,33 +260,31 @@ class DenseJudge:
                 for source in self.inputs
                 for name, value in self._held(source).items()
             }
-        for each in self._named.values():
-            each.update({name: its for name, its in events.items() if name in each.variables})
+        for monitor in self._named.values():
+            monitor.update({name: its for name, its in events.items() if name in monitor.variables})
         if self._monitor is not None:
-            found = self._monitor.update(events)
+            news = self._monitor.update(events)
             if self._gaps and self._about_run:
-                # It judges the time since the last gap: what was before it counts too.
-                return [(time, moved(value, *self._episode.bounds())) for time, value in found]
-            return found
+                # The monitor judges the time since the last gap; the bounds judge the whole run.
+                return [(time, moved(value, *self._episode.bounds())) for time, value in news]
+            return news
         if math.isnan(robustness) or (self._robustness or (None,))[0] == robustness:
             return []
         return [(self._episode.settled, robustness)]
 
-    def _judged(
-        self, found: Sequence[tuple[float, float]], now: int
-    ) -> Sequence[RequirementReport]:
+    def _judged(self, news: Sequence[tuple[float, float]], now: int) -> Sequence[RequirementReport]:
         decided = self._decided()
         settled = (self._monitor or self._episode).settled
-        if math.isinf(settled):  # of the robustness nothing is known yet
+        if math.isinf(settled):  # no robustness is known yet
             return [self._report(now)] if decided else []
         time = self._time(settled)
         reports = []
-        for begin, robustness in found:
-            about = self._time(begin)
+        for start, robustness in news:
+            about = self._time(start)
             self._robustness = robustness, about
             self.account.found(robustness, about)
             reports.append(self._report(time))
-        if not found:
+        if not news:
             report = self._report(time)
             return [report] if decided else []
         return reports
@@ -296,7 +295,7 @@ class DenseJudge:
         if self._verdict is before:
             return False
         if self._verdict is Verdict.VIOLATED:
-            # None is the time of a verdict that an end decides, and a run of a node has no end.
+            # decided_at is None only for a verdict that an end decides; a run has no end.
             self.account.violated(self._time(self._episode.decided_at or 0.0))
         return True
 

@@ -23,22 +23,17 @@ class Input:
     stored. Between two such times only the last message is kept, and none that is older than a gap
     and a period.
 
-    Attributes:
-        default: The value before the first message; None if the input waits for one.
-        package: The package of the message class.
-        message: The name of the message class.
-        fields: The fields that are read, in the order of `values`.
-        values: The values of the selected message, the default, or nothing before the first.
-        time: The time of the message in nanoseconds: its arrival or its stamp; None before the
-            first.
-        came: The arrival in nanoseconds. The age counts from here if the stamp is later, so that a
-            publisher with a fast clock becomes stale as soon as others.
-        taken: The number of accepted messages.
-        out_of_order: The number of messages left out because they are older than the one before.
-        errors: The number of messages left out because they could not be read.
-        error: Why the last message could not be read; empty if it could.
-        jumps: The number of times that the stamps went back by more than a gap, and stayed there.
-        went_back: The size of the last jump in nanoseconds.
+    Attributes: default: The value before the first message; None if the input waits for one.
+        package: The package of the message class. message: The name of the message class. fields:
+        The fields that are read, in the order of `values`. values: The values of the selected
+        message, the default, or nothing before the first. time: The time of the message in
+        nanoseconds: its arrival or its stamp; None before the first. came: The arrival in
+        nanoseconds. The age counts from here if the stamp is later, so that a publisher with a fast
+        clock becomes stale as soon as others. taken: The number of accepted messages. out_of_order:
+        The number of messages left out because they are older than the one before. errors: The
+        number of messages left out because they could not be read. error: Why the last message
+        could not be read; empty if it could. jumps: The number of times that the stamps went back
+        by more than a gap, and stayed there. went_back: The size of the last jump in nanoseconds.
     """
 
     __slots__ = (
@@ -81,12 +76,12 @@ class Input:
         self.fields: list[SubscribedField] = []
         self._reads: list[Callable[[Any], Any]] = []
         self._stamps = settings.stamps
-        self._again = 0 if settings.dense else -1  # two events of a topic need two times
+        self._again = 0 if settings.dense else -1  # events of a topic have different times
         self._gap = settings.gap
         self._period = settings.period
-        # When they came, their times, their values, and by how much the stamps went back with them.
+        # Arrival, time, values, and the size of a jump back of the stamps.
         self._arrived: deque[_Arrival] = deque()
-        self._waiting: deque[_Arrival] = deque()  # those that were gathered
+        self._waiting: deque[_Arrival] = deque()  # the gathered ones
         self._newest: int | None = None
         self._settled: int | None = None
         self._lock = threading.Lock()
@@ -100,7 +95,7 @@ class Input:
 
     def add(self, field: SubscribedField) -> int:
         """Read another field; return its place in `values`."""
-        paths = [each.path for each in self.fields]
+        paths = [known.path for known in self.fields]
         if field.path in paths:
             return paths.index(field.path)
         self.fields.append(field)
@@ -137,8 +132,8 @@ class Input:
         """Make the messages that have arrived available to `settle`."""
         if self._arrived:
             with self._lock:
-                for each in self._arrived:
-                    self._add(self._waiting, each)
+                for arrival in self._arrived:
+                    self._add(self._waiting, arrival)
                 self._arrived.clear()
 
     def settle(self, time: int) -> None:
@@ -151,19 +146,19 @@ class Input:
                 self.jumps += 1
                 self.went_back = back
 
-    def _add(self, some: deque[_Arrival], one: _Arrival) -> None:
+    def _add(self, queue: deque[_Arrival], arrival: _Arrival) -> None:
         """Add a message, and drop those before it that no time can select any more."""
-        came, time, values, back = one
+        came, time, values, back = arrival
         settled, period = self._settled, self._period
-        while some:
-            before = some[-1][0]
-            if came > before and (  # else the clock stands, or went back
+        while queue:
+            before = queue[-1][0]
+            if came > before and (  # otherwise, the clock stands still or went back
                 settled is None
                 or (came - settled - 1) // period != (before - settled - 1) // period
             ):
                 break
-            back = max(back, some.pop()[3])
-        some.append((came, time, values, back))
+            back = max(back, queue.pop()[3])
+        queue.append((came, time, values, back))
 
     def age(self, now: int) -> int:
         """Return the nanoseconds since the last message; 0 before the first."""
@@ -191,19 +186,21 @@ class Input:
                 self.time = None
                 self.values = self._defaults()
             self._newest = self.time
-            for some in (self._waiting, self._arrived):
-                kept = [each for each in some if each[0] <= now]
-                some.clear()
-                some.extend(kept)
-                self._newest = kept[-1][1] if kept else self._newest
+            for queue in (self._waiting, self._arrived):
+                remaining = [arrival for arrival in queue if arrival[0] <= now]
+                queue.clear()
+                queue.extend(remaining)
+                self._newest = remaining[-1][1] if remaining else self._newest
 
     def came_before_the_clock(self, now: int) -> None:
         """Date messages that arrived before a simulated clock started to ``now``."""
         with self._lock:
-            for some in (self._waiting, self._arrived):
-                dated = [(came or now, time or now, held, back) for came, time, held, back in some]
-                some.clear()
-                some.extend(dated)
+            for queue in (self._waiting, self._arrived):
+                dated = [
+                    (came or now, time or now, values, back) for came, time, values, back in queue
+                ]
+                queue.clear()
+                queue.extend(dated)
             if self.time is not None and not self.came:
                 self.came = now
                 self.time = self.time or now

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import repeat, starmap
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +24,10 @@ class Judges:
     the time of a message is read. All requirements share the sample times, a period apart. In dense
     time all calls must come one after the other.
 
-    Attributes:
-        inputs: The inputs of all requirements.
-        topics: The inputs by topic.
-        requirements: The requirements.
-        settings: The settings.
-        lateness: For each requirement and formula, the nanoseconds by which the time of its value
-            lies
-            before `RequirementReport.time`. On samples the formula ``""`` is the result.
+    Attributes: inputs: The inputs of all requirements. topics: The inputs by topic. requirements:
+        The requirements. settings: The settings. lateness: For each requirement and formula, the
+        nanoseconds by which the time of its value lies before `RequirementReport.time`. On samples
+        the formula ``""`` is the result.
     """
 
     def __init__(self, specifications: Sequence[Specification], settings: Settings) -> None:
@@ -42,10 +39,9 @@ class Judges:
         for source in self.inputs:
             self.topics.setdefault(source.topic, []).append(source)
         self._records = [self._record(requirement) for requirement in self.requirements]
-        recorded = list(zip(self.requirements, self._records, strict=True))
-        dense = settings.dense
-        self._sampled = [SampledJudge(of, settings, to) for of, to in recorded if not dense]
-        self._dense = [DenseJudge(of, settings, to) for of, to in recorded if dense]
+        recorded = zip(self.requirements, repeat(settings), self._records, strict=False)
+        self._sampled = [] if settings.dense else list(starmap(SampledJudge, recorded))
+        self._dense = list(starmap(DenseJudge, recorded)) if settings.dense else []
         self._judges: list[SampledJudge | DenseJudge] = [*self._sampled, *self._dense]
         self.lateness = {
             (judge.account.name, formula): late
@@ -53,7 +49,7 @@ class Judges:
             for formula, late in judge.lateness.items()
         }
         self._now = 0
-        self._point: int | None = None  # the last that was judged
+        self._point: int | None = None  # the last judged point
 
     @property
     def files(self) -> list[Path]:
@@ -63,15 +59,15 @@ class Judges:
     @property
     def reports(self) -> tuple[RequirementReport, ...]:
         """The last report of each requirement that has one."""
-        last = [judge.account.last for judge in self._judges]
-        return tuple([each for each in last if each is not None])
+        reports = [judge.account.last for judge in self._judges]
+        return tuple([report for report in reports if report is not None])
 
     def take(self, topic: str, message: Any, time: int, now: int) -> Sequence[RequirementReport]:  # noqa: ANN401
         """Take a message with its time; in dense time, return the reports that it causes."""
         dense = self.settings.dense
         if dense and now > 0:
             self._follow_clock(now, now)
-        taken = {each for each in self.topics[topic] if each.take(message, time, now)}
+        taken = {source for source in self.topics[topic] if source.take(message, time, now)}
         reports: list[RequirementReport] = []
         if dense:
             for source in taken:
@@ -91,12 +87,12 @@ class Judges:
             now: The time of the clock.
         """
         if now <= 0:
-            return [each.account.without_clock() for each in self._judges]
+            return [judge.account.without_clock() for judge in self._judges]
         if self.settings.dense:
             self._follow_clock(now, now)
             return [report for judge in self._dense for report in judge.look(now)]
         period = self.settings.period
-        if due > now:  # the clock was set back since
+        if due > now:  # the clock was set back
             due -= -((now - due) // period) * period
         self._follow_clock(now, due)
         for source in self.inputs:
@@ -107,7 +103,7 @@ class Judges:
             self._point = point
             for source in self.inputs:
                 source.settle(point)
-            reports += [each.sample(point, late=point < due, gap=gap) for each in self._sampled]
+            reports += [judge.sample(point, late=point < due, gap=gap) for judge in self._sampled]
         return reports
 
     def _points(self, due: int) -> tuple[Sequence[int], str]:

@@ -24,16 +24,16 @@ class Statuses:
             for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
         )
 
-    def made(self, time: int, rows: Iterable[tuple[str, Level, str, Mapping[str, str]]]) -> Any:  # noqa: ANN401 - the classes of ROS have no types
+    def message(self, time: int, rows: Iterable[tuple[str, Level, str, Mapping[str, str]]]) -> Any:  # noqa: ANN401 - the classes of ROS have no types
         """Return a message; a row is a name, a level, a text, and values by name."""
-        array = self.array()
-        self._middleware.set_stamp(array, time)
-        array.status = [self._row(*row) for row in rows]
-        return array
+        message = self.array()
+        self._middleware.set_stamp(message, time)
+        message.status = [self._row(*row) for row in rows]
+        return message
 
     def _row(self, name: str, level: Level, text: str, values: Mapping[str, str]) -> object:
         status = self._status()
-        # A byte is a number in ROS 1, and bytes in ROS 2.
+        # A byte is an int in ROS 1, and bytes in ROS 2.
         status.level = bytes([level]) if self._middleware.generation == 2 else int(level)
         status.name, status.message, status.hardware_id = name, text, ""
         for key, value in values.items():
@@ -56,10 +56,10 @@ class Combined:
 
     def publish(self, reports: Sequence[RequirementReport]) -> None:
         """Publish the reports of samples; the reports of one sample are adjacent."""
-        for time, its in groupby(reports, attrgetter("time")):
-            rows = [(each.name, each.level, each.text, _values(each)) for each in its]
+        for time, group in groupby(reports, attrgetter("time")):
+            rows = [(report.name, report.level, report.text, _values(report)) for report in group]
             if time > 0:
-                self._publisher.publish(self._statuses.made(time, rows))
+                self._publisher.publish(self._statuses.message(time, rows))
 
     def close(self) -> None:
         """Close the publisher."""
@@ -116,11 +116,13 @@ class Publishing:
                 for name in dict.fromkeys(name for name, _ in output.formulas):
                     self._of[name].append(outgoing)
             for name, topic in bounds.items():
-                each = {
-                    what: self._publisher(f"{topic}/{what}", classes["std_msgs", message])
-                    for what, message in BOUNDS.items()
+                publishers = {
+                    name_of_bound: self._publisher(
+                        f"{topic}/{name_of_bound}", classes["std_msgs", message]
+                    )
+                    for name_of_bound, message in BOUNDS.items()
                 }
-                self._of[name].append(_Bounds(each))
+                self._of[name].append(_Bounds(publishers))
         except InputError:
             self.close()
             raise
@@ -156,7 +158,7 @@ class _Bounds:
     def publish(self, report: RequirementReport) -> None:
         last = self._last
         lower, upper = report.lower, report.upper
-        # Numbers that are the same and neither 0, which has two signs, nor nan were written so.
+        # Equal numbers were published, except 0, which has two signs, and nan.
         if lower and upper and (lower, upper, report.verdict) == last:
             return
         self._last = lower, upper, report.verdict
@@ -176,7 +178,7 @@ class _Bound:
         value = self._of(report)
         if value is None:
             return
-        written = float(value).hex()  # tells -0.0 from 0.0, and nan is nan
+        written = float(value).hex()  # distinguishes -0.0 from 0.0, and equates nan
         if written != self._last:
             self._last = written
             message = self._publisher.message()
@@ -203,24 +205,24 @@ class _Outgoing:
         self._longest = max(self._late.values())
         self._only = next(iter(output.formulas)) if len(output.formulas) == 1 else None
         self._waiting: dict[int, dict[tuple[str, str], float]] = {}
-        self._last: int | None = None  # what was said last, unless something was not known
+        self._last: int | None = None  # the last complete time
 
     def publish(self, report: RequirementReport) -> None:
-        gone = report.robustness is not None and math.isnan(report.robustness)
-        if self._only is not None:  # it waits for nothing
-            found = (report.time, math.nan) if gone else self._found(self._only, report)
-            if found is not None:
-                self._send(found[0], (found[1],))
+        unknown = report.robustness is not None and math.isnan(report.robustness)
+        if self._only is not None:  # nothing to wait for
+            news = (report.time, math.nan) if unknown else self._found(self._only, report)
+            if news is not None:
+                self._send(news[0], (news[1],))
             return
         for key in self._formulas:
             if key[0] == report.name:
-                self._add_nan(key, report.time) if gone else self._add(key, report)
+                self._add_nan(key, report.time) if unknown else self._add(key, report)
         for time in sorted(self._waiting):
             if len(self._waiting[time]) == len(self._formulas):
                 values = self._waiting[time]
                 self._send(time, [values[key] for key in self._formulas])
                 self._waiting = {at: its for at, its in self._waiting.items() if at > time}
-        if self._waiting:  # what is older comes no more, and what is newer came before a jump back
+        if self._waiting:  # older ones come no more; newer ones precede a jump back
             oldest = report.time - self._longest
             self._waiting = {
                 at: its for at, its in self._waiting.items() if oldest <= at <= report.time
@@ -236,9 +238,9 @@ class _Outgoing:
         return about, value
 
     def _add(self, key: tuple[str, str], report: RequirementReport) -> None:
-        found = self._found(key, report)
-        if found is not None:
-            self._waiting.setdefault(found[0], {})[key] = found[1]
+        news = self._found(key, report)
+        if news is not None:
+            self._waiting.setdefault(news[0], {})[key] = news[1]
 
     def _add_nan(self, key: tuple[str, str], time: int) -> None:
         self._waiting.setdefault(time, {})
@@ -265,34 +267,36 @@ class Diagnostics:
     def __init__(self, middleware: Middleware, formulas: Mapping[str, str]) -> None:
         self._middleware = middleware
         self.around: tuple[Level, str] | None = None
-        self._told_around: tuple[Level, str] | None = None
+        self._last_around: tuple[Level, str] | None = None
         self._formulas = formulas
         self._states: list[tuple[Level, str]] = []
-        self._told = 0
+        self._last_time = 0
         self._publisher: Publisher | None = None
         try:
-            self._made = Statuses(middleware)
+            self._statuses = Statuses(middleware)
         except InputError as error:
             middleware.log(Level.WARN, f"there is no /diagnostics: {error}")
         else:
-            self._publisher = middleware.publisher("/diagnostics", self._made.array, latched=False)
+            self._publisher = middleware.publisher(
+                "/diagnostics", self._statuses.array, latched=False
+            )
 
     def tell(self, reports: Sequence[RequirementReport], now: int) -> bool:
         """Publish and log news; return whether it was time to."""
         states, before = [*map(_STATE, reports)], self._states
         around = self.around
-        news = around is not None and around != self._told_around
-        if states == before and not news and 0 <= now - self._told < _SECOND:
+        news = around is not None and around != self._last_around
+        if states == before and not news and 0 <= now - self._last_time < _SECOND:
             return False
         missing = [None] * (len(states) - len(before))
         known = zip(reports, states, [*before, *missing], strict=True)
         changed = [report for report, state, was in known if state != was]
-        self._told = now
+        self._last_time = now
         self._states = states
         for report in changed:
             self._middleware.log(report.level, f"{report.name}: {report.text}")
         if around is not None and news:
-            self._told_around = around
+            self._last_around = around
             self._middleware.log(*around)
         if self._publisher is not None:
             node = self._middleware.name.strip("/")
@@ -301,13 +305,13 @@ class Diagnostics:
                     f"{node}: {each.name}",
                     each.level,
                     each.text,
-                    _told(each, self._formulas[each.name]),
+                    _numbers(each, self._formulas[each.name]),
                 )
                 for each in reports
             ]
             if around is not None:
                 rows.append((f"{node}: ROS", *around, {}))
-            self._publisher.publish(self._made.made(now, rows))
+            self._publisher.publish(self._statuses.message(now, rows))
         return True
 
     def close(self) -> None:
@@ -320,7 +324,7 @@ _STATE = attrgetter("level", "unrecorded")
 """What makes the state of a requirement another."""
 
 
-def _told(report: RequirementReport, formula: str) -> dict[str, str]:
+def _numbers(report: RequirementReport, formula: str) -> dict[str, str]:
     """Return the numbers of a report for a reader."""
     return {
         "formula": formula,

@@ -85,7 +85,7 @@ class CsvRecord:
         except OSError as error:
             file, self._file, self._write = self._file, None, _nowhere
             self.error = self.error or f"{self._path}: {error.strerror or error}"
-            with suppress(OSError):  # what it holds back cannot be written either
+            with suppress(OSError):  # the buffer cannot be written either
                 if file is not None:
                     file.close()
 

@@ -18,41 +18,28 @@ _NO_VALUES: Mapping[str, float] = MappingProxyType({})
 class RequirementReport(NamedTuple):
     """The report of a monitor on a requirement at one time.
 
-    Attributes:
-        name: The name of the requirement.
-        time: Nanoseconds of the clock of ROS: the time of the last sample; in dense time the time
-            up to
-            which the robustness is known; otherwise, the time of the look.
-        level: The severity.
-        problem: Why there is no robustness, or what is wrong with an input; empty if nothing is.
-        robustness: None while it is unknown: an input is missing, or the latency has not passed.
-            nan
-            while an input is stale.
-        about: The time of the robustness: `time` minus the latency. None without a robustness.
-        lower: The minimum robustness of the run over all continuations and ends. nan while an input
-            is
-            stale, unless stale values are unknown values; None before the first sample.
-        upper: The maximum.
-        verdict: The verdict on the run. UNDECIDED while an input is stale, unless stale values are
-            unknown values; None before the first sample.
-        values: The robustness of every named formula, nan until its latency has passed.
-        asked: For each implication under an outer ``always``, the number of samples of the run at
-            which
-            its left side certainly holds; None if they are not counted.
-        worst: The minimum robustness since the start or reset of the node; None before the first.
-        worst_time: The time of `worst`.
-        stale: The stale inputs.
-        waiting: The inputs without a message.
-        violations: The number of runs since the start or reset with a certain violation.
-        violated_at: The time of the first of them.
-        missed: The number of samples judged after the next was due; their values are right.
-        out_of_order: The number of messages left out because they are older than the one before.
-        errors: The number of messages left out because a field was nan or missing.
-        restarts: The number of runs that followed a gap or a jump of the clock.
-        restarted_because: The reason for the last restart.
-        resets: The number of resets on request.
-        reset_at: The time of the last reset; None before.
-        unrecorded: Why the record has ended; empty if it has not.
+    Attributes: name: The name of the requirement. time: Nanoseconds of the clock of ROS: the time
+        of the last sample; in dense time the time up to which the robustness is known; otherwise,
+        the time of the look. level: The severity. problem: Why there is no robustness, or what is
+        wrong with an input; empty if nothing is. robustness: None while it is unknown: an input is
+        missing, or the latency has not passed. nan while an input is stale. about: The time of the
+        robustness: `time` minus the latency. None without a robustness. lower: The minimum
+        robustness of the run over all continuations and ends. nan while an input is stale, unless
+        stale values are unknown values; None before the first sample. upper: The maximum. verdict:
+        The verdict on the run. UNDECIDED while an input is stale, unless stale values are unknown
+        values; None before the first sample. values: The robustness of every named formula, nan
+        until its latency has passed. asked: For each implication under an outer ``always``, the
+        number of samples of the run at which its left side certainly holds; None if they are not
+        counted. worst: The minimum robustness since the start or reset of the node; None before the
+        first. worst_time: The time of `worst`. stale: The stale inputs. waiting: The inputs without
+        a message. violations: The number of runs since the start or reset with a certain violation.
+        violated_at: The time of the first of them. missed: The number of samples judged after the
+        next was due; their values are right. out_of_order: The number of messages left out because
+        they are older than the one before. errors: The number of messages left out because a field
+        was nan or missing. restarts: The number of runs that followed a gap or a jump of the clock.
+        restarted_because: The reason for the last restart. resets: The number of resets on request.
+        reset_at: The time of the last reset; None before. unrecorded: Why the record has ended;
+        empty if it has not.
     """
 
     name: str
@@ -108,16 +95,16 @@ class RequirementReport(NamedTuple):
             return ""
         if robustness is None:
             return "violated, robustness not known yet" if violated else "robustness not known yet"
-        said = "holds" if violated else "holds so far"
+        words = "holds" if violated else "holds so far"
         if not holds(robustness):
-            said = "violated" if violated else "does not hold"
-            said = "not yet" if self.level < Level.ERROR else said
+            words = "violated" if violated else "does not hold"
+            words = "not yet" if self.level < Level.ERROR else words
         elif self.verdict is Verdict.SATISFIED:
-            said = "satisfied"
+            words = "satisfied"
         at = ""
         if self.about is not None and self.about != self.time:
             at = f" at {seconds(self.about, 3)}"
-        return f"{said}, robustness {robustness:.4g}{at}"
+        return f"{words}, robustness {robustness:.4g}{at}"
 
 
 def holds(robustness: float) -> bool:
@@ -220,14 +207,14 @@ class Account:
         """Return the report while inputs are missing or stale."""
         waiting = [source for source in self.inputs if source.is_awaited()]
         stale = [source for source in self.inputs if source.is_stale(now)]
-        what = ["waiting for " + ", ".join(each.name for each in waiting)] if waiting else []
-        what += [f"{each.name} stale {seconds(each.age(now))}" for each in stale]
-        what += [each.error for each in (*waiting, *stale) if each.error]
+        parts = ["waiting for " + ", ".join(each.name for each in waiting)] if waiting else []
+        parts += [f"{each.name} stale {seconds(each.age(now))}" for each in stale]
+        parts += [each.error for each in (*waiting, *stale) if each.error]
         level = Level.ERROR if any(each.error for each in waiting) else Level.WARN
         return self._report(
             now,
             Level.STALE if stale else level,
-            "; ".join(what),
+            "; ".join(parts),
             _UNKNOWN if self._began else _NOTHING,
             stale=tuple(each.name for each in stale),
             waiting=tuple(each.name for each in waiting),
@@ -244,12 +231,12 @@ class Account:
             bounds: The bounds of the run.
             verdict: The verdict on the run.
         """
-        what = [f"{name} stale {seconds(age)}" for name, age in ages.items()]
-        what += [source.error for source in self.inputs if source.error]
+        parts = [f"{name} stale {seconds(age)}" for name, age in ages.items()]
+        parts += [source.error for source in self.inputs if source.error]
         return self._report(
             time,
             Level.STALE,
-            "; ".join(what),
+            "; ".join(parts),
             (_NAN, None, *bounds, verdict, _NO_VALUES, None),
             stale=tuple(ages),
         )
@@ -282,15 +269,15 @@ class Account:
             level = Level.ERROR if verdict is Verdict.VIOLATED else level
         elif not holds(robustness) and (verdict is Verdict.VIOLATED or not may_rise):
             level = Level.ERROR
-        found = robustness, about, *bounds, verdict, values, asked
-        return self._report(time, level, problem, found)
+        fields = robustness, about, *bounds, verdict, values, asked
+        return self._report(time, level, problem, fields)
 
     def _report(
         self,
         time: int,
         level: Level,
         problem: str,
-        found: tuple[Any, ...] = _NOTHING,
+        fields: tuple[Any, ...] = _NOTHING,
         stale: tuple[str, ...] = (),
         waiting: tuple[str, ...] = (),
     ) -> RequirementReport:
@@ -300,14 +287,14 @@ class Account:
             out_of_order += source.out_of_order
             errors += source.errors
         unrecorded = "" if self._record is None else self._record.error
-        # By name its 24 fields take half of the time of a judgement.
+        # Keywords for its 24 fields would take half the time of a judgement.
         self.last = RequirementReport._make(
             (
                 self.name,
                 time,
                 max(level, Level.WARN) if unrecorded else level,
                 problem,
-                *found,
+                *fields,
                 self._worst,
                 self._worst_time,
                 stale,

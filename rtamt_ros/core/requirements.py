@@ -102,7 +102,7 @@ def unbounded(specification: Specification, formula: Formula | None = None) -> s
 def _check(inputs: Collection[Input], settings: Settings) -> None:
     """Refuse topics without a class or with two, and settings of topics that nothing reads."""
     first: dict[str, Input] = {}
-    for source in inputs:  # of a topic, one whose class is known
+    for source in inputs:  # prefer an input with a known class
         known = first.setdefault(source.topic, source)
         if known.message is None:
             first[source.topic] = source
@@ -134,10 +134,10 @@ def _agree(source: Input, package: str | None, message: str | None, name: str) -
         return
     if source.message is None:
         source.package, source.message = package, message
-    of, other = f"{source.package}/{source.message}", f"{package}/{message}"
-    if of != other:
+    name_of_first, other = f"{source.package}/{source.message}", f"{package}/{message}"
+    if name_of_first != other:
         raise SpecificationError(
-            f"expected one class of messages on the topic {source.topic}, got {of} as "
+            f"expected one class of messages on the topic {source.topic}, got {name_of_first} as "
             f"'{source.name}' and {other} as '{name}'"
         )
 
@@ -146,12 +146,9 @@ def _agree(source: Input, package: str | None, message: str | None, name: str) -
 class Output:
     """A topic, and the formulas whose robustness its messages carry.
 
-    Attributes:
-        topic: The topic, as in the specification or derived from a name.
-        package: The package of the message class.
-        message: The name of the message class.
-        formulas: For each requirement and formula the path to its field; the result is the formula
-            ``""``.
+    Attributes: topic: The topic, as in the specification or derived from a name. package: The
+        package of the message class. message: The name of the message class. formulas: For each
+        requirement and formula the path to its field; the result is the formula ``""``.
     """
 
     topic: str
@@ -168,33 +165,33 @@ def outputs_of(
     Formulas that are named after fields of one message, ``out.value`` and ``out.part``, share the
     topic of ``out``. A default topic that is taken gets a number: ``rtamt/out_2``.
 
-    Raises:
-        SpecificationError: If two results, or formulas of two texts, have one topic, if a result
-            has the
-            topic of an input of its text, if a formula has the name of a message; in dense time, if
-            formulas are named after several fields of one message.
+    Raises: SpecificationError: If two results, or formulas of two texts, have one topic, if a
+        result has the topic of an input of its text, if a formula has the name of a message; in
+        dense time, if formulas are named after several fields of one message.
     """
-    made: dict[tuple[int, str], Output] = {}
-    taken = {topic for each in requirements for topic in each.specification.topics.values()}
+    outputs: dict[tuple[int, str], Output] = {}
+    taken = {
+        topic for publication in requirements for topic in publication.specification.topics.values()
+    }
     for requirement in requirements:
-        found = requirement.specification.publications(requirement.name)
-        for each in found:
-            key = (requirement.origin, each.variable)
-            if key not in made:
-                topic = each.topic or _free(each.default, taken)
-                _refuse_no_number(each)
-                _refuse_twice(topic, made.values(), each.variable)
-                _refuse_loop(topic, requirement, each.variable)
-                made[key] = Output(topic, each.package, each.message)
-            is_result = each is found[-1]
-            known = {formula for _, formula in made[key].formulas}
-            if is_result or each.formula not in known:
-                name = "" if is_result else each.formula
-                made[key].formulas[requirement.name, name] = each.path
-    for (_, variable), output in made.items():
+        publications = requirement.specification.publications(requirement.name)
+        for publication in publications:
+            key = (requirement.origin, publication.variable)
+            if key not in outputs:
+                topic = publication.topic or _free(publication.default, taken)
+                _refuse_no_number(publication)
+                _refuse_twice(topic, outputs.values(), publication.variable)
+                _refuse_loop(topic, requirement, publication.variable)
+                outputs[key] = Output(topic, publication.package, publication.message)
+            is_result = publication is publications[-1]
+            formulas = {formula for _, formula in outputs[key].formulas}
+            if is_result or publication.formula not in formulas:
+                name = "" if is_result else publication.formula
+                outputs[key].formulas[requirement.name, name] = publication.path
+    for (_, variable), output in outputs.items():
         if dense:
             _refuse_several(variable, output)
-    return list(made.values())
+    return list(outputs.values())
 
 
 def bound_topics(outputs: Sequence[Output]) -> dict[str, str]:
@@ -212,22 +209,23 @@ def bound_topics(outputs: Sequence[Output]) -> dict[str, str]:
 def _free(topic: str, taken: set[str]) -> str:
     """Return a default topic, with a number if it is taken."""
     numbered = (f"{topic}_{count}" for count in itertools.count(2))
-    free = next(each for each in itertools.chain((topic,), numbered) if each not in taken)
+    free = next(name for name in itertools.chain((topic,), numbered) if name not in taken)
     taken.add(free)
     return free
 
 
-def _refuse_no_number(found: Publication) -> None:
-    if not found.path:
-        name = found.variable
+def _refuse_no_number(publication: Publication) -> None:
+    if not publication.path:
+        name = publication.variable
+        kind = f"{publication.package}/{publication.message}"
         raise SpecificationError(
-            f"expected a field of the message '{name}' as the name of a formula, such as "
-            f"{name}.value, got '{name}' itself; a {found.package}/{found.message} is no number"
+            f"The formula '{name}' has the name of a message, but a {kind} is not a number. Name "
+            f"the formula after a field, such as {name}.value."
         )
 
 
-def _refuse_twice(topic: str, made: Iterable[Output], name: str) -> None:
-    for other in made:
+def _refuse_twice(topic: str, outputs: Iterable[Output], name: str) -> None:
+    for other in outputs:
         if other.topic == topic:
             raise SpecificationError(
                 f"expected a topic for '{name}' that nothing else is published on, got {topic}; "

@@ -75,18 +75,16 @@ def _monitor(specification: Specification, options: Mapping[str, Any]) -> Monito
         return EpisodeMonitor(specification, **options)
 
 
-class AskedCounts:
+class TriggerCounts:
     """Counts the triggers of implications that a requirement checks at every sample.
 
     These are implications in ``always(p implies q)``, or in several of them joined by ``and``. The
     counts are those of `rtamt.judge` on the whole trace; a sample counts when the latency of the
     left side has passed.
 
-    Attributes:
-        counts: The triggers of each implication, in the order of the text. None if they cannot be
-            counted: there are no such implications or also others, a left side has an unbounded
-            future,
-            or a value was unknown.
+    Attributes: counts: The triggers of each implication, in the order of the text. None if they
+        cannot be counted: there are no such implications or also others, a left side has an
+        unbounded future, or a value was unknown.
     """
 
     def __init__(
@@ -94,11 +92,11 @@ class AskedCounts:
     ) -> None:
         self._monitors: list[tuple[Monitor, list[int]]] = []
         formula = specification.formula
-        found = list(dict.fromkeys(_asked_always(specification, formula, always=False)))
-        self._countable = bool(found) and {*found} == {*implications(formula)}
-        for each in implications(formula) if self._countable else ():
+        triggered = list(dict.fromkeys(_always_implications(specification, formula, always=False)))
+        self._countable = bool(triggered) and {*triggered} == {*implications(formula)}
+        for implication in implications(formula) if self._countable else ():
             left = replace(
-                specification, formula=cast("Formula", each.args[0]), formulas={}, uses={}
+                specification, formula=cast("Formula", implication.args[0]), formulas={}, uses={}
             )
             try:
                 monitor = Monitor(left, **options)
@@ -120,29 +118,33 @@ class AskedCounts:
     def update(self, sample: Sequence[float]) -> None:
         """Take a sample."""
         if self.counts is not None:
-            found = [
+            values = [
                 monitor.update(*[sample[place] for place in places])
                 for monitor, places in self._monitors
             ]
-            # nan: the latency of the left side has not passed yet.
-            news = [value == value and holds(value) for value in found]  # noqa: PLR0124
-            self.counts = tuple(map(sum, zip(self.counts, news, strict=True)))
+            # nan while the latency of the left side has not passed.
+            triggers = [value == value and holds(value) for value in values]  # noqa: PLR0124
+            self.counts = tuple(map(sum, zip(self.counts, triggers, strict=True)))
 
     def stop(self) -> None:
         """Stop counting, because values are unknown."""
         self.counts = None
 
 
-def _asked_always(specification: Specification, formula: Formula, *, always: bool) -> list[Formula]:
+def _always_implications(
+    specification: Specification, formula: Formula, *, always: bool
+) -> list[Formula]:
     """Return the implications that a formula checks at every sample."""
     name = "" if formula.op is None else formula.op.name
     parts = cast("Sequence[Formula]", formula.args)
     if name == "and":
         return [
-            each for part in parts for each in _asked_always(specification, part, always=always)
+            implication
+            for part in parts
+            for implication in _always_implications(specification, part, always=always)
         ]
     if not always and unbounded(specification, formula) == "always":
-        return _asked_always(specification, parts[0], always=True)
+        return _always_implications(specification, parts[0], always=True)
     return [formula] if always and name == "implies" else []
 
 
@@ -186,23 +188,27 @@ class SampledJudge:
             self._latency = 0
         else:
             self._latency = self._monitor.latency * settings.period
-        whole = unbounded(requirement.specification)
-        self._may_rise = self._monitor is None or whole == "eventually"
-        self._about_run = bool(whole) and self._monitor is not None
+        outermost = unbounded(requirement.specification)
+        self._may_rise = self._monitor is None or outermost == "eventually"
+        self._about_run = bool(outermost) and self._monitor is not None
         order = {source: at for at, source in enumerate(self.inputs)}
         cells = [requirement.cells[name] for name in self._episode.variables]
         self._places = [(order[source], place) for source, place in cells]
         named = requirement.specification.formulas
-        result = [name for name, of in named.items() if of is requirement.specification.formula]
+        result = [
+            name for name, formula in named.items() if formula is requirement.specification.formula
+        ]
         self._result = result[:1]
         self._alone = result[0] if len(named) == len(result) == 1 else ""
         self._formulas: Formulas | None = None
         if named and self._monitor is None:
             self._formulas = Formulas(requirement.specification, self._episode.variables, options)
-        self._asked: AskedCounts | None = None
+        self._triggers: TriggerCounts | None = None
         if settings.combined:
             standard = {"period": options["period"], "align": options["align"]}
-            self._asked = AskedCounts(requirement.specification, self._episode.variables, standard)
+            self._triggers = TriggerCounts(
+                requirement.specification, self._episode.variables, standard
+            )
         self.lateness = {"": self._latency}
         if by_name := self._formulas or self._monitor:
             for name, samples in by_name.latencies.items():
@@ -252,9 +258,9 @@ class SampledJudge:
 
     def _begin(self) -> None:
         self._episode.reset()
-        for each in (self._monitor, self._formulas, self._asked):
-            if each is not None:
-                each.reset()
+        for monitor in (self._monitor, self._formulas, self._triggers):
+            if monitor is not None:
+                monitor.reset()
         self._running = self._fresh = True
         self._decided = self._gaps = False
 
@@ -262,7 +268,7 @@ class SampledJudge:
         sample, stale = self._sample(time)
         try:
             robustness = self._apart(sample) if stale else self._step(sample)
-        except InputError as error:  # a term is no number
+        except InputError as error:  # a term is not a number
             self.stop("there was no robustness")
             return self.account.failed(time, str(error))
         if self._fresh:
@@ -281,9 +287,9 @@ class SampledJudge:
             if self._episode.verdict is Verdict.VIOLATED:
                 self.account.violated(time)
         if stale:
-            what = {each.name: each.age(time) for each in stale}
+            ages = {each.name: each.age(time) for each in stale}
             return self.account.without_values(
-                time, what, self._episode.bounds(), self._episode.verdict
+                time, ages, self._episode.bounds(), self._episode.verdict
             )
         return self.account.judged(
             time,
@@ -293,34 +299,34 @@ class SampledJudge:
             self._episode.verdict,
             self._values(robustness),
             may_rise=self._may_rise,
-            asked=None if self._asked is None else self._asked.counts,
+            asked=None if self._triggers is None else self._triggers.counts,
         )
 
     def _sample(self, now: int) -> tuple[list[float], list[Input]]:
         """Return the values of a time, nan where they are unknown, and the stale inputs."""
-        stale = [each for each in self.inputs if each.is_stale(now)] if self._unknown else []
-        held = [source.values for source in self.inputs]
+        stale = [source for source in self.inputs if source.is_stale(now)] if self._unknown else []
+        values = [source.values for source in self.inputs]
         if not stale:
-            return [held[at][place] for at, place in self._places], stale
+            return [values[at][place] for at, place in self._places], stale
         for source in stale:
             at = self.inputs.index(source)
-            held[at] = [math.nan] * len(held[at])
-        return [held[at][place] for at, place in self._places], stale
+            values[at] = [math.nan] * len(values[at])
+        return [values[at][place] for at, place in self._places], stale
 
     def _apart(self, sample: Sequence[float]) -> float:
         """Take values of which some are unknown; there is no robustness."""
         self._episode.update(*sample)
-        if self._asked is not None:
-            self._asked.stop()
+        if self._triggers is not None:
+            self._triggers.stop()
         self._gaps = True
-        for each in (self._monitor, self._formulas):
-            if each is not None:
-                each.reset()
+        for monitor in (self._monitor, self._formulas):
+            if monitor is not None:
+                monitor.reset()
         return math.nan
 
     def _step(self, sample: Sequence[float]) -> float:
-        if self._asked is not None:
-            self._asked.update(sample)
+        if self._triggers is not None:
+            self._triggers.update(sample)
         if self._monitor is None:
             robustness = self._episode.update(*sample)
             if self._formulas is not None:
@@ -329,13 +335,13 @@ class SampledJudge:
         robustness = self._monitor.update(*sample)
         self._episode.update(*sample)
         if self._gaps and self._about_run and robustness == robustness:  # noqa: PLR0124 - not nan
-            # It judges the samples since the last gap: what was before it counts too.
+            # The monitor judges the samples since the last gap; the bounds judge the whole run.
             return moved(robustness, *self._episode.bounds())
         return robustness
 
     def _values(self, robustness: float) -> Mapping[str, float]:
         """Return the robustness of every named formula; nan where it is not known yet."""
-        if self._alone:  # in a tenth of the time that the monitor takes to list its values
+        if self._alone:  # ten times as fast as Monitor.values
             return {self._alone: robustness}
         if self._formulas is not None:
             return self._formulas.values

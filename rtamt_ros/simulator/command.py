@@ -39,29 +39,29 @@ def _surge(text: str) -> Surge:
 def _numbers(text: str, names: Sequence[str], example: str) -> list[float]:
     """Parse numbers between colons: a start, a duration, and others."""
     try:
-        begin, duration, *_ = found = list(map(float, text.split(":")))
-        good = begin >= 0 and duration > 0 and all(map(math.isfinite, found))
+        begin, duration, *_ = numbers = list(map(float, text.split(":")))
+        good = begin >= 0 and duration > 0 and all(map(math.isfinite, numbers))
     except ValueError:
         good = False
-    if not good or len(found) != len(names):
+    if not good or len(numbers) != len(names):
         raise argparse.ArgumentTypeError(
             f"expected {':'.join(names)} in seconds, such as {example}, got {text!r}"
         )
-    return found
+    return numbers
 
 
 def _parser(model: str = _ROBOT) -> argparse.ArgumentParser:
     """Return the parser of a model."""
     is_robot = model == _ROBOT
     scenario = ONE if is_robot else TWO
-    what = (
+    subject = (
         "A robot that drives through two rooms, and its controller,"
         if is_robot
         else "Two robots that carry things through one room, and their controller,"
     )
     parser = argparse.ArgumentParser(
         prog="python -m rtamt_ros.simulator",
-        description=f"{what} as a node of ROS. It runs until Ctrl-C.",
+        description=f"{subject} as a node of ROS. It runs until Ctrl-C.",
         epilog="Remappings go to ROS: robot0/odom:=odom on ROS 1, --ros-args -r robot0/odom:=odom "
         "on ROS 2.",
         allow_abbrev=False,
@@ -131,12 +131,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: The words of a command line; None for those of the program.
     """
-    given = sys.argv[1:] if arguments is None else arguments
+    words = sys.argv[1:] if arguments is None else arguments
     first = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     first.add_argument("--model", default=_ROBOT)
-    model = first.parse_known_args(given)[0].model
+    model = first.parse_known_args(words)[0].model
     parser = _parser(model)
-    options, of_ros = split(parser, given)
+    options, of_ros = split(parser, words)
     scenario = ONE if model == _ROBOT else TWO
     parameters = {
         parameter.name: getattr(options, parameter.name) for parameter in scenario.parameters

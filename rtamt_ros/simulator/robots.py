@@ -121,7 +121,7 @@ class Robot:
 
     def _take(self, twist: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
         command = np.array([twist.linear.x, twist.angular.z])
-        if np.isnan(command).any():  # the robot would be nowhere from then on
+        if np.isnan(command).any():  # it would make the state nan
             self._node.log(Level.WARN, "a command that is nan is left out")
             return
         low, high = np.array([action[2:] for action in ONE.actions]).T
@@ -130,7 +130,7 @@ class Robot:
     def _step(self, _due: int) -> None:
         """Move for a period, and publish the odometry."""
         command, parameters = self._command, self._parameters
-        if command is None:  # it stands
+        if command is None:  # before the first command
             command = np.zeros(len(ONE.actions))
         else:
             if self._stuck is not None and _lasts(self._stuck, self._steps):
@@ -244,7 +244,7 @@ class ServiceRobots:
 
     def _take(self, robot: int, twist: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
         command = np.array([twist.linear.x, twist.linear.y])
-        if np.isnan(command).any():  # the robot would be nowhere from then on
+        if np.isnan(command).any():  # it would make the state nan
             self._node.log(Level.WARN, "a command that is nan is left out")
             return
         place = slice(2 * robot, 2 * robot + 2)
