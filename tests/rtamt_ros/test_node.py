@@ -159,8 +159,8 @@ def test_what_one_requirement_cannot_read_concerns_no_other(dense: bool) -> None
         (
             [f"{MESSAGES}output Parts out; out = x > 0"],
             (
-                "expected a field of the message 'out' as the name of a formula, such as "
-                "out.value, got 'out' itself; a my_msgs/Parts is no number"
+                "The formula 'out' has the name of a message, but a my_msgs/Parts is not a number. "
+                "Name the formula after a field, such as out.value."
             ),
         ),
         (
