@@ -1,7 +1,7 @@
 """Scenarios: models with requirements, as environments of Gymnasium.
 
-Importing the package registers them, as ``rtamt/NAME-v0``. Without Gymnasium there is nothing to
-register them with; `scenario_of` finds them all the same.
+Importing the package registers them as ``rtamt/NAME-v0``. `scenario_of` also works without
+Gymnasium.
 
     >>> import gymnasium as gym, rtamt_envs
     >>> env = gym.make("rtamt/ChasingCars-v0")

@@ -95,7 +95,7 @@ def _sense(
     state: Floats,
     observation: Floats,
 ) -> None:
-    """Reads the sensors, decides the modes, and fills the observation."""
+    """Read the sensors, decide the modes, and fill the observation."""
     first = state[_TICKS] == 0.0
     time = state[_TICKS] / 100.0
     observation[0] = command
@@ -164,7 +164,10 @@ def _baseline(
     parameters: Floats,
     action: Floats,
 ) -> None:
-    """A square wave that begins with its upper half; an edge at a sample is not missed by 1e-9."""
+    """Fill the action with a square wave that starts with its upper half.
+
+    1e-9 keeps an edge at a sample from being missed.
+    """
     halves = math.floor(2.0 * parameters[_FREQUENCY] * time + 1e-9)
     upper = halves - 2.0 * math.floor(halves / 2.0) < 0.5
     action[0] = parameters[_AMPLITUDE] if upper else -parameters[_AMPLITUDE]
@@ -201,7 +204,7 @@ isolates_left = always[0:8.9](max(p1, p2) < 500 implies
 
 
 def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
-    """Draws the command with both elevators, the modes as coloured bands, and the pressures."""
+    """Draw the command with both elevators, the modes as coloured bands, and the pressures."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 

@@ -41,15 +41,15 @@ _RETURNS = 5.0  # so often an actuator may come back from Off
 
 @compiled
 def pressure_failed(pressure: float, previous: float) -> bool:
-    """Whether a circuit counts as low: out of 500 to 2000 kPa, or changed by over 100 kPa."""
+    """Return whether a circuit is low: out of 500 to 2000 kPa, or changed by over 100 kPa."""
     return pressure < 500.0 or pressure > 2000.0 or abs(pressure - previous) > 100.0
 
 
 @compiled
 def position_failed(position: float) -> bool:
-    """Whether a position counts as failed: over 10 cm from 0.
+    """Return whether a position has failed: over 10 cm from 0.
 
-    The source also counts a change by 20 cm in a sample: that leads out of this range anyway.
+    The source also counts a change by 20 cm in a sample, which leaves this range anyway.
     """
     return abs(position) > 10.0
 
@@ -69,7 +69,7 @@ def _switch(
     outer: int,
     inner: int,
 ) -> None:
-    """Does to the actuators of a side what the first row of the table that fits says."""
+    """Apply the first row of the table that fits to the actuators of a side."""
     outer_low, inner_low = low[_CIRCUIT[outer]] > 0.0, low[_CIRCUIT[inner]] > 0.0
     inner_lost = inner_low or failed[inner] > 0.0
     if outer_low and not inner_lost:
@@ -92,7 +92,7 @@ def _react(
     low: Floats,
     actuator: int,
 ) -> None:
-    """Moves one actuator by one mode, if the others give it reason to."""
+    """Move one actuator by one mode, if the others require it."""
     mode = modes[actuator]
     partner = modes[actuator ^ 1] == ACTIVE  # the other one of its side
     twin = modes[3 - actuator] == ACTIVE  # outer or inner too, of the other side
@@ -116,13 +116,13 @@ def decide(
     low: Floats,
     failed: Floats,
 ) -> None:
-    """Decides the modes after the failures of a sample.
+    """Update the modes after the failures of a sample.
 
     Args:
-        modes: The modes of the four actuators, replaced by the new ones.
-        returns: How often each has come back from Off, replaced by the new counts.
-        low: For each of the three circuits 1 where its pressure has failed, else 0.
-        failed: For each actuator 1 where its position has failed, else 0.
+        modes: The modes of the four actuators, in and out.
+        returns: The number of returns of each from Off, in and out.
+        low: 1 for each of the three circuits with failed pressure, otherwise 0.
+        failed: 1 for each actuator with a failed position, otherwise 0.
     """
     _switch(modes, returns, low, failed, 0, 1)
     _switch(modes, returns, low, failed, 3, 2)

@@ -1,13 +1,13 @@
-"""One elevator of the aircraft with its two hydraulic actuators: the plant of `AircraftElevator`.
+"""An elevator of the aircraft with two hydraulic actuators: the plant of `AircraftElevator`.
 
-The state of a side is 10 numbers: position [cm] and velocity [cm/s] of the elevator; for the outer
-actuator the pressure [kPa] across its piston, position and velocity of its valve; the same three
-for the inner actuator; integral and last value of the error that the outer actuator's control law
-has seen.
+The state of a side has 10 numbers: position [cm] and velocity [cm/s] of the elevator; for the outer
+actuator the pressure [kPa] across its piston, and position and velocity of its valve; the same
+three for the inner actuator; integral and last value of the error of the outer actuator's control
+law.
 
-A valve is linear and its command is held over a period, so its course is computed exactly. Elevator
-and pressures take substeps of the classical Runge-Kutta method: elevator and oil swing at 105
-rad/s, with little damping.
+A valve is linear and its command is held over a period, so its motion is exact. Elevator and
+pressures use substeps of the classical Runge-Kutta method: elevator and oil oscillate at 105 rad/s,
+with little damping.
 """
 
 import math
@@ -27,10 +27,10 @@ _SPOOL = (0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def stepping(substeps: int) -> Floats:
-    """The number of substeps in a period, and the matrix that takes a valve through half of one.
+    """Return the number of substeps in a period, and the matrix of a valve for half a substep.
 
-    The valve s'' = 200 u - 10 s' - 30 s rests at 200 u / 30 and has the eigenvalues -5 +- i sqrt 5:
-    the matrix, by rows, acts on its distance from there and its velocity.
+    The valve s'' = 200 u - 10 s' - 30 s rests at 200 u / 30 and has the eigenvalues -5 +- i sqrt 5.
+    The matrix, by rows, acts on its distance from there and its velocity.
     """
     half = PERIOD / substeps / 2
     cosine = math.exp(-5 * half) * math.cos(math.sqrt(5) * half)
@@ -48,7 +48,7 @@ def _slopes(
     supplies: tuple[float, float],
     spools: tuple[float, float],
 ) -> tuple[float, float, float, float]:
-    """The derivatives of position, velocity, and the outer and the inner piston's pressure."""
+    """Return the derivatives of position, velocity, and the outer and the inner pressure."""
     force = 100.0 * (outer * spools[0] + inner * spools[1])
     return (
         velocity,
@@ -66,14 +66,14 @@ def advance(
     supplies: tuple[float, float],
     stepping: Floats,
 ) -> None:
-    """Advances a side by one period.
+    """Advance a side by one period.
 
     Args:
-        side: The state of the side, replaced by that at the end of the period.
+        side: The state of the side, in and out.
         command: The position that the pilot commands over the period, in cm.
-        modes: The modes of the outer and the inner actuator, as numbers from 0 to 4.
-        supplies: The pressures that supply the outer and the inner actuator, in kPa.
-        stepping: What the function of this name made.
+        modes: The modes of the outer and the inner actuator, from 0 to 4.
+        supplies: The supply pressures of the outer and the inner actuator, in kPa.
+        stepping: The result of the function of this name.
     """
     x, v, outer, inner = side[0], side[1], side[2], side[5]
     error = command - x

@@ -114,7 +114,7 @@ _DOWN: Final = np.array([
 
 
 def _planes() -> Floats:
-    """The torque in each cell of its table: c0 + c1 throttle + (c2 + c3 throttle) rpm."""
+    """Return the torque in each cell of its table: c0 + c1 throttle + (c2 + c3 throttle) rpm."""
     y, x = _THROTTLES[:-1, None], _SPEEDS[:-1]
     height, width = np.diff(_THROTTLES)[:, None], np.diff(_SPEEDS)
     along_y = np.diff(_TORQUES, axis=0)[:, :-1] / height
@@ -125,7 +125,7 @@ def _planes() -> Floats:
 
 
 def _lines() -> Floats:
-    """K and TR in each hundredth of the ratio: c0 + c1 r and c2 + c3 r."""
+    """Return K and TR in each hundredth of the ratio: c0 + c1 r and c2 + c3 r."""
     piece = np.searchsorted(_RATIOS, np.arange(94) / 100.0, side="right") - 1
     slopes = np.diff([_CAPACITIES, _TORQUE_RATIOS]) / np.diff(_RATIOS)
     constants = np.array([_CAPACITIES, _TORQUE_RATIOS])[:, :-1] - slopes * _RATIOS[:-1]
@@ -138,7 +138,7 @@ _LINES: Final = _lines()
 
 @compiled
 def _cell(place: float, last: int) -> int:
-    """The whole part of a place in a table; the first or last cell reaches beyond the end."""
+    """Return the cell of a place in a table; the first and last cells extend beyond the end."""
     if place >= last:
         return last
     return int(place) if place > 0.0 else 0
@@ -155,7 +155,7 @@ def _rates(
     ratio: float,
     agility: float,
 ) -> tuple[float, float]:
-    """The derivatives of the speeds of engine and wheel."""
+    """Return the derivatives of the speeds of engine and wheel."""
     rpm = min(max(rpm, _IDLE), _MOST)
     plane = _PLANES[row, _cell((rpm - 800.0) * 0.0025, 9)]
     torque = plane[0] + plane[1] * throttle + (plane[2] + plane[3] * throttle) * rpm
@@ -184,7 +184,7 @@ def _advance(
     rpm: float,
     wheel: float,
 ) -> tuple[float, float]:
-    """The speeds of engine and wheel h seconds later: a step of Dormand and Prince."""
+    """Return the speeds of engine and wheel h seconds later: a step of Dormand and Prince."""
     throttle = action[0]
     row = _cell(throttle * 0.1 - 1.0, 8)
     braking = action[1] + parameters[1]
@@ -219,7 +219,7 @@ def _advance(
 
 @compiled
 def _threshold(throttle: float, throttles: Floats, speeds: Floats) -> float:
-    """The speed at a throttle between the rows of a table."""
+    """Return the speed at a throttle between the rows of a table."""
     piece = 0
     while piece < len(throttles) - 2 and throttle >= throttles[piece + 1]:
         piece += 1
@@ -229,7 +229,7 @@ def _threshold(throttle: float, throttles: Floats, speeds: Floats) -> float:
 
 @compiled
 def _compare(throttle: float, state: Floats) -> None:
-    """Compares the speed with the thresholds of the gear, and shifts when it is time."""
+    """Compare the speed with the thresholds of the gear, and shift when it is time."""
     speed = _MPH * state[_WHEEL]
     column = int(state[_GEAR]) - 1
     shift = 0.0
@@ -283,13 +283,13 @@ def _step(
 
 @compiled
 def _baseline(time: float, observation: Floats, parameters: Floats, action: Floats) -> None:  # noqa: ARG001 - as every scenario's
-    """Drives off at half throttle."""
+    """Accelerate at half throttle."""
     action[0] = 50.0
     action[1] = 0.0
 
 
 def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
-    """Draws speed, engine speed, gear and the two actions, one below the other."""
+    """Plot speed, engine speed, gear and the two actions, one below the other."""
     from rtamt_gym.drawing import SIGNAL, tidy
 
     panels = figure.subplots(5, 1, sharex=True, height_ratios=[1.6, 1.6, 1.1, 1.1, 1.1])

@@ -102,11 +102,10 @@ def _lead(
     speed: float,
     course: Floats,
 ) -> tuple[float, float, float, int]:
-    """Fills the course of car 1, but its position, over `time`, in which inputs change by so much.
+    """Fill the speed of car 1 over `time`, as a power series, for inputs that change linearly.
 
-    Returns:
-        How far it comes, how its speed changes, a bound of how far away it is meanwhile, and the
-        length of the course.
+    Returns: Its way, its change of speed, a bound of its distance meanwhile, and the length of the
+        series.
     """
     small = 1e-19 * (abs(speed) + time * (abs(throttle) + abs(throttle_change)))
     earlier, term = 0.0, speed
@@ -131,10 +130,10 @@ def _lead(
 
 @compiled
 def _follow(sign: float, time: float, car: int, state: Floats, course: Floats) -> int:
-    """Adds the course of a follower that keeps its mode, but its position, times the sign.
+    """Add the series of a follower that keeps its mode, except its position, times the sign.
 
     Returns:
-        The length of the course.
+        The length of the series.
     """
     speed, mode = float(state[_SPEED + car]), state[_MODE + car]
     if mode == _CHASING:
@@ -153,7 +152,7 @@ def _follow(sign: float, time: float, car: int, state: Floats, course: Floats) -
 
 @compiled
 def _advance(time: float, state: Floats) -> None:
-    """Moves the followers, which keep their modes for `time`."""
+    """Move the followers, which keep their modes for `time`."""
     for car in range(1, _CARS):
         speed, mode = float(state[_SPEED + car]), state[_MODE + car]
         if mode == _CHASING:
@@ -172,7 +171,7 @@ def _advance(time: float, state: Floats) -> None:
 
 @compiled
 def _switch(state: Floats) -> None:
-    """Changes the modes whose guards hold now."""
+    """Change the modes whose guards hold now."""
     for car in range(1, _CARS):
         gap = state[car] - state[car - 1]
         changed = True
@@ -189,9 +188,9 @@ def _switch(state: Floats) -> None:
 def _first_end(
     time: float, lead: Floats, lead_length: int, far: float, state: Floats, course: Floats
 ) -> tuple[float, int]:
-    """Finds the share of `time` after which the first mode ends, and the car; 2 if all last.
+    """Return the share of `time` after which the first mode ends, and the car; 2 if none ends.
 
-    `far` is a bound of how far car 1 comes; `course` is overwritten.
+    `far` is a bound of the way of car 1; `course` is overwritten.
     """
     share, first = 2.0, 0
     for car in range(1, _CARS):
@@ -216,9 +215,9 @@ def _end(
     state: Floats,
     course: Floats,
 ) -> float:
-    """Finds the share of `time` after which a follower's mode ends, 2 if it lasts.
+    """Return the share of `time` after which a follower's mode ends; 2 if it does not.
 
-    `reach` is a bound of how far its gap comes; `course` is overwritten.
+    `reach` is a bound of the change of its gap; `course` is overwritten.
     """
     mode = int(state[_MODE + car])
     gap = float(state[car]) - float(state[car - 1])
@@ -302,13 +301,13 @@ def _step(
 
 @compiled
 def _baseline(time: float, observation: Floats, parameters: Floats, action: Floats) -> None:  # noqa: ARG001 - as every scenario's
-    """Brings car 1 to a steady 0.5 m/s, with which all requirements are met."""
+    """Bring car 1 to a steady 0.5 m/s, which satisfies all requirements."""
     action[0] = 0.5
     action[1] = 1.0
 
 
 def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
-    """Draws the gaps with their guards, and the inputs below."""
+    """Plot the gaps with their guards, and the inputs below."""
     from rtamt_gym.drawing import OPEN, SIGNAL, tidy
 
     panels = figure.subplots(5, 1, sharex=True)

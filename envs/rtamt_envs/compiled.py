@@ -1,4 +1,4 @@
-"""`compiled`: compiles the functions of a model where numba is installed."""
+"""Compilation of the functions of a model, if numba is installed."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 
 def compiled(function: _F) -> _F:
-    """Compiles a function with numba when it is first called; keeps the code beside its file.
+    """Compile a function with numba at its first call; store the code next to its file.
 
-    Without numba (the extra ``cases``), or with ``NUMBA_DISABLE_JIT=1``, the function is left as it
-    is: the same numbers, bit for bit, some hundred times as slowly. A division by zero gives inf or
-    nan, as of numbers of NumPy: an exception would be lost where loops call the function.
+    Without numba (the extra ``cases``), or with ``NUMBA_DISABLE_JIT=1``, the function stays as it
+    is: the same numbers to the last bit, some hundred times slower. A division by zero returns inf
+    or nan, as in NumPy, because loops would lose an exception.
     """
     try:
         from numba import njit
@@ -23,9 +23,9 @@ def compiled(function: _F) -> _F:
 
 
 def in_loops(function: _F, kind: Literal["start", "step", "baseline"]) -> _F:
-    """A function of a scenario as an argument of compiled loops, which call it by its address.
+    """Return a function of a scenario as an argument of compiled loops.
 
-    The loops are so compiled once for all scenarios.
+    Loops call it by its address, so they are compiled once for all scenarios.
     """
     if not hasattr(function, "py_func"):
         return function

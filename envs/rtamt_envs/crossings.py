@@ -1,6 +1,6 @@
-"""`first_crossing`: when a polynomial first reaches a level, for the guards of hybrid models.
+"""The first crossing of a level by a polynomial, for the guards of hybrid models.
 
-numba keeps compiled code until the file of its function changes: after a change here, touch the
+numba stores compiled code until the file of its function changes: after a change here, touch the
 files of the models that use it.
 """
 
@@ -14,7 +14,7 @@ _FINEST = 2.0**-30  # beside an extremum, intervals this short differ from their
 
 @compiled
 def _at(polynomial: Floats, length: int, at: float) -> tuple[float, float]:
-    """Evaluates a polynomial and its slope."""
+    """Return the value of a polynomial and its slope."""
     value, slope = 0.0, 0.0
     for power in range(length - 1, -1, -1):
         slope = slope * at + value
@@ -32,7 +32,7 @@ def _root(
     high: float,
     at_high: float,
 ) -> float:
-    """Finds where a polynomial crosses a level; from low to high it is monotone and crosses it."""
+    """Return where a polynomial crosses a level, on a monotone interval with a crossing."""
     rising = at_high > level
     at = low + (high - low) * (level - at_low) / (at_high - at_low)
     for _ in range(100):
@@ -54,19 +54,19 @@ def _root(
 
 @compiled
 def first_crossing(polynomial: Floats, length: int, level: float, sign: float) -> float:
-    """Finds the first argument from 0 to 1 at which a polynomial reaches a level.
+    """Return the first argument from 0 to 1 at which a polynomial reaches a level.
 
-    A bound of the curvature tells where a crossing is possible, so that none is passed over, not
-    even a touch; Newton's method within a bracket then finds it to the rounding of floats.
+    A bound of the curvature shows where a crossing is possible, so none is missed, not even a
+    touch. Newton's method within a bracket then finds it up to rounding.
 
     Args:
         polynomial: The coefficients, lowest power first.
         length: The number of coefficients that count.
         level: The level.
-        sign: 1 if the level is reached from above, -1 if from below.
+        sign: 1 to reach the level from above, -1 from below.
 
     Returns:
-        The argument; 0 if the polynomial begins there or beyond, 2 if it does not get there.
+        The argument; 0 if the polynomial starts there or beyond, 2 if it does not reach the level.
     """
     bend = 0.0  # the greatest curvature
     for power in range(2, length):

@@ -1,4 +1,4 @@
-"""`ScenarioEnv`: the Gymnasium environment of a scenario."""
+"""The Gymnasium environment of a scenario."""
 
 from __future__ import annotations
 
@@ -21,26 +21,25 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
     """A scenario as an environment: ``gym.make("rtamt/ChasingCars-v0")`` makes one.
 
     An episode never terminates; ``gym.make`` truncates it after the duration of the scenario, or
-    after ``max_episode_steps=``. The reward is 0: what is wanted stands in the requirements, and
-    `rtamt_gym.StlReward` pays for them. An action out of its bounds acts as the nearest one within.
-    Actions and observations are arrays of float64.
+    after ``max_episode_steps=``. The reward is 0; `rtamt_gym.StlReward` rewards the requirements. An
+    action out of bounds is clipped. Actions and observations are arrays of float64.
 
     Attributes:
         scenario: The declaration, with units and source.
         dt: Seconds of a step.
         requirements: The requirements by name, as specifications.
-        signals: What the names of the observation read, for wrappers and `simulate`.
-        parameters: The parameters of the present episode by name.
+        signals: The selector of each name of the observation, for wrappers and `simulate`.
+        parameters: The parameters of the current episode by name.
         action_names: The names of the components of an action.
 
     Args:
-        scenario: The name of the scenario; ``gym.make`` gives it.
+        scenario: The name of the scenario; ``gym.make`` sets it.
         parameters: Values of parameters in all episodes, by name. ``reset(options={...})`` sets
             them for one episode.
-        render_mode: ``"rgb_array"``: `render` draws the episode up to now. None: no pictures.
+        render_mode: ``"rgb_array"`` for `render`, or None.
 
     Raises:
-        InputError: If a parameter has no such name, or its value is no number.
+        InputError: If a parameter is unknown, or its value is not a number.
 
     Example:
         >>> import gymnasium as gym, rtamt_envs
@@ -75,17 +74,17 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The parameters of the present episode by name; a copy."""
+        """The parameters of the current episode by name; a copy."""
         names = [parameter.name for parameter in self.scenario.parameters]
         return dict(zip(names, self._lanes.parameters[0].tolist(), strict=True))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
-        """Begins an episode; ``options`` are values of parameters in it, by name.
+        """Start an episode; ``options`` sets parameters for it, by name.
 
         Raises:
-            InputError: If a parameter has no such name, or its value is no number.
+            InputError: If a parameter is unknown, or its value is not a number.
         """
         row = self.scenario.parameter_row(options or {}, self._defaults)
         super().reset(seed=seed)
@@ -94,10 +93,10 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         return self._observed(), {}
 
     def step(self, action: ArrayLike) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        """Makes a step of ``dt`` seconds.
+        """Make a step of ``dt`` seconds.
 
         Raises:
-            InputError: If the action has another shape, or is nan; nothing has happened.
+            InputError: If the shape of the action is wrong, or it is nan; the state is unchanged.
             StateError: Before the first `reset`.
         """
         acted = numbers(action, (len(self.scenario.actions),), self.scenario)
@@ -107,12 +106,12 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         return self._observed(), 0.0, False, False, {}
 
     def baseline(self, observation: object = None) -> Floats:  # noqa: ARG002 - as any policy
-        """The action of the scenario's baseline at the present sample: a policy for `simulate`."""
+        """Return the action of the scenario's baseline: a policy for `simulate`."""
         action: Floats = self._lanes.baseline()[0]
         return action
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draws the episode up to now: an array of shape (height, width, 3).
+        """Draw the episode so far as an array of shape (height, width, 3).
 
         Needs Matplotlib, the extra ``plot``.
         """
@@ -126,10 +125,10 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         return frame(self.scenario, self.episode())
 
     def episode(self) -> EpisodeSoFar:
-        """The episode up to now, which an environment with a ``render_mode`` keeps.
+        """Return the episode so far, which an environment with a ``render_mode`` records.
 
         Raises:
-            InputError: If the environment has no ``render_mode``, or no episode has begun.
+            InputError: If the environment has no ``render_mode``, or no episode has started.
         """
         if not self._seen:
             raise InputError(
@@ -151,19 +150,14 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
 
 
 def box(quantities: tuple[Quantity, ...]) -> gym.Space[Floats]:
-    """The space of float64 vectors of these quantities."""
+    """Return the space of float64 vectors of these quantities."""
     low = np.array([quantity.low for quantity in quantities], np.float64)
     high = np.array([quantity.high for quantity in quantities], np.float64)
     return cast("gym.Space[Floats]", gym.spaces.Box(low, high, dtype=np.float64))
 
 
 def numbers(action: ArrayLike, shape: tuple[int, ...], scenario: Scenario) -> Floats:
-    """An action as an array of float64 of a shape.
-
-    Raises:
-        InputError: If it has another shape.
-        InputTypeError: If it is not made of numbers.
-    """
+    """Return an action as an array of float64 of a shape, or raise an error."""
     names = ", ".join(each.name for each in scenario.actions)
     try:
         given = np.ascontiguousarray(action, np.float64)

@@ -1,4 +1,4 @@
-"""`ScenarioLanes`: simulations of one scenario side by side, which its environments share."""
+"""A batch of simulations of one scenario, the core of its environments."""
 
 from __future__ import annotations
 
@@ -18,19 +18,14 @@ _Generators = Sequence[np.random.Generator]
 
 
 class ScenarioLanes:
-    """Simulations of a scenario side by side: their states, parameters and observations.
+    """A batch of simulations of a scenario: their states, parameters and observations.
 
-    One lane is what an environment steps; many are what a vector environment and a search step.
+    An environment has a batch of one; a vector environment and a search have many.
 
     Attributes:
-        parameters: The parameters of each lane's episode, shape (n, parameters).
-        observations: The last observation of each lane, shape (n, observations).
-        steps: The steps of each lane since its episode began, shape (n,); -1 before the first.
-
-    Args:
-        scenario: What is simulated.
-        parameters: The parameters of a lane before its first episode.
-        num: The number of lanes.
+        parameters: The parameters of each episode, shape (n, parameters).
+        observations: The last observation of each, shape (n, observations).
+        steps: The number of steps of each episode, shape (n,); -1 before the first.
     """
 
     def __init__(self, scenario: Scenario, parameters: Floats, num: int) -> None:
@@ -44,7 +39,7 @@ class ScenarioLanes:
         self.steps = np.full(num, -1, np.int64)
 
     def start(self, chosen: Bools, generators: _Generators, parameters: Floats) -> None:
-        """Begins an episode in the lanes that are chosen, with their rows of parameters."""
+        """Start episodes in the chosen simulations, with their rows of parameters."""
         self.parameters[chosen] = parameters[chosen]
         self.steps[chosen] = 0
         noise = self._noise(1, chosen, generators)
@@ -58,21 +53,16 @@ class ScenarioLanes:
         )
 
     def step(self, actions: Floats, chosen: Bools, generators: _Generators) -> None:
-        """Makes a step in the lanes that are chosen; actions of shape (n, actions).
+        """Make a step in the chosen simulations; actions of shape (n, actions).
 
         Raises:
-            InputError: If an action is nan; no lane has stepped.
-            StateError: If an episode has not begun.
+            InputError: If an action is nan; the state is unchanged.
+            StateError: If an episode has not started.
         """
         self._act(actions[None], chosen, generators, self._unkept)
 
     def step_first(self, action: Floats, generator: np.random.Generator) -> None:
-        """Makes a step in the first lane, without a loop over lanes; an action of one lane.
-
-        Raises:
-            InputError: If the action is nan; the lane has not stepped.
-            StateError: If no episode has begun.
-        """
+        """Make a step in the first simulation, without the loop over all."""
         if self.steps[0] < 0:
             self._refuse_unbegun(_FIRST)
         if np.isnan(action).any():
@@ -85,21 +75,17 @@ class ScenarioLanes:
         self.steps[0] += 1
 
     def roll(self, actions: Floats, chosen: Bools, generators: _Generators) -> Floats:
-        """Makes steps in the lanes that are chosen; actions of shape (steps, n, actions).
+        """Make steps with actions of shape (steps, n, actions).
 
         Returns:
-            The observations after each step, shape (steps, n, observations); nan in other lanes.
-
-        Raises:
-            InputError: If an action is nan; no lane has stepped.
-            StateError: If an episode has not begun.
+            The observations after each step, shape (steps, n, observations); nan where not chosen.
         """
         made = np.full((len(actions), *self.observations.shape), np.nan)
         self._act(actions, chosen, generators, made)
         return made
 
     def follow(self, steps: int, chosen: Bools, generators: _Generators) -> Floats:
-        """Makes steps as `roll` does, under the baseline of the scenario."""
+        """Make steps as `roll` does, under the baseline of the scenario."""
         self._refuse_unbegun(chosen)
         made = np.full((steps, *self.observations.shape), np.nan)
         _, step, baseline = _functions(self._scenario)
@@ -119,7 +105,7 @@ class ScenarioLanes:
         return made
 
     def baseline(self) -> Floats:
-        """The actions of the baseline at the last observations, shape (n, actions)."""
+        """Return the actions of the baseline at the last observations, shape (n, actions)."""
         self._refuse_unbegun(np.ones(len(self.steps), np.bool_))
         actions = np.zeros((len(self.steps), len(self._low)))
         for lane, action in enumerate(actions):
@@ -128,7 +114,7 @@ class ScenarioLanes:
         return actions
 
     def _act(self, actions: Floats, chosen: Bools, generators: _Generators, made: Floats) -> None:
-        """Makes steps; keeps the observations in ``made`` if that has room for them."""
+        """Make steps; store the observations if ``made`` has room for them."""
         self._refuse_unbegun(chosen)
         if np.isnan(actions).any():
             self._refuse_nan(actions, chosen)
@@ -147,14 +133,14 @@ class ScenarioLanes:
         )
 
     def _refuse_unbegun(self, chosen: Bools) -> None:
-        """Raises a `StateError` if a lane that is chosen has no episode."""
+        """Raise StateError if a chosen simulation has no episode."""
         unbegun = chosen & (self.steps < 0)
         if unbegun.any():
             where = f" in lane {int(unbegun.argmax())}" if len(chosen) > 1 else ""
             raise StateError(f"no episode of {self._scenario.id} runs{where}; call reset() first")
 
     def _refuse_nan(self, actions: Floats, chosen: Bools) -> None:
-        """Raises an `InputError` if an action of a lane that steps is nan."""
+        """Raise InputError if an action of a chosen simulation is nan."""
         for step, lane, index in np.argwhere(np.isnan(actions) & chosen[:, None]):
             where = f" of step {step}" if len(actions) > 1 else ""
             where += f" in lane {lane}" if len(chosen) > 1 else ""
@@ -164,7 +150,7 @@ class ScenarioLanes:
             )
 
     def _noise(self, steps: int, chosen: Bools, generators: _Generators) -> Floats:
-        """Draws the random numbers of steps, shape (steps, n, noise), a lane's from its own."""
+        """Return random numbers, shape (steps, n, noise), each from its own generator."""
         noise = np.zeros((steps, len(chosen), self._scenario.noise))
         if self._scenario.noise:
             for lane in np.flatnonzero(chosen).tolist():
@@ -174,7 +160,7 @@ class ScenarioLanes:
 
 @cache
 def _functions(scenario: Scenario) -> tuple[Callable[..., None], ...]:
-    """The functions of a scenario for the loops below: start, step, baseline."""
+    """Return the functions of a scenario for the loops below: start, step, baseline."""
     return (
         in_loops(scenario.start, "start"),
         in_loops(scenario.step, "step"),
@@ -210,7 +196,7 @@ def _roll(
     observations: Floats,
     made: Floats,
 ) -> None:
-    """Steps each lane through its actions; keeps the observations if ``made`` has room for them."""
+    """Step each simulation through its actions; store the observations if ``made`` has room."""
     applied = np.empty(len(low))
     for lane in range(len(states)):
         if chosen[lane]:

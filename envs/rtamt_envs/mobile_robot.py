@@ -71,18 +71,18 @@ X, Y, TURNED, SPEED, TURN, POINT = range(6)  # of the state; speed and turn are 
 def unicycle(
     x: float, y: float, heading: float, v: float, w: float, seconds: float
 ) -> tuple[float, float, float]:
-    """The pose after some seconds of a constant twist, exactly: an arc of a circle.
+    """Return the pose after some seconds of a constant twist, exactly: an arc of a circle.
 
     Args:
         x: Metres.
         y: Metres.
         heading: Radians, 0 towards x, counter-clockwise.
-        v: Speed ahead, in m/s.
+        v: Forward speed, in m/s.
         w: Turn rate, in rad/s.
-        seconds: How long.
+        seconds: The duration.
 
-    Returns:
-        x, y, and the heading in (-pi, pi] if the given one is and the robot turns less than once.
+    Returns: x, y, and the heading in (-pi, pi], if it was there before and the robot turns less
+        than once.
     """
     half = 0.5 * w * seconds
     # The chord of the arc; the series is exact to the last bit for such a small angle.
@@ -97,7 +97,7 @@ def unicycle(
 
 @compiled
 def clearance(x: float, y: float) -> float:
-    """Metres from the robot at (x, y) to the nearest wall or obstacle; at most 0 if it hits one."""
+    """Return the distance to the nearest obstacle in metres; at most 0 on contact."""
     nearest = x
     for gap in (WIDTH - x, y, HEIGHT - y):
         nearest = min(nearest, gap)
@@ -111,7 +111,7 @@ def clearance(x: float, y: float) -> float:
 
 @compiled
 def next_point(x: float, y: float, point: int) -> int:
-    """Which point of `ROUTE` is next: once (x, y) has reached this one, the one after it if any."""
+    """Return the index of the next point of `ROUTE`: the following one once this is reached."""
     ahead, left = ROUTE[point, 0] - x, ROUTE[point, 1] - y
     reached = ahead * ahead + left * left <= REACHED * REACHED
     return point + 1 if reached and point < ROUTE.shape[0] - 1 else point
@@ -119,7 +119,7 @@ def next_point(x: float, y: float, point: int) -> int:
 
 @compiled
 def _observe(v: float, w: float, state: Array, observation: Array) -> None:
-    """Odometry, clearance, and the point that is next."""
+    """Fill odometry, clearance and the next point."""
     observation[0] = state[X]
     observation[1] = state[Y]
     observation[2] = state[TURNED]
@@ -133,7 +133,7 @@ def _observe(v: float, w: float, state: Array, observation: Array) -> None:
 
 @compiled
 def _start(parameters: Array, noise: Array, state: Array, observation: Array) -> None:  # noqa: ARG001 - a robot at rest has none
-    """The robot stands; no command was given."""
+    """Start at rest, without a command."""
     state[X] = parameters[START_X]
     state[Y] = parameters[START_Y]
     state[TURNED] = parameters[START_HEADING]
@@ -147,7 +147,7 @@ def _start(parameters: Array, noise: Array, state: Array, observation: Array) ->
 
 @compiled
 def _step(action: Array, parameters: Array, noise: Array, state: Array, observation: Array) -> None:
-    """The twist follows the command; the robot moves with it unless a wall is there."""
+    """Follow the command with the twist, and move unless a wall is in the way."""
     fade = math.exp(-PERIOD / parameters[LAG]) if parameters[LAG] > 0.0 else 0.0
     state[SPEED] = action[0] + fade * (state[SPEED] - action[0])
     state[TURN] = action[1] + fade * (state[TURN] - action[1])
@@ -166,10 +166,10 @@ def _step(action: Array, parameters: Array, noise: Array, state: Array, observat
 
 @compiled
 def drive(x: float, y: float, heading: float, goal_x: float, goal_y: float) -> tuple[float, float]:
-    """Turns to a goal and drives there, slower where the robot has to turn; stands when there.
+    """Return the command towards a goal: turn to it and drive, slower while turning; stop there.
 
     Returns:
-        The command: speed ahead in m/s, turn rate in rad/s.
+        Forward speed in m/s, turn rate in rad/s.
     """
     ahead, left = goal_x - x, goal_y - y
     distance = math.sqrt(ahead * ahead + left * left)
@@ -182,14 +182,14 @@ def drive(x: float, y: float, heading: float, goal_x: float, goal_y: float) -> t
 
 @compiled
 def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - it reacts to what it observes
-    """Drives to the point that is next."""
+    """Drive to the next point."""
     action[0], action[1] = drive(
         observation[0], observation[1], observation[2], observation[8], observation[9]
     )
 
 
 def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
-    """Draws the rooms from above with the way of the robot, and commanded and true speed."""
+    """Draw the rooms with the path of the robot, and commanded and true speed."""
     from matplotlib.patches import Circle, Rectangle
 
     from rtamt_gym.drawing import SIGNAL, tidy
@@ -216,7 +216,7 @@ def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
 
 
 def _to(place: Array) -> str:
-    """The distance of the robot to a place, as a term."""
+    """Return the distance of the robot to a place, as a term."""
     return f"sqrt(pow(x - {place[0]:g}, 2) + pow(y - {place[1]:g}, 2))"
 
 

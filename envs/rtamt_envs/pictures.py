@@ -14,7 +14,7 @@ _DPI = 100
 
 
 def figure_of(scenario: Scenario, episode: EpisodeSoFar) -> Figure:
-    """Draws an episode into a new figure."""
+    """Draw an episode into a new figure."""
     figure = Figure(figsize=(8.0, 6.0), dpi=_DPI, layout="constrained")
     if scenario.draw is None:
         draw_courses(figure, episode, scenario.observations)
@@ -24,14 +24,14 @@ def figure_of(scenario: Scenario, episode: EpisodeSoFar) -> Figure:
 
 
 def frame(scenario: Scenario, episode: EpisodeSoFar) -> NDArray[np.uint8]:
-    """Draws an episode as an array of pixels, shape (600, 800, 3)."""
+    """Draw an episode as an array of pixels, shape (600, 800, 3)."""
     canvas = FigureCanvasAgg(figure_of(scenario, episode))
     canvas.draw()  # type: ignore[no-untyped-call]
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
 
 
 def draw_courses(figure: Figure, episode: EpisodeSoFar, observations: tuple[Quantity, ...]) -> None:
-    """Draws the course of each observation, one panel below the other."""
+    """Plot each observation, one panel below the other."""
     panels = figure.subplots(len(observations), 1, sharex=True, squeeze=False)[:, 0]
     for ax, quantity, values in zip(panels, observations, episode.observations.T, strict=True):
         tidy(ax, f"{quantity.name} [{quantity.unit}]" if quantity.unit else quantity.name)

@@ -50,14 +50,14 @@ DELAY, LIMIT, NOISE, HEIGHT, ONSET, LENGTH = range(6)
 
 @compiled
 def _grant(request: float, parameters: Array, noise: Array) -> float:
-    """The level that the server grants a request: limited, with noise, and not negative."""
+    """Return the level that the server grants: limited, with noise, and not negative."""
     level: float = min(request, parameters[LIMIT]) + parameters[NOISE] * noise[0]
     return max(level, 0.0)
 
 
 @compiled
 def _start(parameters: Array, noise: Array, state: Array, observation: Array) -> None:
-    """Nothing is requested. ``state`` is the number of steps, then a ring of the last requests."""
+    """Start without requests; ``state`` is the number of steps and a ring of requests."""
     for i in range(KEPT + 1):
         state[i] = 0.0
     observation[0] = 0.0
@@ -66,7 +66,7 @@ def _start(parameters: Array, noise: Array, state: Array, observation: Array) ->
 
 @compiled
 def _step(action: Array, parameters: Array, noise: Array, state: Array, observation: Array) -> None:
-    """The action is the request that stands at the end of the step."""
+    """Take the action as the request at the end of the step."""
     steps = int(state[0]) + 1
     delay = math.floor(min(parameters[DELAY], LONGEST) / PERIOD + 0.5)
     state[0] = steps
@@ -79,14 +79,14 @@ def _step(action: Array, parameters: Array, noise: Array, state: Array, observat
 
 @compiled
 def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - a client does not wait for grants
-    """One request: it stands at the samples that are nearest to its time."""
+    """Make one request, at the samples nearest to its time."""
     since = time + PERIOD - parameters[ONSET] + PERIOD / 2.0
     stands = 0.0 <= since < parameters[LENGTH]
     action[0] = parameters[HEIGHT] if stands else 0.0
 
 
 def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
-    """Draws both signals as steps, and the level from which they count."""
+    """Draw both signals as steps, and the level from which they count."""
     from rtamt_gym.drawing import SIGNAL, tidy
 
     ax = figure.subplots()

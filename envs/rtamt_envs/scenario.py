@@ -1,10 +1,4 @@
-"""`Scenario`: what a file of this package declares of its model; the table of all of them.
-
-To add a scenario: a file in this folder with its ``SCENARIO``, and a row of `SCENARIOS`, which
-registers it and puts it under ``tests/rtamt_envs/test_contract.py``. Add a test of its own, a
-second model in ``tests/support/models`` that shares no code with it, and a row to both tables of
-``docs/scenarios.md``.
-"""
+"""The declaration of a scenario, and the table of all scenarios."""
 
 from __future__ import annotations
 
@@ -49,8 +43,8 @@ class Quantity(NamedTuple):
     Attributes:
         name: The name that requirements and search spaces use.
         unit: The unit; empty for a plain number.
-        low: The least value.
-        high: The greatest value.
+        low: The minimum.
+        high: The maximum.
     """
 
     name: str
@@ -60,7 +54,7 @@ class Quantity(NamedTuple):
 
 
 class EpisodeSoFar(NamedTuple):
-    """What a picture shows: an episode from its start to the present sample.
+    """An episode up to the current sample, for a picture.
 
     Attributes:
         times: The times of the samples in seconds, shape (k + 1,).
@@ -77,28 +71,28 @@ class EpisodeSoFar(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A model with what is required of it: the declaration that its environments are made from.
+    """A model with requirements: the declaration of its environments.
 
     The functions work on one-dimensional arrays of float64 and fill their last arguments in place.
     They are written in the part of Python that numba compiles, see `rtamt_envs.compiled`.
 
     Attributes:
         name: The name; the environment is registered as ``rtamt/NAME-v0``.
-        title: What is modelled, in a few words.
-        source: Where equations and figures come from.
+        title: A short description.
+        source: The source of equations and numbers.
         period: Seconds between samples.
         duration: Seconds of an episode.
         actions: The components of an action.
         observations: The components of an observation.
         requirements: The text of a ``.stl`` file; each formula that no other uses is a requirement.
-        state: How many numbers a state has. Discrete state is kept as whole numbers.
-        start: ``start(parameters, noise, state, observation)`` begins an episode.
+        state: The size of a state. Discrete state is stored as whole numbers.
+        start: ``start(parameters, noise, state, observation)`` starts an episode.
         step: ``step(action, parameters, noise, state, observation)`` makes a step of a period.
         baseline: ``baseline(time, observation, parameters, action)`` is a policy.
         parameters: Free parameters, initial states and times of faults, each with its default.
-        inputs: The waveforms of actions among which a search looks.
-        noise: How many numbers of a standard normal distribution a step takes.
-        draw: Draws an episode into a figure of Matplotlib. None: a course of each observation.
+        inputs: The waveforms of actions for a search.
+        noise: The number of standard normal random numbers per step.
+        draw: Draws an episode into a figure of Matplotlib; None plots each observation.
     """
 
     name: str
@@ -130,7 +124,7 @@ class Scenario:
 
     @cached_property
     def signals(self) -> Mapping[str, str]:
-        """The selector of each name of the observation, as wrappers and `simulate` take it."""
+        """The selector of each name of the observation, for wrappers and `simulate`."""
         return {each.name: f"obs[{i}]" for i, each in enumerate(self.observations)}
 
     @cached_property
@@ -139,16 +133,15 @@ class Scenario:
         return np.array([parameter.default for parameter in self.parameters], np.float64)
 
     def parameter_row(self, given: Mapping[str, Any], base: Floats) -> Floats:
-        """A copy of ``base`` with the parameters that are given; shape (..., parameters).
+        """Return a copy of ``base`` with some parameters replaced; shape (..., parameters).
 
         Args:
-            given: A number for each name, or an array with one for each lane.
-            base: Parameters of one lane or of many.
+            given: A number for each name, or an array with a number per environment.
+            base: The parameters of one environment or of many.
 
         Raises:
-            InputError: If no parameter has such a name, or a value does not fit the lanes or is
-                nan.
-            InputTypeError: If they are no mapping, or a value is not a number.
+            InputError: If a parameter is unknown, or a value has a wrong shape or is nan.
+            InputTypeError: If ``given`` is not a mapping, or a value is not a number.
         """
         if not isinstance(given, Mapping):
             raise InputTypeError(
@@ -178,20 +171,16 @@ class Scenario:
         return row
 
     def __deepcopy__(self, memo: object) -> Scenario:
-        """Returns itself: nothing in it changes."""
+        """Return itself, because it is immutable."""
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles by name: compiled functions stay where they are."""
+        """Pickle by name, because compiled functions cannot be pickled."""
         return scenario_of, (self.name,)
 
 
 def scenario_of(name: str) -> Scenario:
-    """Finds a scenario by its name, such as ``"ChasingCars"``.
-
-    Raises:
-        InputError: If there is none of this name; names the nearest.
-    """
+    """Return the scenario of a name, such as ``"ChasingCars"``, or raise InputError."""
     if name not in SCENARIOS:
         raise InputError(
             f"there is no scenario {name!r}{nearest(name, SCENARIOS)}; "
@@ -202,11 +191,7 @@ def scenario_of(name: str) -> Scenario:
 
 
 class Declared:
-    """The attributes that an environment and its vector twin take from their scenario.
-
-    Attributes:
-        scenario: The declaration, with units and source.
-    """
+    """The attributes that an environment and its vector form take from their scenario."""
 
     scenario: Scenario
 

@@ -107,7 +107,7 @@ _LAYER = (
 
 @compiled
 def _between(table: tuple[float, ...], pressure: float) -> float:
-    """Reads a table over 50 .. 110 kPa; beyond its ends its last lines go on."""
+    """Interpolate a table over 50 .. 110 kPa; its last lines extend beyond the ends."""
     place = (pressure - 50.0) / 10.0
     row = min(max(int(place), 0), 5)
     return table[row] + (place - row) * (table[row + 1] - table[row])
@@ -115,7 +115,7 @@ def _between(table: tuple[float, ...], pressure: float) -> float:
 
 @compiled
 def _heat(pressure: float, temperature: float, flow: float) -> float:
-    """Finds the heat that the cooling water takes, in kW."""
+    """Return the heat that the cooling water takes, in kW."""
     condensation = _between(_CONDENSATION, pressure)
     mean = (temperature - 60.0) / math.log((condensation - 60.0) / (condensation - temperature))
     return mean / (0.0872924756541668 / math.pow(flow, 0.8) + 0.00073786772008033)
@@ -123,7 +123,7 @@ def _heat(pressure: float, temperature: float, flow: float) -> float:
 
 @compiled
 def _rates(steam: float, setpoint: float, state: Floats, rates: Floats) -> None:
-    """Fills the time derivatives of the state."""
+    """Fill the time derivatives of the state."""
     pressure, temperature = float(state[_P]), float(state[_T])
     measured, flow = float(state[_MEASURED]), float(state[_FCW])
     heat = _heat(pressure, temperature, flow)
@@ -192,12 +192,12 @@ def _step(
 
 @compiled
 def _baseline(time: float, observation: Floats, parameters: Floats, action: Floats) -> None:  # noqa: ARG001 - as every scenario's
-    """Lets in a steady 4 kg/s."""
+    """Let in a steady 4 kg/s."""
     action[0] = 4.0
 
 
 def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
-    """Draws the pressure with its setpoint and the required band, then the flows."""
+    """Plot the pressure with its setpoint and the required band, then the flows."""
     from rtamt import Verdict
     from rtamt_gym.drawing import OPEN, SIGNAL, VERDICT_COLOURS, tidy
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING or find_spec("pettingzoo"):
 else:
 
     class ParallelEnv:
-        """Stands for the class of PettingZoo, whose form is enough where it is not installed."""
+        """The class of PettingZoo, if it is not installed."""
 
 
 PERIOD = 0.1
@@ -70,7 +70,7 @@ VELOCITY, STATION = 4, 8  # of the state, after the positions; the station is th
 
 @compiled
 def _observe(state: Array, observation: Array) -> None:
-    """The positions, then where each robot goes."""
+    """Fill the positions, then the next stations."""
     for i in range(4):
         observation[i] = state[i]
     for robot in range(2):
@@ -81,7 +81,7 @@ def _observe(state: Array, observation: Array) -> None:
 
 @compiled
 def _start(parameters: Array, noise: Array, state: Array, observation: Array) -> None:  # noqa: ARG001 - robots at rest have none
-    """The robots stand; each goes to its second station first."""
+    """Start at rest; each robot goes to its second station first."""
     for i in range(4):
         state[i] = parameters[START + i]
         state[VELOCITY + i] = 0.0
@@ -92,7 +92,7 @@ def _start(parameters: Array, noise: Array, state: Array, observation: Array) ->
 
 @compiled
 def _step(action: Array, parameters: Array, noise: Array, state: Array, observation: Array) -> None:
-    """Every velocity follows its command, exactly; a wall stops it."""
+    """Follow the commands with the velocities, exactly; walls stop a robot."""
     lag = parameters[LAG]
     fade = math.exp(-PERIOD / lag) if lag > 0.0 else 0.0
     for i in range(4):
@@ -118,7 +118,7 @@ def _step(action: Array, parameters: Array, noise: Array, state: Array, observat
 
 @compiled
 def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - it reacts to what it observes
-    """Straight to the station; near the other robot away from it, and to the right of it."""
+    """Go straight to the station; near the other robot, give way to the right."""
     for robot in range(2):
         x, y = observation[2 * robot], observation[2 * robot + 1]
         right, up = observation[4 + 2 * robot] - x, observation[5 + 2 * robot] - y
@@ -136,7 +136,7 @@ def _baseline(time: float, observation: Array, parameters: Array, action: Array)
 
 
 def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
-    """Draws the room from above with the ways of both robots, and their distance over time."""
+    """Draw the room with the paths of both robots, and their distance over time."""
     from matplotlib.patches import Circle
 
     from rtamt_gym.drawing import SIGNAL, tidy
@@ -162,7 +162,7 @@ def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
 
 
 def _to(robot: int, station: int) -> str:
-    """The distance of a robot to a station, as a term."""
+    """Return the distance of a robot to a station, as a term."""
     x, y = STATIONS[station]
     return f"sqrt(pow(x{robot} - {x:g}, 2) + pow(y{robot} - {y:g}, 2))"
 
@@ -240,13 +240,13 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
     """The two robots as agents of a parallel environment, in the form of PettingZoo.
 
     The agents are ``"robot_1"`` and ``"robot_2"``. An action is the commanded velocity (vx, vy) in
-    m/s; an observation is where the agent is, where its next station is, and where the other robot
-    is: (x, y, next x, next y, other x, other y) in metres. Rewards are 0; the episode of both is
-    truncated at the time limit. PettingZoo need not be installed.
+    m/s. An observation has the positions of the agent, of its next station and of the other robot:
+    (x, y, next x, next y, other x, other y) in metres. Rewards are 0; the time limit truncates the
+    episode of both. PettingZoo need not be installed.
 
     Attributes:
         requirements: The requirements of the scenario by name, for ``ParallelStlMonitor``.
-        signals: What their variables read: ``{"x1": "robot_1: obs[0]", ...}``.
+        signals: The selectors of their variables: ``{"x1": "robot_1: obs[0]", ...}``.
         dt: Seconds between two observations.
     """
 
@@ -291,26 +291,24 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
         return self
 
     def observation_space(self, agent: str) -> spaces.Box:
-        """Metres: where the agent is, where it goes, where the other robot is."""
+        """Return the observation space of an agent, in metres."""
         return self._seen[agent]
 
     def action_space(self, agent: str) -> spaces.Box:
-        """Metres per second, along x and y."""
+        """Return the action space of an agent, in m/s along x and y."""
         return self._done[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Array], dict[str, dict[str, Any]]]:
-        """Begins an episode.
+        """Start an episode.
 
-        Args:
-            seed: The seed of the noise, as for the scenario.
-            options: ``{"parameters": {"lag": 0.5}}`` sets parameters of this episode. Other
-                options are left to others: PettingZoo hands the same to every layer.
+        Args: seed: The seed of the noise, as for the scenario. options: ``{"parameters": {"lag":
+            0.5}}`` sets parameters of this episode. Other options are ignored, because PettingZoo
+            passes them to every layer.
 
-        Raises:
-            InputError: If a parameter has no such name, its value is no number, or it stands
-                among the options themselves.
+        Raises: InputError: If a parameter is unknown, is not a number, or is among the options
+            themselves.
         """
         given = options or {}
         for name in {parameter.name for parameter in SCENARIO.parameters} & set(given):
@@ -332,11 +330,11 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
         dict[str, bool],
         dict[str, dict[str, Any]],
     ]:
-        """Moves both robots for one period.
+        """Move both robots for one period.
 
         Raises:
             StateError: Before :meth:`reset`, and after the end of an episode.
-            InputError: If an agent has no action, or one that the scenario refuses.
+            InputError: If an agent has no action, or the scenario refuses one.
         """
         here = self.agents
         if not here:
@@ -359,15 +357,15 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
         )
 
     def state(self) -> Array:
-        """The joint observation, as the scenario gives it."""
+        """Return the joint observation of the scenario."""
         return self._joint.copy()
 
     def render(self) -> Any:  # noqa: ANN401 - as the environment has it
-        """The picture of the episode so far."""
+        """Draw the episode so far."""
         return self._env.render()
 
     def close(self) -> None:
-        """Closes the environment."""
+        """Close the environment."""
         self._env.close()
 
     def _split(self, joint: Array) -> dict[str, Array]:

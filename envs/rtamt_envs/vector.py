@@ -1,4 +1,4 @@
-"""`ScenarioVectorEnv`: many simulations of a scenario in lockstep."""
+"""The vector environment of a scenario."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ from rtamt_envs.scenario import Bools, Declared, Floats, scenario_of
 
 
 class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
-    """Many simulations of a scenario in lockstep: ``gym.make_vec("rtamt/ChasingCars-v0", 100)``.
+    """A batch of simulations of a scenario: ``gym.make_vec("rtamt/ChasingCars-v0", 100)``.
 
-    Lane i of a vector environment that is reset with seed s is equal to a `ScenarioEnv` that is
-    reset with seed s + i, to the last bit. Rewards are 0, no lane terminates, and all are truncated
-    after ``max_episode_steps``.
+    Environment i of a batch that is reset with seed s equals a `ScenarioEnv` that is reset with
+    seed s + i, to the last bit. Rewards are 0, no episode terminates, and all are truncated after
+    ``max_episode_steps``.
 
     Attributes:
         scenario: The declaration, with units and source.
         dt: Seconds of a step.
         requirements: The requirements by name, as specifications.
-        signals: What the names of the observation read, for wrappers.
-        parameters: The parameters of the present episodes by name, an array of each.
+        signals: The selector of each name of the observation, for wrappers.
+        parameters: The parameters of the current episodes by name, an array for each.
         action_names: The names of the components of an action.
 
     Args:
-        num_envs: The number of lanes.
-        scenario: The name of the scenario; ``gym.make_vec`` gives it.
+        num_envs: The number of environments.
+        scenario: The name of the scenario; ``gym.make_vec`` sets it.
         max_episode_steps: The steps of an episode; ``gym.make_vec`` takes them from the scenario.
         parameters: Values of parameters in all episodes, by name.
-        autoreset_mode: When a lane that was truncated begins a new episode, as in Gymnasium.
+        autoreset_mode: When a truncated environment starts a new episode, as in Gymnasium.
         render_mode: None; `ScenarioEnv` draws.
 
     Raises:
-        InputError: If a parameter has no such name, or its value is no number.
+        InputError: If a parameter is unknown, or its value is not a number.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
 
     @property
     def parameters(self) -> dict[str, Floats]:
-        """The parameters of the present episodes by name; copies of shape (num_envs,)."""
+        """The parameters of the current episodes by name; copies of shape (num_envs,)."""
         names = [parameter.name for parameter in self.scenario.parameters]
         return dict(zip(names, self._lanes.parameters.T.copy(), strict=True))
 
@@ -87,12 +87,12 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Floats, dict[str, Any]]:
-        """Begins an episode in every lane.
+        """Start an episode in every environment.
 
-        Args:
-            seed: Lane i gets ``seed + i``, or the i-th of a sequence. None: random numbers go on.
-            options: Values of parameters by name, a number for all lanes or an array with one for
-                each; and ``"reset_mask"``, an array of booleans: the lanes that begin an episode.
+        Args: seed: Environment i gets ``seed + i``, or element i of a sequence. None continues the
+            random numbers. options: Values of parameters by name, a number for all or an array with
+            one for each; and ``"reset_mask"``, an array of booleans that selects the environments
+            to reset.
 
         Raises:
             InputError: If seeds, a mask or a parameter do not fit.
@@ -117,15 +117,14 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         return self._lanes.observations.copy(), {}
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Bools, Bools, dict[str, Any]]:
-        """Makes a step of ``dt`` seconds in every lane.
+        """Make a step of ``dt`` seconds in every environment.
 
         Args:
             actions: An array of shape (num_envs, actions).
 
-        Raises:
-            InputError: If actions have another shape, or one is nan; nothing has happened. If a
-                lane has ended, and ``autoreset_mode`` leaves its reset to the caller.
-            StateError: Before the first `reset`.
+        Raises: InputError: If the shape of the actions is wrong, or one is nan; the state is
+            unchanged. If an episode has ended, and ``autoreset_mode`` leaves its reset to the
+            caller. StateError: Before the first `reset`.
         """
         acted = numbers(actions, (self.num_envs, len(self.action_names)), self.scenario)
         begins = self._ended.copy()
@@ -151,21 +150,19 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         return self._lanes.observations.copy(), np.zeros(self.num_envs), none, truncated, info
 
     def rollout(self, actions: ArrayLike | int, active: ArrayLike | None = None) -> Floats:
-        """Makes many steps in one call, without autoreset or time limit: what searches do.
+        """Make many steps in one call, without autoreset or time limit, for searches.
 
-        Args:
-            actions: An array of shape (steps, num_envs, actions); or a number of steps, that the
-                baseline of the scenario makes.
-            active: Booleans of shape (num_envs,): the lanes that step. None: all.
+        Args: actions: An array of shape (steps, num_envs, actions), or a number of steps under the
+            baseline of the scenario. active: Booleans of shape (num_envs,) that select the
+            environments to step; None for all.
 
         Returns:
-            The observations after each step, shape (steps, num_envs, observations); nan in lanes
-            that are not active.
+            The observations after each step, shape (steps, num_envs, observations); nan in inactive
+            environments.
 
-        Raises:
-            InputError: If an argument has another shape, or an action of an active lane is nan;
-                nothing has happened.
-            StateError: Before the first `reset` of an active lane.
+        Raises: InputError: If an argument has a wrong shape, or an action of an active environment
+            is nan; the state is unchanged. StateError: Before the first `reset` of an active
+            environment.
         """
         chosen = self._mask("active", active)
         if isinstance(actions, SupportsIndex) and not isinstance(actions, np.ndarray):
@@ -177,17 +174,17 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         return self._lanes.roll(numbers(actions, shape, self.scenario), chosen, self._generators)
 
     def baseline(self, observations: object = None) -> Floats:  # noqa: ARG002 - as any policy
-        """The actions of the baseline at the present samples, shape (num_envs, actions)."""
+        """Return the actions of the baseline, shape (num_envs, actions)."""
         return self._lanes.baseline()
 
     def _begin(self, chosen: Bools) -> None:
-        """Begins episodes with the default parameters, as `ScenarioEnv.reset` without options."""
+        """Start episodes with the default parameters, as `ScenarioEnv.reset` without options."""
         if chosen.any():
             defaults = np.tile(self._defaults, (self.num_envs, 1))
             self._lanes.start(chosen, self._generators, defaults)
 
     def _mask(self, what: str, given: ArrayLike | None) -> Bools:
-        """The lanes that a mask chooses; None chooses all."""
+        """Return the environments that a mask selects; None selects all."""
         if given is None:
             return self._all
         mask = np.asarray(given)

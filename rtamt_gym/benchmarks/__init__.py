@@ -1,10 +1,4 @@
-"""Benchmarks of robots as environments whose success can be judged: robosuite and Meta-World.
-
-To add a benchmark of robots: ``tests/benchmarks/NAME.txt`` with the MuJoCo that it allows,
-``test_NAME.py`` next to it, and a row of ``docs/success.md``. A benchmark that is not an
-environment of Gymnasium also needs an adapter here, and a stand-in in
-``tests/support/benchmark_stand_ins.py``, so that the suite can run the adapter without the package.
-"""
+"""Benchmarks of robots as environments whose success can be judged: robosuite and Meta-World."""
 
 from __future__ import annotations
 
@@ -13,15 +7,7 @@ from typing import Any
 
 
 def benchmark(module: str, install: str) -> Any:  # noqa: ANN401 - a module without types
-    """A module of a benchmark.
-
-    Args:
-        module: Its name.
-        install: What pip is told to install it.
-
-    Raises:
-        ModuleNotFoundError: If it, or a module that it needs, is not installed.
-    """
+    """Import a module of a benchmark; an error names the packages to ``install``."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:

@@ -1,12 +1,12 @@
-"""The tasks of Meta-World: which quantity says that each is done, on which side, and from where on.
+"""The tasks of Meta-World: the quantity that defines success, its side, and its tolerance.
 
-Meta-World's own flag is the band ``abs(quantity - target) <= tolerance`` for most tasks. For a puck
-on a mark that is what is meant. For a door, a button or a drawer one side is meant: to open it
-further is no failure. `TASKS` was read from ``evaluate_state`` of each task in metaworld 3.1.1, in
-the file below ``metaworld/envs`` that a row names.
+Meta-World's own flag is a band, ``abs(quantity - target) <= tolerance``, for most tasks. A puck on
+a mark needs a band, but a door, a button or a drawer has one side: opening it further is not a
+failure. `TASKS` follows ``evaluate_state`` of each task in metaworld 3.1.1, in the file below
+``metaworld/envs`` that a row names.
 
-metaworld 3.1.1 wants MuJoCo 3.3.0, and ``packaging``, which it does not say: ``pip install
-metaworld packaging``. On import this module registers ``metaworld/door-open-v3`` and the other
+metaworld 3.1.1 needs MuJoCo 3.3.0, and ``packaging``, which it does not declare: ``pip install
+metaworld packaging``. Importing this module registers ``metaworld/door-open-v3`` and the other
 tasks, in which a seed repeats an episode and ``"baseline"`` is the scripted policy.
 """
 
@@ -37,17 +37,13 @@ _LEVER: Final = 1.5707963267948966
 
 
 class BenchmarkTask(NamedTuple):
-    """When a task is done.
+    """The success of a task.
 
-    Attributes:
-        name: Its name in Meta-World.
-        quantity: What is measured: ``"flag"``, the task's own flag, which is what is meant; an axis
-            of the object's position, in metres; or ``"lever"``, an angle in radians.
-        side: 1 if the quantity grows towards its target, and further is done too; -1 if it falls;
-            0 of a flag.
-        tolerance: How far before its target the task counts as done: that of its own flag.
-        file: Where its flag is, below ``metaworld/envs``.
-        flag: The flag there.
+    Attributes: name: Its name in Meta-World. quantity: ``"flag"`` for the task's own flag; an axis
+        of the object's position, in metres; or ``"lever"``, an angle in radians. side: 1 if the
+        quantity grows towards its target and beyond; -1 if it falls; 0 for a flag. tolerance: The
+        distance before the target at which the task is done, as in its own flag. file: The file of
+        its flag, below ``metaworld/envs``. flag: The flag in this file.
     """
 
     name: str
@@ -134,20 +130,16 @@ TASKS: Final[Mapping[str, BenchmarkTask]] = MappingProxyType({row.name: row for 
 
 
 def task_named(name: str) -> BenchmarkTask:
-    """The task of a name.
-
-    Raises:
-        InputError: If there is none; names the nearest.
-    """
+    """Return the task of a name; raise InputError if there is none."""
     if name not in TASKS:
         raise InputError(f"Meta-World has no task {name!r}{nearest(name, TASKS)}")
     return TASKS[name]
 
 
 def done(name: str) -> Formula:
-    """The state in which a task is done, over the signals of `signals_of`.
+    """Return the state in which a task is done, over the signals of `signals_of`.
 
-    `rtamt_gym.success.reading` makes a requirement of it.
+    `rtamt_gym.success.reading` turns it into a requirement.
 
     Raises:
         InputError: If there is no such task.
@@ -164,10 +156,10 @@ def done(name: str) -> Formula:
 
 
 def signals_of(name: str) -> dict[str, SignalLike]:
-    """What the variables of `done` read from the environment of a task.
+    """Return the signals of `done` in the environment of a task.
 
-    ``past`` is how far the object is past its target, in metres or radians; ``success`` the task's
-    own flag, 0 at the reset, whose info has none.
+    ``past`` is the distance of the object past its target, in metres or radians. ``success`` is the
+    task's own flag, 0 at the reset, whose info has none.
 
     Raises:
         InputError: If there is no such task.
@@ -184,16 +176,16 @@ def signals_of(name: str) -> dict[str, SignalLike]:
 
 @dataclass(frozen=True)
 class Past:
-    """Reads how far the object of a task is past its target.
+    """Reads the distance of the object of a task past its target.
 
-    What the observation of a reset shows may lag behind: of ``window-close-v3`` the window is shown
-    closed there, and open from the first step on.
+    The observation of a reset may lag: in ``window-close-v3`` it shows a closed window, which is
+    open from the first step on.
     """
 
     task: BenchmarkTask
 
     def __call__(self, step: Step) -> float:
-        """The distance past the target: below 0 before it."""
+        """Return the distance past the target, negative before it."""
         simulation: Any = step.env.unwrapped
         if self.task.quantity == "lever":
             angle = -float(simulation.data.joint("LeverAxis").qpos.item())
@@ -204,14 +196,14 @@ class Past:
 
 
 class SeededTask(gym.Wrapper[Any, Any, Any, Any]):
-    """A task of Meta-World in which ``reset(seed=)`` chooses where its objects are.
+    """A task of Meta-World in which ``reset(seed=)`` places its objects.
 
-    Meta-World's own environments from ``gymnasium.make`` draw that from elsewhere. An episode ends
-    at Meta-World's time limit, which truncates it; a success ends none.
+    In Meta-World's own environments from ``gymnasium.make``, a seed does not. An episode ends at
+    Meta-World's time limit, which truncates it; success does not end it.
 
     Args:
         env: An environment of the task.
-        tasks: Its variations, of which a seed is the number, counted round.
+        tasks: Its variations; a seed selects one by its number, modulo their count.
     """
 
     def __init__(self, env: gym.Env[Any, Any], tasks: list[Any]) -> None:
@@ -222,7 +214,7 @@ class SeededTask(gym.Wrapper[Any, Any, Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begins an episode; without a seed in the variation of before."""
+        """Start an episode; without a seed in the last variation."""
         if seed is not None:
             self._set(seed)
         return self.env.reset(seed=seed, options=options)
@@ -233,7 +225,7 @@ class SeededTask(gym.Wrapper[Any, Any, Any, Any]):
 
 
 def make(task: str, **arguments: Any) -> SeededTask:  # noqa: ANN401 - Meta-World's own
-    """Makes a task of Meta-World, with the scripted policy as its ``baseline``.
+    """Return a task of Meta-World, with the scripted policy as its ``baseline``.
 
     Args:
         task: Its name, such as ``"door-open-v3"``.

@@ -1,8 +1,8 @@
 """Tasks of robosuite as environments of Gymnasium that monitors can read.
 
-robosuite 1.5 wants MuJoCo below 3.10 and ``h5py``: ``pip install robosuite 'mujoco<3.10' h5py``. On
-import this module registers ``robosuite/Lift-v0`` and the other tasks of `TASKS`; ``robots`` and
-every argument of ``robosuite.make`` are arguments of ``gymnasium.make``.
+robosuite 1.5 needs MuJoCo below 3.10 and ``h5py``: ``pip install robosuite 'mujoco<3.10' h5py``.
+Importing this module registers ``robosuite/Lift-v0`` and the other tasks of `TASKS`. ``robots`` and
+the arguments of ``robosuite.make`` are arguments of ``gymnasium.make``.
 """
 
 from __future__ import annotations
@@ -40,20 +40,20 @@ TASKS: Final = (
 class RobosuiteEnv(gym.Env[dict[str, Any], Any]):
     """An environment of robosuite as one of Gymnasium.
 
-    * ``info["success"]`` is 1.0 where the task is done and else 0.0, in the info of a reset too.
-    * The end of the horizon truncates an episode. It does not terminate one, as in robosuite's own
-      ``GymWrapper``, so that a window which it cuts stays open.
-    * A seed repeats an episode: ``reset(seed=)`` seeds the generator from which robosuite draws.
-    * ``dt`` is the time between two steps, ``model`` and ``data`` are MuJoCo's own: selectors such
-      as ``body:cube_main.xpos[2]`` read them. robosuite builds them anew at a reset.
+    * ``info["success"]`` is 1.0 if the task is done, otherwise 0.0; also in the info of a reset.
+    * The end of the horizon truncates an episode, so windows that it cuts stay open. robosuite's
+        own ``GymWrapper`` terminates it.
+    * A seed repeats an episode: ``reset(seed=)`` seeds the generator of robosuite.
+    * ``dt`` is the time between two steps; ``model`` and ``data`` are MuJoCo's own, for selectors
+        such as ``body:cube_main.xpos[2]``. robosuite replaces them at a reset.
 
     Observations are a dictionary of arrays, in which selectors read ``obs['cube_pos'][2]``.
 
     Args:
-        env: What ``robosuite.make`` has made; it is reset once to learn its observations.
+        env: An environment from ``robosuite.make``; it is reset once to learn its observations.
 
     Raises:
-        InputTypeError: If it is none.
+        InputTypeError: If it is not one.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
@@ -90,7 +90,7 @@ class RobosuiteEnv(gym.Env[dict[str, Any], Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Begins an episode; a seed says all that is random in it."""
+        """Start an episode; a seed determines everything that is random in it."""
         super().reset(seed=seed, options=options)
         if seed is not None:
             # In place, for samplers of positions hold the generator.
@@ -99,14 +99,14 @@ class RobosuiteEnv(gym.Env[dict[str, Any], Any]):
         return _arrays(self.robosuite.reset()), self._info({})
 
     def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:  # noqa: ANN401
-        """Makes a step; the end of the horizon is a truncation."""
+        """Make a step; the end of the horizon is a truncation."""
         env = self.robosuite
         shown, reward, done, info = env.step(action)
         over = bool(done) and env.timestep >= env.horizon
         return _arrays(shown), float(reward), bool(done) and not over, over, self._info(info)
 
     def close(self) -> None:
-        """Closes the simulation."""
+        """Close the simulation."""
         self.robosuite.close()
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
@@ -117,7 +117,7 @@ _NEEDED: Final = ("_check_success", "action_spec", "control_timestep", "horizon"
 
 
 def make(task: str, robots: Any = "Panda", **arguments: Any) -> RobosuiteEnv:  # noqa: ANN401 - robosuite's own
-    """Makes a task of robosuite, without pictures unless ``arguments`` ask for them.
+    """Return a task of robosuite, without images unless ``arguments`` request them.
 
     Args:
         task: Its name, such as ``"Lift"``.
@@ -130,7 +130,7 @@ def make(task: str, robots: Any = "Panda", **arguments: Any) -> RobosuiteEnv:  #
 
 
 def _arrays(shown: Any) -> dict[str, Any]:  # noqa: ANN401 - robosuite's dictionary
-    """An observation with an array of each name, whatever robosuite has there."""
+    """Return an observation as a dictionary of arrays."""
     return {name: np.atleast_1d(np.asarray(value)) for name, value in shown.items()}
 
 

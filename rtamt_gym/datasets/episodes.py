@@ -1,10 +1,8 @@
-"""Recorded episodes, as Minari has them, and the same with what monitors say of them.
+"""Recorded episodes, in the form of Minari, and their signals.
 
-The signals of recorded episodes: a table with a row for every sample.
-
-All steps of an episode are read at once, like one step of many environments: a selector is bound by
-`rtamt_gym.signals.columns`, to the spaces of the dataset. A function gets a `Step` for each sample,
-and one that is marked with `rtamt_gym.wrappers.batched` those of an episode at once.
+All steps of an episode are read at once, like one step of a batch: `rtamt_gym.signals.columns`
+binds a selector to the spaces of the dataset. A function gets a `Step` per sample, or the whole
+episode at once if `rtamt_gym.wrappers.batched` marks it.
 """
 
 from __future__ import annotations
@@ -29,21 +27,20 @@ from rtamt_gym.signals.signals import Batched, ParsedSignal, Step
 
 @dataclass(frozen=True, slots=True)
 class RecordedEpisode:
-    """A recorded episode of n steps; an entry of ``infos`` has n + 1 elements, or n if the reset
-    had none.
+    """A recorded episode of n steps.
 
     Attributes:
         number: Its number in the dataset.
-        observations: n + 1 of them, the first from the reset: an array, or a dictionary or a
-            tuple of such.
-        actions: n of them.
+        observations: n + 1 observations, the first from the reset: an array, or a dictionary or a
+            tuple of arrays.
+        actions: n actions.
         rewards: n numbers.
-        terminations: n truth values.
-        truncations: n truth values.
-        infos: Arrays by key.
+        terminations: n booleans.
+        truncations: n booleans.
+        infos: Arrays by key, with n + 1 elements, or n if the reset had none.
         seed: The seed of the reset, if it is known.
         options: The options of the reset, if they are known.
-    """  # noqa: D205 - the shape is part of what an episode is
+    """
 
     number: int
     observations: Any
@@ -56,13 +53,13 @@ class RecordedEpisode:
     options: dict[str, Any] | None = None
 
     def __len__(self) -> int:
-        """The number of steps."""
+        """Return the number of steps."""
         return len(self.rewards)
 
 
 @dataclass(frozen=True, slots=True)
 class RelabelledEpisode(RecordedEpisode):
-    """A recorded episode with what monitors say of it.
+    """A recorded episode with the results of monitors.
 
     It has the attributes of Minari's ``EpisodeData``, and:
 
@@ -85,7 +82,7 @@ class RelabelledEpisode(RecordedEpisode):
 
     @property
     def robustness(self) -> float:
-        """The least robustness of the episode over the specifications."""
+        """The minimum robustness over all specifications."""
         return float(min(outcome["robustness"] for outcome in self.outcomes.values()))
 
 
@@ -97,18 +94,11 @@ def read_episode(
     number: int,
     metadata: Mapping[str, Any] | None = None,
 ) -> RecordedEpisode:
-    """Reads an episode of a dataset, and checks that its parts belong together.
+    """Return an episode of a dataset; raise an error if its parts do not fit together.
 
-    Args:
-        given: Minari's ``EpisodeData`` or ``EpisodeBuffer``, or a mapping with the same names.
-        number: Its number in the dataset.
-        metadata: What the dataset says of the reset, ``seed`` and ``options``; None: the episode
-            says it itself, if it does.
-
-    Raises:
-        InputTypeError: If it is no episode.
-        InputError: If a part is missing or has another length than it should have, or if the
-            episode goes on after its end.
+    Args: given: Minari's ``EpisodeData`` or ``EpisodeBuffer``, or a mapping with the same names.
+        number: Its number in the dataset. metadata: ``seed`` and ``options`` of the reset from the
+        dataset; None if the episode has them.
     """
     if isinstance(given, Mapping):
         known, missing = given, [name for name in _FIELDS if name not in given]
@@ -168,7 +158,7 @@ def _check(episode: RecordedEpisode) -> None:
 
 
 def _arrays(tree: Any) -> Any:  # noqa: ANN401 - of observations or actions
-    """The same tree with arrays as leaves."""
+    """Return the tree with arrays as leaves."""
     if isinstance(tree, Mapping):
         return {key: _arrays(each) for key, each in tree.items()}
     if isinstance(tree, tuple):
@@ -185,13 +175,13 @@ def _leaves(tree: Any) -> list[NDArray[Any]]:  # noqa: ANN401 - of observations 
 
 
 def size_of(episode: RecordedEpisode) -> int:
-    """The bytes of the observations and actions."""
+    """Return the bytes of the observations and actions."""
     trees = episode.observations, episode.actions
     return sum(leaf.nbytes for tree in trees for leaf in _leaves(tree))
 
 
 def part(tree: Any, where: Any) -> Any:  # noqa: ANN401 - an index or a slice of a tree
-    """The elements of all leaves of a tree at an index, or in a slice."""
+    """Return the elements of all leaves of a tree at an index, or in a slice."""
     if isinstance(tree, Mapping):
         return {key: part(each, where) for key, each in tree.items()}
     if isinstance(tree, tuple):
@@ -200,7 +190,7 @@ def part(tree: Any, where: Any) -> Any:  # noqa: ANN401 - an index or a slice of
 
 
 def space_of(tree: Any) -> spaces.Space[Any]:  # noqa: ANN401 - of observations or actions
-    """A space that holds an element of a tree, for datasets that declare none."""
+    """Return a space for the elements of a tree, for datasets that declare none."""
     if isinstance(tree, Mapping):
         return spaces.Dict([(key, space_of(each)) for key, each in tree.items()])
     if isinstance(tree, tuple):
@@ -215,13 +205,7 @@ def space_of(tree: Any) -> spaces.Space[Any]:  # noqa: ANN401 - of observations 
 
 
 class SignalReader:
-    """Reads the signals of episodes.
-
-    Args:
-        signals: What to read, in the order of the columns.
-        observations: The space of an observation.
-        actions: The space of an action.
-        nan: Whether a signal that is nan is refused, or keeps its last value.
+    """Reads the signals of episodes; ``signals`` are in the order of the columns.
 
     Raises:
         InputError: If a selector does not fit the spaces.
@@ -247,11 +231,7 @@ class SignalReader:
         self._columns(1)  # so that a selector that does not fit is refused now
 
     def table(self, episode: RecordedEpisode, rewards: Floats) -> Floats:
-        """Reads an episode: a row for the reset, and one for every step.
-
-        Args:
-            episode: The episode.
-            rewards: The rewards of the environment itself.
+        """Return the signals of an episode: a row for the reset, and one for every step.
 
         Raises:
             InputError: If a signal cannot be read or is nan; a note names the episode.
@@ -273,7 +253,7 @@ class SignalReader:
         return table
 
     def _columns(self, num: int) -> SignalColumns:
-        """Reads so many steps at once."""
+        """Return the signals of a number of steps."""
         signals = [self._signals[at] for at in self._selected]
         observations, actions = self._spaces
         lanes: Any = SimpleNamespace(
@@ -335,7 +315,7 @@ class SignalReader:
 
 
 def _split(infos: Mapping[str, Any], steps: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Splits infos into the reset's and the steps'; n elements for n steps leave the reset none."""
+    """Split infos into the reset's and the steps'; n elements for n steps leave the reset none."""
     first: dict[str, Any] = {}
     later: dict[str, Any] = {}
     for key, value in infos.items():

@@ -1,8 +1,8 @@
-"""Recorded episodes played side by side: a vector environment for monitors and rewards.
+"""Recorded episodes as a vector environment for monitors and rewards.
 
-The wrappers of vector environments alone define robustness, verdicts, costs and shaped rewards. So
-the signals of recorded episodes are made the observations of a vector environment, whose lanes take
-one episode after the other.
+Only the wrappers of vector environments define robustness, verdicts, costs and shaped rewards. So
+the signals of recorded episodes become the observations of a vector environment, whose environments
+play one episode after the other.
 """
 
 from __future__ import annotations
@@ -20,19 +20,14 @@ from rtamt_gym.signals.columns import Batch, Floats, Lanes
 
 
 class Tape:
-    """Episodes one behind the other: a row for every sample, and one for lanes that have none.
-
-    Args:
-        episodes: The episodes.
-        tables: The signals of each.
-        rewards: The rewards of each that its environment gave.
+    """Recorded episodes in sequence: a row for every sample, and one for idle environments.
 
     Attributes:
-        starts: The rows in which episodes start; last the row that lanes without an episode show.
+        starts: The rows in which episodes start; the last is the row of idle environments.
         signals: The signals of every row.
         rewards: The rewards of every row.
         terminated: Whether the row is the last of a terminated episode.
-        truncated: Whether it is the last one of any other episode: its record ends there.
+        truncated: Whether it is the last one of any other episode.
     """
 
     def __init__(
@@ -57,12 +52,8 @@ class Playback(VectorEnv[Any, Any, Any]):
     """A vector environment that plays a tape; actions do nothing.
 
     Attributes:
-        tape: The tape; to be set before a reset.
-        rows: The row that each lane shows.
-
-    Args:
-        num: The number of lanes.
-        columns: The number of signals.
+        tape: The tape, to be set before a reset.
+        rows: The row that each environment shows.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 - as Gymnasium's
@@ -78,7 +69,7 @@ class Playback(VectorEnv[Any, Any, Any]):
         self._ended: Lanes = np.zeros(num, np.bool_)
 
     def reset(self, **_: Any) -> tuple[Floats, dict[str, Any]]:  # noqa: ANN401
-        """Begins the tape."""
+        """Rewind the tape."""
         self._next = 0
         self._ended = np.ones(self.num_envs, np.bool_)
         self._advance()
@@ -89,7 +80,7 @@ class Playback(VectorEnv[Any, Any, Any]):
         self,
         actions: Any,  # noqa: ANN401, ARG002 - they were taken long ago
     ) -> tuple[Floats, Floats, Lanes, Lanes, dict[str, Any]]:
-        """Shows the next sample of every episode, or the first of the next one."""
+        """Show the next sample of every episode, or the first of the next one."""
         self._advance()
         tape, rows = self.tape, self.rows
         terminated, truncated = tape.terminated[rows], tape.truncated[rows]
@@ -98,7 +89,7 @@ class Playback(VectorEnv[Any, Any, Any]):
 
     @property
     def playing(self) -> bool:
-        """Whether a lane has an episode that goes on, or one is left."""
+        """Whether an episode is running or left."""
         idle = self.tape.starts[-1]
         left = self._next < len(self.tape.starts) - 1
         return left or bool(np.any((self.rows != idle) & ~self._ended))
@@ -114,12 +105,10 @@ class Playback(VectorEnv[Any, Any, Any]):
 class JudgedTape:
     """The results of the wrappers for every sample of a tape, and for the ends of its episodes.
 
-    Attributes:
-        columns: By key of the infos, a value for every row, 0 where there is none; a dictionary
-            where the infos have one.
-        rewards: The shaped rewards of every row.
-        outcomes: The outcomes of each episode, by the row in which it ends.
-        violations: The specification that was violated first and the sample, by the same row.
+    Attributes: columns: By key of the infos, a value for every row, 0 if there is none; nested as
+        the infos. rewards: The shaped rewards of every row. outcomes: The outcomes of each episode,
+        by the row in which it ends. violations: The specification that was violated first and the
+        sample, by the same row.
     """
 
     def __init__(self, rows: int) -> None:
@@ -129,12 +118,12 @@ class JudgedTape:
         self.violations: dict[int, tuple[str, int]] = {}
 
     def keep(self, rows: NDArray[np.intp], rewards: Floats, infos: dict[str, Any]) -> None:
-        """Keeps what a step says of the rows that it shows."""
+        """Store the results of a step for the rows that it shows."""
         self.rewards[rows] = rewards
         _keep(self.columns, infos, rows, len(self.rewards))
 
     def conclude(self, rows: NDArray[np.intp], ended: Lanes, infos: dict[str, Any]) -> None:
-        """Keeps the outcomes of the episodes that a step ends."""
+        """Store the outcomes of the episodes that a step ends."""
         for lane in np.flatnonzero(ended):
             row = int(rows[lane])
             self.outcomes[row] = {
@@ -169,7 +158,7 @@ def _keep(
 
 
 def play(envs: Batch, playback: Playback) -> JudgedTape:
-    """Plays the tape of a playback through the wrappers around it."""
+    """Play the tape of a playback through the wrappers around it."""
     judged = JudgedTape(len(playback.tape.rewards))
     actions = np.zeros(playback.num_envs, np.int64)
     _, infos = envs.reset()

@@ -44,7 +44,7 @@ SAMPLES, BYTES = 1 << 18, 1 << 28
 
 
 class RelabelOptions(EvaluationKeywords, ShapingNumbers, total=False):
-    """The options of `StlMonitor` and `StlReward` that are about recorded episodes too."""
+    """The options of `StlMonitor` and `StlReward` that apply to recorded episodes."""
 
     details: bool
     cost: Cost | None
@@ -202,7 +202,7 @@ def relabel(
 
 
 def check_options(mode: Mode | None, keep: object, options: Mapping[str, object]) -> None:
-    """Refuses what cannot be asked of recorded episodes."""
+    """Refuse options that do not apply to recorded episodes."""
     for name in options:
         if name not in OPTIONS:
             raise InputTypeError(
@@ -231,7 +231,7 @@ def _period(
     specs: Mapping[str, Specification],
     period: Period | None,
 ) -> Period | None:
-    """The period: as given, else from the environment that the dataset names, if one is needed."""
+    """Return the period, from the environment that the dataset names if it is needed."""
     if period is not None or not any(spec.timed for spec in specs.values()):
         return period
     why = "it names no environment"
@@ -257,7 +257,7 @@ def _judge(
     mode: Mode | None,
     options: Mapping[str, Any],
 ) -> Batch:
-    """The wrapper that judges a playback."""
+    """Return the wrapper that judges a playback."""
     signals = {name: f"obs[{column}]" for column, name in enumerate(names)}
     asked: dict[str, Any] = {**options, "on_violation": "report", "buffer_length": 0}
     if mode is None:
@@ -266,7 +266,7 @@ def _judge(
 
 
 def _parts(episodes: Iterable[RecordedEpisode]) -> Iterator[list[RecordedEpisode]]:
-    """The episodes in lists that fit into memory."""
+    """Yield the episodes in lists that fit into memory."""
     held: list[RecordedEpisode] = []
     samples = size = 0
     for episode in episodes:
@@ -287,7 +287,7 @@ def _judged(
     *,
     shaped: bool,
 ) -> Iterator[RelabelledEpisode]:
-    """Judges episodes, in their order."""
+    """Judge episodes, in their order."""
     own = [_own_rewards(episode) for episode in episodes]
     tables = [
         reader.table(episode, rewards) for episode, rewards in zip(episodes, own, strict=True)
@@ -314,7 +314,7 @@ def _judged(
 
 
 def _own_rewards(episode: RecordedEpisode) -> Floats:
-    """The rewards of the environment itself, also if they were shaped before."""
+    """Return the rewards of the environment itself, even if they were shaped before."""
     infos = episode.infos
     if "stl_lower" in infos and len(infos.get("reward", ())) == len(episode) + 1:
         return np.asarray(infos["reward"], np.float64)[1:]
@@ -322,7 +322,7 @@ def _own_rewards(episode: RecordedEpisode) -> Floats:
 
 
 def _infos(episode: RecordedEpisode, judged: JudgedTape, rows: slice) -> dict[str, Any]:
-    """The infos of an episode, and what the monitors add to them."""
+    """Return the infos of an episode, with the keys of the monitors."""
     added = part(judged.columns, rows)
     if "is_success" in episode.infos:
         del added["is_success"]

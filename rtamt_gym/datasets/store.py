@@ -1,4 +1,4 @@
-"""Datasets of Minari: their episodes and spaces, and new ones that are written part by part."""
+"""Datasets of Minari: reading their episodes, and writing new ones part by part."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from rtamt_gym.signals.signals import ParsedSignal
 
 
 def is_dataset(given: object) -> bool:
-    """Whether it is a dataset of Minari, which is loaded if one exists."""
+    """Return whether a value is a dataset of Minari; a loaded Minari has made it."""
     minari: Any = sys.modules.get("minari")
     return minari is not None and isinstance(given, minari.MinariDataset)
 
 
 def episodes_of(dataset: Any) -> Iterator[RecordedEpisode]:  # noqa: ANN401 - Minari is not typed
-    """Reads the episodes of a dataset, or of any iterable, one by one.
+    """Yield the episodes of a dataset, or of any iterable.
 
     Raises:
-        InputTypeError: If it is no iterable of episodes.
-        InputError: If an episode is not whole.
+        InputTypeError: If it is not an iterable of episodes.
+        InputError: If an episode is incomplete.
     """
     if is_dataset(dataset):
         metadata = dataset.storage.get_episode_metadata(dataset.episode_indices)
@@ -50,7 +50,7 @@ def spaces_of(
     dataset: Any,  # noqa: ANN401
     episode: RecordedEpisode,
 ) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
-    """The spaces of observations and actions, from the dataset or made from its first episode."""
+    """Return the spaces of observations and actions, of the dataset or of its first episode."""
     if is_dataset(dataset):
         return dataset.observation_space, dataset.action_space
     return space_of(episode.observations), space_of(episode.actions)
@@ -62,7 +62,7 @@ def described(
     mode: str | None,
     options: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Describes how a dataset was relabelled, in values that JSON has."""
+    """Return how a dataset was relabelled, as values of JSON."""
     return {
         "specs": {name: str(spec) for name, spec in specs.items()},
         "signals": {signal.name: str(signal) for signal in signals},
@@ -84,12 +84,12 @@ class Store:
 
     Args:
         dataset_id: Its name.
-        source: The dataset whose metadata it takes over; None if there is none.
-        said: How it is made, for the metadata.
+        source: The dataset whose metadata it copies, or None.
+        said: A description of how it is made, for the metadata.
 
     Raises:
         ModuleNotFoundError: If Minari is not installed; names the extra.
-        InputError: If the name is taken, or is none.
+        InputError: If the name is taken or invalid.
     """
 
     def __init__(self, dataset_id: str, source: Any, said: dict[str, Any]) -> None:  # noqa: ANN401
@@ -118,7 +118,7 @@ class Store:
         self._dataset: Any = None
 
     def add(self, episodes: Sequence[RelabelledEpisode]) -> None:
-        """Writes episodes."""
+        """Write episodes."""
         from minari.data_collector import EpisodeBuffer
 
         if not episodes:
@@ -164,11 +164,7 @@ class Store:
         return minari.load_dataset(self._id)
 
     def finish(self) -> Any:  # noqa: ANN401
-        """The dataset.
-
-        Raises:
-            InputError: If it has no episode.
-        """
+        """Return the dataset; raise InputError if it has no episode."""
         if self._dataset is None:
             raise InputError(
                 f"no episode is left for {self._id!r}: keep= keeps none, or there are none; "
@@ -177,12 +173,12 @@ class Store:
         return self._dataset
 
     def discard(self) -> None:
-        """Removes what has been written."""
+        """Remove what was written."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
 def _listed(infos: Mapping[str, Any]) -> dict[str, Any]:
-    """The infos with lists of numbers: arrays of one dimension Minari cannot read back as Arrow."""
+    """Return the infos with lists: Minari cannot read back Arrow arrays of one dimension."""
     made: dict[str, Any] = {}
     for key, value in infos.items():
         if isinstance(value, Mapping):

@@ -1,7 +1,4 @@
-"""Chooses the best of several evaluations: by satisfaction, among equals by return.
-
-`Target`: whether a policy that learns meets a target, asked again and again.
-"""
+"""The choice among policies of one training: the best evaluation, and a test of a target."""
 
 from __future__ import annotations
 
@@ -16,14 +13,13 @@ from rtamt_gym.learners.metrics import mean_return
 
 
 class Best:
-    """Keeps the best of the evaluations that it is shown.
+    """The best of several evaluations.
 
-    The best is the one with the greatest share of episodes that satisfied all requirements; of
-    equal shares the one with the greatest mean return, and of equal returns the first. Compare
-    evaluations of the same episodes only, on the same seeds.
+    It has the largest share of episodes that satisfied all requirements, then the largest mean
+    return, then it came first. Compare evaluations of the same episodes only, on the same seeds.
 
-    The best of many looks better than it is, for chance took part in the choice: what is reported
-    comes from another evaluation of it, on seeds that no choice has seen.
+    The best of many looks better than it is, because the choice is partly chance. Report another
+    evaluation of it, on seeds that took no part in the choice.
 
     Attributes:
         evaluation: The best so far; None before the first.
@@ -33,7 +29,7 @@ class Best:
         self.evaluation: Evaluation | None = None
 
     def add(self, evaluation: Evaluation) -> bool:
-        """Whether an evaluation is better than all before; the best is kept then."""
+        """Return whether an evaluation is better than all before; it is the best then."""
         better = self.evaluation is None or _score(evaluation) > _score(self.evaluation)
         if better:
             self.evaluation = evaluation
@@ -50,19 +46,16 @@ MOST: Final = 1000
 
 
 class Target:
-    """Tests policies one after the other, and errs but once in ``1 / alpha`` trainings.
+    """Tests policies one after the other; a training errs with probability ``alpha`` at most.
 
-    Whoever tests every policy of a training at the level alpha errs more often than alpha says, for
-    each test is one more chance. So test number k runs at ``alpha / (k (k + 1))``; these sum up to
-    ``alpha``, however many tests there are and however alike the policies. Each is a sequential
-    ratio test (`RatioTest`) on episodes that nothing has been chosen by: on seeds of its own.
+    Tests of every policy at the level alpha would err more often, because each test is another
+    chance. So test number k runs at ``alpha / (k (k + 1))``, and the sum of these is ``alpha``,
+    however many tests there are and however similar the policies. Each is a sequential ratio test
+    (`RatioTest`) on its own seeds, which took no part in any choice.
 
-    Args:
-        target: The rate to be met.
-        alpha: The greatest chance that any policy ever passes whose rate is ``target - margin`` or
-            less.
-        margin: How far below the target a rate must be refused.
-        seed: The first seed of the tests; they use those that follow.
+    Args: target: The required rate. alpha: The maximum probability that any policy with the rate
+        ``target - margin`` or less passes. margin: How far below the target a rate must be refused.
+        seed: The first seed of the tests; they use the following ones.
 
     Attributes:
         tests: The number of tests so far.
@@ -89,11 +82,10 @@ class Target:
         self.seed = seed
 
     def met_by(self, play: Callable[[int], Sequence[bool]]) -> RatioTest | None:
-        """Tests a policy; returns the test if it has passed.
+        """Test a policy; return the test if it has passed.
 
-        Args:
-            play: Plays some episodes from a seed on, each with a seed that is one more, and returns
-                which have satisfied all requirements.
+        Args: play: Plays some episodes with consecutive seeds from a first one, and returns which
+            have satisfied all requirements.
         """
         self.tests += 1
         test = self._test(self._alpha / (self.tests * (self.tests + 1)))

@@ -1,10 +1,8 @@
-"""Metrics of satisfaction while a policy learns, for any learner.
+"""Metrics of satisfaction during training, for any learner.
 
 The last info of an episode has ``stl_episode``, the outcome of every requirement. `metrics_of`
-makes numbers of several episodes; `Satisfaction` keeps the newest episodes and counts violations.
-
-To add a metric: a key of `metrics_of`, which serves all learners, and a row of the table in
-``docs/learners.md``. ``shares_of`` in ``tests/support/programs.py`` counts it again by hand.
+computes metrics of several episodes; `Satisfaction` keeps the newest episodes and counts
+violations.
 """
 
 from __future__ import annotations
@@ -45,16 +43,16 @@ QUANTILES = {"p5": 0.05, "median": 0.5, "p95": 0.95}
 
 
 def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dict[str, float]:
-    """The metrics of some episodes, by key.
+    """Return the metrics of some episodes, by key.
 
     * ``satisfied``: share of the episodes that satisfied all requirements
     * ``NAME/satisfied``, ``NAME/violated``, ``NAME/undecided``: shares of the three verdicts
-    * ``NAME/robustness_p5``, ``_median``, ``_p95``: quantiles of robustness; absent if infinite, as
-      charts have no place for it
-    * ``NAME/first_violation``: median of the times of violations, in seconds: of the sample that
-      decided each, or of the last one if only the end did; absent without a violation
+    * ``NAME/robustness_p5``, ``_median``, ``_p95``: quantiles of robustness; absent if infinite,
+        because charts cannot show it
+    * ``NAME/first_violation``: median time of violations, in seconds, of the sample that decided
+        each, or of the last one if only the end did; absent without a violation
 
-    A quantile is one of the values: the least that this share of them does not exceed. Without
+    A quantile is one of the values: the smallest that this share of them does not exceed. Without
     episodes there are no metrics.
 
     Args:
@@ -64,8 +62,8 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
     Example:
         >>> fast = {"verdict": "VIOLATED", "satisfied": False, "robustness": -2.0, "decided_at": 30}
         >>> slow = {"verdict": "SATISFIED", "satisfied": True, "robustness": 0.5, "decided_at": 99}
-        >>> found = metrics_of([{"speed": fast}, {"speed": slow}], period=0.1)
-        >>> for key, value in found.items():
+        >>> metrics = metrics_of([{"speed": fast}, {"speed": slow}], period=0.1)
+        >>> for key, value in metrics.items():
         ...     print(key, value)
         satisfied 0.5
         speed/satisfied 0.5
@@ -93,13 +91,12 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
 
 
 def evaluation_metrics(evaluation: Evaluation) -> dict[str, float]:
-    """The metrics of an evaluation, by key.
+    """Return the metrics of an evaluation, by key.
 
-    * ``rate``, ``low``, ``high``: share of the episodes that satisfied all requirements, and its
-      95 % interval
-    * ``return``: mean of the returns of the episodes that no error ended; absent if none has one
-    * ``NAME/rate``, ``NAME/low``, ``NAME/high``: the same for each requirement
-    * ``NAME/robustness_p5``, ``_median``, ``_p95``, ``NAME/first_violation``: as in `metrics_of`
+    * ``rate``, ``low``, ``high``: share of the episodes that satisfied all requirements, and its 95
+    % interval * ``return``: mean return of the episodes without an error; absent if there are none
+    * ``NAME/rate``, ``NAME/low``, ``NAME/high``: the same for each requirement *
+    ``NAME/robustness_p5``, ``_median``, ``_p95``, ``NAME/first_violation``: as in `metrics_of`
     """
     found = _rate("", evaluation.success)
     returns = mean_return(evaluation)
@@ -112,7 +109,7 @@ def evaluation_metrics(evaluation: Evaluation) -> dict[str, float]:
 
 
 def successes(evaluation: Evaluation) -> list[bool]:
-    """Whether each episode satisfied all requirements; an episode that failed did not."""
+    """Return whether each episode satisfied all requirements; a failed one did not."""
     names = evaluation.requirements.keys()
     return [
         not row.error
@@ -123,7 +120,7 @@ def successes(evaluation: Evaluation) -> list[bool]:
 
 
 def mean_return(evaluation: Evaluation) -> float | None:
-    """The mean of the returns of the episodes that have one; None if none has."""
+    """Return the mean of the known returns; None if there are none."""
     known = evaluation.returns[~np.isnan(evaluation.returns)]
     return float(known.mean()) if known.size else None
 
@@ -163,11 +160,11 @@ class Satisfaction:
         self._costs: deque[float] = deque(maxlen=window)
 
     def add(self, episode: Outcomes, cost: float | None = None) -> None:
-        """Adds an episode that has ended.
+        """Add an episode that has ended.
 
         Args:
             episode: The outcome of every requirement.
-            cost: The sum of ``info["cost"]`` over the steps of the episode; None if not known.
+            cost: The sum of ``info["cost"]`` over the steps of the episode; None if it is unknown.
 
         Raises:
             InputError: If its requirements differ from the episodes before.
@@ -187,10 +184,10 @@ class Satisfaction:
             self._costs.append(cost)
 
     def metrics(self) -> dict[str, float]:
-        """The metrics (`metrics_of`) of the newest episodes, and counts since the first one.
+        """Return the metrics (`metrics_of`) of the newest episodes, and counts since the first one.
 
         The counts are ``episodes`` and, for each requirement, ``NAME/violations``. ``cost`` is the
-        mean cost of an episode, over the newest episodes whose cost is known; absent without any.
+        mean cost of the newest episodes whose cost is known; absent without any.
         """
         found = metrics_of(self._newest, self.period)
         if self._costs:
@@ -200,11 +197,11 @@ class Satisfaction:
 
 
 def ended_episodes(infos: Mapping[str, Any], ended: ArrayLike) -> list[Outcomes]:
-    """The outcomes of the episodes that ended in a step of a vector environment.
+    """Return the outcomes of the episodes that ended in a step of a vector environment.
 
     Args:
-        infos: The infos of the step, in the form of Gymnasium. Where an environment is reset in the
-            step that ends its episode, its last info is in ``final_info``.
+        infos: The infos of the step, in the form of Gymnasium. Where a step resets an environment,
+            the last info of the episode is in ``final_info``.
         ended: Whether the episode of each environment ended, ``terminated | truncated``.
 
     Raises:
@@ -220,7 +217,7 @@ def ended_episodes(infos: Mapping[str, Any], ended: ArrayLike) -> list[Outcomes]
 
 
 def no_outcomes(info: Mapping[str, Any]) -> str:
-    """Says that a last info has no outcomes, and why that may be."""
+    """Return the error about a last info without outcomes."""
     keys = [key for key in info if not key.startswith("_")]
     return (
         "expected 'stl_episode' in the last info of an episode, which StlMonitor and StlReward "
@@ -230,12 +227,12 @@ def no_outcomes(info: Mapping[str, Any]) -> str:
 
 
 def _named(held: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
-    """The entries of a dictionary of arrays that are no masks: those are arrays themselves."""
+    """Return the entries of a dictionary of arrays that are not masks."""
     return [(name, each) for name, each in held.items() if isinstance(each, Mapping)]
 
 
 def _lane(columns: Mapping[str, Any], i: int) -> Mapping[str, Any]:
-    """The outcome of environment i."""
+    """Return the outcome of environment i."""
     found = {key: columns[key][i] for key in ("robustness", "verdict", "satisfied")}
     for key in ("decided_at", "ended_at"):
         if key_mask(columns, key, i + 1)[i]:
@@ -249,7 +246,7 @@ def _rate(prefix: str, result: RequirementResult) -> dict[str, float]:
 
 
 def _measured(name: str, robustness: Mapping[float, float], times: ArrayLike) -> dict[str, float]:
-    """The metrics of robustness, which are its quantiles, and of the times of violations."""
+    """Return the metrics of robustness and of the times of violations."""
     found = {
         f"{name}/robustness_{end}": robustness[share]
         for end, share in QUANTILES.items()

@@ -1,4 +1,4 @@
-"""A callback of RLlib: satisfaction while training and in evaluations."""
+"""A callback of RLlib: satisfaction during training and in evaluations."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no ty
         env: Any = None,  # noqa: ANN401
         **_kwargs: Any,  # noqa: ANN401
     ) -> None:
-        """Logs the outcomes of the episode, in the process of an env runner."""
+        """Log the outcomes of the episode, in the process of an env runner."""
         info = episode.get_infos(-1)
         if "stl_episode" not in info:
             raise InputError(no_outcomes(info))
@@ -67,7 +67,7 @@ class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no ty
         metrics_logger.log_value(EPISODES, found, reduce="item_series")
 
     def on_train_result(self, *, result: dict[str, Any], **_kwargs: Any) -> None:  # noqa: ANN401
-        """Adds the metrics of training, and of the evaluation if there was one."""
+        """Add the metrics of training, and of the evaluation if there was one."""
         for episode, period in _taken(result):
             self.training.period = period
             self.training.add(episode)
@@ -76,7 +76,7 @@ class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no ty
             _evaluated(result["evaluation"])
 
     def on_evaluate_end(self, *, evaluation_metrics: dict[str, Any], **_kwargs: Any) -> None:  # noqa: ANN401
-        """Adds the metrics of the episodes of an evaluation."""
+        """Add the metrics of the episodes of an evaluation."""
         _evaluated(evaluation_metrics)
 
 
@@ -87,6 +87,6 @@ def _evaluated(results: dict[str, Any]) -> None:
 
 
 def _taken(results: Mapping[str, Any]) -> list[Any]:
-    """Removes the episodes from results; returns the outcomes and the period of each."""
+    """Remove the episodes from results; return the outcomes and the period of each."""
     found = results.get("env_runners", {}).pop(EPISODES, [])
     return found if isinstance(found, list) else []  # RLlib puts nan where there are none

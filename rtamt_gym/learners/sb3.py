@@ -1,4 +1,4 @@
-"""A callback of Stable-Baselines3: satisfaction while training, the best model, a sure stop."""
+"""A callback of Stable-Baselines3: satisfaction, the best model, and a reliable stop."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
             self._evaluate()
 
     def _count(self, info: Mapping[str, Any], cost: float | None) -> None:
-        """Counts an episode of training; one without outcomes matters if they are all there is."""
+        """Count an episode of training; one without outcomes is an error if it is all there is."""
         if "stl_episode" in info:
             if not self.training.episodes:
                 self.training.period = self.training_env.get_attr("period", 0)[0]
@@ -211,7 +211,7 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         )
 
     def _save(self, path: Path, evaluation: Evaluation) -> None:
-        """Writes the model and what it was; each file is complete or not there."""
+        """Write the model and its metrics; each file is complete or absent."""
         path.parent.mkdir(parents=True, exist_ok=True)
         statistics = self.model.get_vec_normalize_env()
         if statistics is not None:
@@ -240,7 +240,7 @@ LONGEST: Final = 33
 
 
 def _single(env: Any) -> Any:  # noqa: ANN401
-    """The environment to evaluate in; of a vector environment in this process the first."""
+    """Return the environment to evaluate in; of a vector environment in this process the first."""
     if not isinstance(env, VecEnv):
         return env
     envs = getattr(env.unwrapped, "envs", ())
@@ -253,7 +253,7 @@ def _single(env: Any) -> Any:  # noqa: ANN401
 
 
 def _written(path: Path, end: str, write: Callable[[str], Any]) -> None:
-    """Lets a function write the file of this end, under another name until it is whole."""
+    """Write a file under another name until it is complete."""
     file = path.with_name(f"{path.name}{end}")
     part = path.with_name(f"{path.name}.part{end}")
     write(str(part))

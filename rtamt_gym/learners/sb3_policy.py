@@ -1,8 +1,8 @@
-"""A model of Stable-Baselines3 as the wrappers of its vector environment show it the world.
+"""Policies of Stable-Baselines3 with the observation wrappers of their training.
 
-A policy that learned below `VecNormalize` or `VecFrameStack` knows nothing but what these make of
-an observation. `as_trained` does the same to the observations of a single environment, with the
-statistics of the training as they are: evaluating changes none of them.
+A policy that learned below `VecNormalize` or `VecFrameStack` knows only their observations.
+`as_trained` applies them to the observations of a single environment, with the statistics of the
+training, which an evaluation does not change.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ PASSING = (VecMonitor, VecCheckNan, VecVideoRecorder)
 
 
 def as_trained(model: Any) -> Any:  # noqa: ANN401 - a model, or an `AsTrained`
-    """The policy of a model, for observations as a single environment gives them.
+    """Return the policy of a model, for observations of a single environment.
 
-    ``evaluate_policy(as_trained(model), env)`` takes the environment that ``make_vec_env`` was made
-    of: it needs no `VecNormalize` of its own. A model that was loaded gets its training environment
-    by ``model.set_env(VecNormalize.load(path, venv))``.
+    ``evaluate_policy(as_trained(model), env)`` takes the environment that ``make_vec_env`` wrapped;
+    it needs no `VecNormalize`. A loaded model gets its training environment from
+    ``model.set_env(VecNormalize.load(path, venv))``.
 
     Args:
         model: A model of Stable-Baselines3 or sb3-contrib that has its training environment.
@@ -50,7 +50,7 @@ def as_trained(model: Any) -> Any:  # noqa: ANN401 - a model, or an `AsTrained`
         The model itself, if no wrapper changes its observations.
 
     Raises:
-        InputError: If the model has no environment, or one with a wrapper that is not known here.
+        InputError: If the model has no environment, or if a wrapper is unknown.
     """
     venv = model.get_env()
     if venv is None:
@@ -67,16 +67,16 @@ def as_trained(model: Any) -> Any:  # noqa: ANN401 - a model, or an `AsTrained`
 
 
 class AsTrained:
-    """Predicts as a model does, from observations that no wrapper has changed yet.
+    """A model that predicts from observations without wrappers.
 
     Args:
         model: The model.
         venv: The innermost vector environment of its training.
-        layers: What the wrappers around that do, the innermost first.
+        layers: The effects of the wrappers, the innermost first.
 
     Attributes:
-        name: The name of the algorithm, by which evaluations call it.
-        policy: The network, whose weights tell models apart; None if there is none.
+        name: The name of the algorithm, for evaluations.
+        policy: The network, whose weights identify the model; None if there is none.
         observation_space: The observations of an environment without the wrappers.
         action_space: The actions of the model.
     """
@@ -96,10 +96,10 @@ class AsTrained:
         episode_start: Any = None,  # noqa: ANN401
         deterministic: bool = False,  # noqa: FBT001, FBT002 - as Stable-Baselines3 has it
     ) -> tuple[Any, Any]:
-        """Predicts the actions for one observation or for several, as ``model.predict`` does.
+        """Predict the actions for one observation or several, as ``model.predict`` does.
 
-        The state holds the stacked observations of the episodes beside the memory of a recurrent
-        policy. None begins new episodes.
+        The state holds the stacked observations of the episodes and the memory of a recurrent
+        policy. None starts new episodes.
         """
         alone = not is_vectorized_observation(observation, self.observation_space)
         if alone:
@@ -146,7 +146,7 @@ def _layer(wrapper: VecEnvWrapper) -> Layer:
 
 
 def _begun(layer: Layer, num: int | None = None) -> Layer:
-    """The layer; of a stack a copy, which ``num`` makes an empty one of so many environments."""
+    """Return the layer, or a copy of a stack; ``num`` empties it for so many environments."""
     if not isinstance(layer, StackedObservations):
         return layer
     made = copy(layer)
@@ -159,7 +159,7 @@ def _begun(layer: Layer, num: int | None = None) -> Layer:
 
 
 def _parts(observation: Any, change: Callable[[Any], Any]) -> Any:  # noqa: ANN401
-    """The observation with each array changed."""
+    """Return the observation with each array changed."""
     if isinstance(observation, dict):
         return {key: change(part) for key, part in observation.items()}
     return change(observation)

@@ -1,12 +1,7 @@
 """Starters: a specification, a test and a job of CI for each tutorial.
 
-A folder holds the files of a starter. What is written loses the ``.txt`` of its name, which keeps
-tools from taking a file of a starter for one of ours.
-
-To add a tutorial: a page in ``docs/tutorials``, a folder of the same name here with a
-specification, a test and ``job.yml``, and a row of `STARTERS`. ``tests/project/test_tutorials.py``
-plays the page in an empty folder. Commands must print what the page shows below them; a block after
-"`NAME`:" is that file, and a block ``diff`` changes it.
+A folder holds the files of a starter. Names end in ``.txt`` where tools would take the file for one
+of ours; the written file does not.
 """
 
 from collections.abc import Mapping
@@ -21,12 +16,12 @@ JOB = ".github/workflows/requirements.yml"
 
 @dataclass(frozen=True)
 class Starter:
-    """What a tutorial begins with.
+    """The start of a tutorial.
 
     Attributes:
-        about: What it is for, in a line.
-        extras: What of rtamt it needs.
-        begin: The first command to give.
+        about: Its purpose, in a line.
+        extras: The extras of rtamt that it needs.
+        begin: The first command.
     """
 
     about: str
@@ -59,7 +54,7 @@ STARTERS: Mapping[str, Starter] = {
 
 
 def starter_files(name: str) -> dict[str, str]:
-    """Returns the texts of a starter's files, by their paths.
+    """Return the texts of a starter's files, by their paths.
 
     Example:
         >>> sorted(starter_files("violation"))
@@ -74,15 +69,10 @@ def starter_files(name: str) -> dict[str, str]:
 
 
 def write_starter(name: str, folder: Path) -> list[str]:
-    """Writes the files of a starter into a folder; returns their paths in it.
+    """Write the files of a starter into a folder; return their paths in it.
 
-    Args:
-        name: One of `STARTERS`.
-        folder: The folder, which is made if it is not there.
-
-    Raises:
-        InputError: If a file is there already, or a file stands where a folder has to be;
-            nothing is written then.
+    Raises: InputError: If a file exists already, or a file has the name of a folder; nothing is
+        written then.
     """
     files = starter_files(name)
     there = [file for file in files if (folder / file).exists() or (folder / file).is_symlink()]

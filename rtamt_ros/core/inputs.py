@@ -36,35 +36,6 @@ class Input:
         by more than a gap, and stayed there. went_back: The size of the last jump in nanoseconds.
     """
 
-    __slots__ = (
-        "_again",
-        "_arrived",
-        "_gap",
-        "_lock",
-        "_newest",
-        "_period",
-        "_reads",
-        "_settled",
-        "_stamps",
-        "_waiting",
-        "came",
-        "default",
-        "error",
-        "errors",
-        "fields",
-        "jumps",
-        "message",
-        "name",
-        "out_of_order",
-        "package",
-        "stale_after",
-        "taken",
-        "time",
-        "topic",
-        "values",
-        "went_back",
-    )
-
     def __init__(
         self, name: str, topic: str, settings: Settings, default: float | None = None
     ) -> None:

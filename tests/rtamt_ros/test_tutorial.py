@@ -120,7 +120,7 @@ def test_a_robot_that_is_back_begins_the_monitor_anew_with_the_text_of_the_page(
     played: Logging,
 ) -> None:
     _, said = played.said.split("; ", 1)
-    found = re.search(r"stays in the text: `(violated .*?)`", PAGE, re.DOTALL)
+    found = re.search(r"keeps the history: `(violated .*?)`", PAGE, re.DOTALL)
     assert found is not None
     assert " ".join(found[1].split()) == said
 
