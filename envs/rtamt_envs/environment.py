@@ -18,10 +18,10 @@ _ONE = np.ones(1, np.bool_)
 
 
 class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
-    """A scenario as an environment: ``gym.make("rtamt/ChasingCars-v0")`` makes one.
+    """A scenario as an environment: ``gym.make("rtamt/ChasingCars-v0")``.
 
     An episode never terminates; ``gym.make`` truncates it after the duration of the scenario, or
-    after ``max_episode_steps=``. The reward is 0; `rtamt_gym.StlReward` rewards the requirements. An
+    after ``max_episode_steps=``. The reward is 0; `rtamt_gym.StlReward` adds one. An
     action out of bounds is clipped. Actions and observations are arrays of float64.
 
     Attributes:

@@ -185,8 +185,8 @@ def test_bounds_without_a_period_are_refused() -> None:
     with pytest.raises(InputError) as error:
         StlEnvironment(bare, "always[0:3](x > 0)", {"x": "reward"})
     assert str(error.value) == (
-        "Specification 'spec' has bounds, and the duration of a step is unknown. Pass period=0.02 in "
-        "seconds, or period=1 for bounds in steps."
+        "Specification 'spec' has bounds, and the duration of a step is unknown. Pass period=0.02 "
+        "in seconds, or period=1 for bounds in steps."
     )
 
 
