@@ -73,7 +73,7 @@ SIGNALS = {"x": "obs[0]", "y": "obs[1]"}
 @pytest.mark.parametrize(
     ("on_violation", "end"), [("terminate", "cut"), ("truncate", "open"), ("report", "cut")]
 )
-def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(
+def test_scanned_rollout_equals_recorded_signals(
     on_violation: str,
     end: Any,  # noqa: ANN401
 ) -> None:
@@ -132,7 +132,7 @@ def test_a_float32_monitor_reads_the_rounded_signals() -> None:
     )
 
 
-def test_metrics_and_sums_are_of_episodes_as_they_end_here() -> None:
+def test_metrics_follow_episode_ends() -> None:
     env = wrapped("always(x < 0.8)", {"x": "obs[0]"}, mode="add", weight=2.0)
     _, states, _ = rollout(env)
     done = np.asarray(states.done) > 0
@@ -186,7 +186,7 @@ class FullReset(Wrapper):  # type: ignore[misc]  # Brax is untyped
 KEPT = ("steps", "robustness", "stl_lower", "stl_upper", "stl_violated")
 
 
-def test_a_wrapper_that_resets_infos_leaves_other_lanes_as_they_are() -> None:
+def test_info_resets_keep_other_environments() -> None:
     assert arrays.episode(SPEC, 0.1).init(LANES).rows.shape[0] == LANES
     counted = EpisodeWrapper(VmapWrapper(Drift()), 7, 1)
     _, found, _ = rollout(FullReset(StlWrapper(counted, SPEC, SIGNALS, cost="depth")))
@@ -195,7 +195,7 @@ def test_a_wrapper_that_resets_infos_leaves_other_lanes_as_they_are() -> None:
         np.testing.assert_array_equal(found.info[key], expected.info[key])
 
 
-def test_costs_are_those_of_every_step_and_are_summed_with_the_metrics() -> None:
+def test_costs_are_summed_with_metrics() -> None:
     env = wrapped("always(x < 0.8)", {"x": "obs[0]"}, cost="violation", on_violation="report")
     first, states, _ = rollout(env)
     goes_on = np.asarray(states.done) == 0  # the observations of others are of resets
@@ -206,7 +206,7 @@ def test_costs_are_those_of_every_step_and_are_summed_with_the_metrics() -> None
     np.testing.assert_array_equal(states.metrics["cost"], cost)
 
 
-def test_the_state_is_appended_to_observations_and_not_seen_by_the_environment() -> None:
+def test_observed_state_is_hidden_from_the_environment() -> None:
     env = wrapped("always(x < 0.8)", {"x": "obs[0]"}, observe="state")
     first, states, _ = rollout(env)
     assert env.observation_size == 7
@@ -217,13 +217,13 @@ def test_the_state_is_appended_to_observations_and_not_seen_by_the_environment()
     np.testing.assert_allclose(first.obs[:, 2], np.clip(robustness, -1, 1), atol=1e-7)
 
 
-def test_one_sample_is_taken_for_an_action_that_is_repeated() -> None:
+def test_repeated_action_is_one_sample() -> None:
     env = wrapped("always(y > -9)", {"y": "obs[1]"}, length=8, repeat=2, on_violation="report")
     _, states, _ = rollout(env, steps=3)
     assert np.asarray(states.info["stl_state"].samples).max() <= 4
 
 
-def test_functions_are_of_one_environment_and_metrics_are_signals() -> None:
+def test_function_and_metric_signals() -> None:
     signals = {"x": lambda step: step.state.pipeline_state[0], "far": "metrics['far']"}
     env = wrapped("always(x < 0.5 and far < 3)", signals, on_violation="report")
     _, states, _ = rollout(env)
@@ -258,7 +258,7 @@ def test_what_does_not_fit_raises_while_jax_traces(signals: Any, message: str) -
     assert str(error.value) == message
 
 
-def test_what_is_wrong_raises_when_the_wrapper_is_made() -> None:
+def test_constructor_errors() -> None:
     with pytest.raises(InputError) as error:
         wrapped("always(x < 1)", {"x": "action[0]"})
     assert "has no value at reset" in str(error.value)
@@ -312,7 +312,7 @@ def test_ppo_trains_and_evaluates_under_the_wrapper() -> None:
 
 
 @pytest.mark.parametrize("full_reset", [False, True])
-def test_resets_of_playground_begin_episodes_whether_they_reset_infos_or_not(
+def test_playground_resets_start_episodes(
     full_reset: bool,  # noqa: FBT001 - a case
 ) -> None:
     import mujoco_playground

@@ -51,7 +51,7 @@ class TestRequirements(RequirementContract):
 
 
 @pytest.mark.parametrize("on_violation", ["terminate", "truncate", "report"])
-def test_readings_in_a_scanned_rollout_equal_those_of_recorded_signals(on_violation: str) -> None:
+def test_scanned_rollout_equals_recorded_signals(on_violation: str) -> None:
     bare, params = gymnax.make("CartPole-v1")
     params = params.replace(max_steps_in_episode=12)
     options: Any = {**OPEN, "on_violation": on_violation, "cost": "latched"}
@@ -120,7 +120,7 @@ def test_spaces_and_observations_have_the_state() -> None:
     assert after[0].shape == after[-1]["final_observation"].shape == (9,)
 
 
-def test_functional_environments_are_judged_under_scan_and_in_a_loop() -> None:
+def test_functional_environment_under_scan() -> None:
     jax.config.update("jax_enable_x64", False)  # noqa: FBT003 - these mix kinds of floats else
     env = StlFuncEnv(CartPoleFunctional(), "always(abs(theta) < 0.05)", {"theta": "obs[2]"})
 
@@ -146,7 +146,7 @@ def test_functional_environments_are_judged_under_scan_and_in_a_loop() -> None:
     jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - as before
 
 
-def test_a_vector_of_functional_environments_is_judged_lane_by_lane() -> None:
+def test_functional_vector_environment() -> None:
     """A lane's samples are the observations that it shows, whatever the others do."""
     jax.config.update("jax_enable_x64", False)  # noqa: FBT003 - these mix kinds of floats else
     spec = "always(abs(theta) < 0.12)"

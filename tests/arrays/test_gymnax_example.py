@@ -42,7 +42,7 @@ def driven(example: ModuleType, place: float) -> Any:  # noqa: ANN401 - arrays o
     return jax.tree.map(np.asarray, jax.lax.scan(step, begun, jnp.arange(STEPS))[1])
 
 
-def test_an_episode_that_visits_is_worth_more_from_its_first_step_on(example: ModuleType) -> None:
+def test_visiting_episode_has_more_value(example: ModuleType) -> None:
     worth = {}
     for place in (0.0, 0.45):
         obs, reward, terminated, _ = driven(example, place)
@@ -53,7 +53,7 @@ def test_an_episode_that_visits_is_worth_more_from_its_first_step_on(example: Mo
     assert worth[0.0] > 0.0  # else an early end would be a relief
 
 
-def test_the_observation_at_the_limit_of_time_is_like_those_before_it(example: ModuleType) -> None:
+def test_observation_at_the_time_limit(example: ModuleType) -> None:
     """The critic says what it is worth, and has learned from the others alone."""
     obs, _, _, truncated = driven(example, 0.45)
     np.testing.assert_array_equal(np.flatnonzero(truncated), [STEPS - 1])

@@ -119,7 +119,7 @@ def test_a_window_may_be_longer_than_any_trace() -> None:
 
 
 @pytest.mark.parametrize("made", [arrays.online, arrays.episode])
-def test_a_monitor_that_was_made_while_jax_traced_can_be_used_after(
+def test_monitor_made_during_a_trace(
     made: Callable[..., ArrayMonitor],
 ) -> None:
     kept = []
@@ -161,7 +161,7 @@ def test_a_state_that_was_saved_goes_on_where_it_was(
 
 
 @pytest.mark.parametrize("made", [arrays.online, arrays.episode])
-def test_the_gradient_through_steps_is_that_of_the_sample_that_decides(
+def test_gradient_of_the_deciding_sample(
     made: Callable[..., ArrayMonitor],
 ) -> None:
     monitor = made("historically[0:3](x > 0)" if made is arrays.online else "always(x > 0)")
@@ -171,7 +171,7 @@ def test_the_gradient_through_steps_is_that_of_the_sample_that_decides(
     assert np.ravel(gradient(samples)).tolist() == [0.0, 1.0, 0.0]
 
 
-def test_numbers_of_64_bits_are_refused_where_they_are_not_enabled() -> None:
+def test_float64_must_be_enabled() -> None:
     monitor, x = arrays.online("x > 0"), {"x": np.zeros(2)}
     state = monitor.init(2)
     with jax.enable_x64(new_val=False):
@@ -184,7 +184,7 @@ def test_numbers_of_64_bits_are_refused_where_they_are_not_enabled() -> None:
                 call()
 
 
-def test_a_file_of_numpy_loses_what_bfloat16_is_and_that_is_refused() -> None:
+def test_saved_bfloat16_state_error() -> None:
     monitor, file = arrays.online("once[0:1](x > 0)", dtype=jnp.bfloat16), io.BytesIO()
     state, _ = monitor.update(monitor.init(2), jnp.array([[3.0], [1.0]]))
     np.savez(file, **state._asdict())
@@ -250,7 +250,7 @@ print("equal")
         ("episode", "always(x > 0 implies eventually[0:3](y > 1)) and (x > 1) until (y > 1)"),
     ],
 )
-def test_lanes_of_four_devices_need_no_word_between_them(made: str, text: str) -> None:
+def test_sharded_step_has_no_communication(made: str, text: str) -> None:
     """In a process of its own, since the number of devices is fixed where JAX begins."""
     flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=4", "JAX_PLATFORMS": "cpu"}
     ran = subprocess.run(

@@ -27,7 +27,7 @@ def unicycle() -> ModuleType:
     return module
 
 
-def test_a_straight_way_is_as_far_from_each_place_as_geometry_says(unicycle: ModuleType) -> None:
+def test_distances_of_a_straight_path(unicycle: ModuleType) -> None:
     controls = np.zeros((2, 60))
     controls[0] = 100.0  # the greatest speed, and no turn
     places = np.asarray(unicycle.path(controls))
@@ -37,9 +37,7 @@ def test_a_straight_way_is_as_far_from_each_place_as_geometry_says(unicycle: Mod
     assert seen["first"][3] == pytest.approx(0.4 - 2.0, abs=1e-4)
 
 
-def test_both_gradients_satisfy_the_task_from_a_guess_that_violates_it(
-    unicycle: ModuleType, tmp_path: Path
-) -> None:
+def test_both_gradients_satisfy_the_task(unicycle: ModuleType, tmp_path: Path) -> None:
     picture = tmp_path / "unicycle.png"
     with contextlib.redirect_stdout(io.StringIO()) as out, mpl.rc_context():
         unicycle.main(["--plot", str(picture)])
@@ -52,7 +50,7 @@ def test_both_gradients_satisfy_the_task_from_a_guess_that_violates_it(
         assert 0 < int(below) < unicycle.STEPS
 
 
-def test_what_was_found_is_judged_without_arrays_of_jax(unicycle: ModuleType) -> None:
+def test_solution_is_judged_without_jax(unicycle: ModuleType) -> None:
     start = np.zeros((2, unicycle.SAMPLES - 1))
     found, seen = unicycle.ascended(start, smooth=True)
     signals = {k: np.asarray(v) for k, v in unicycle.signals(unicycle.path(found)).items()}

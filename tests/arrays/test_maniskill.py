@@ -108,7 +108,7 @@ def test_episodes_are_judged_as_recorded_signals(signal: SignalLike, on_violatio
         assert info["is_success"].tolist() == [False]
 
 
-def test_a_vector_begins_episodes_again_and_keeps_what_the_last_step_told() -> None:
+def test_vector_restarts_keep_final_infos() -> None:
     env: Any = ManiSkillVectorEnv(made())
     obs, info = env.reset(seed=0)
     monitor, ends = EpisodeMonitor(SPEC, period=0.05), 0

@@ -155,9 +155,7 @@ def played(lanes: int = 3) -> tuple[Tensor, Tensor]:
 
 @pytest.mark.parametrize("backend", ["eager", "aot_eager"])
 @pytest.mark.parametrize(("made", "text"), MONITORS)
-def test_a_step_compiles_as_one_graph_and_gives_the_same_bits(
-    made: Callable[..., ArrayMonitor], text: str, backend: str
-) -> None:
+def test_step_is_one_graph(made: Callable[..., ArrayMonitor], text: str, backend: str) -> None:
     torch.compiler.reset()
     monitor, (samples, resets) = made(text), played()
     compiled = torch.compile(monitor.update, fullgraph=True, backend=backend)
@@ -167,7 +165,7 @@ def test_a_step_compiles_as_one_graph_and_gives_the_same_bits(
 
 @pytest.mark.parametrize("more", [{}, {"semantics": "smooth", "temperature": 0.1}])
 @pytest.mark.parametrize("spec", [SPECS[1], rtamt.parse(EPISODES[0])], ids=["text", "parsed"])
-def test_robustness_of_traces_compiles_as_one_graph_with_its_gradient(
+def test_evaluate_is_one_graph(
     spec: str | rtamt.Specification, more: dict[str, ArrayMonitor]
 ) -> None:
     torch.compiler.reset()
@@ -194,9 +192,7 @@ def test_robustness_of_traces_compiles_as_one_graph_with_its_gradient(
 @pytest.mark.parametrize(
     ("made", "text"), [(arrays.online, SPECS[1]), (arrays.episode, EPISODES[0])]
 )
-def test_what_the_compiler_makes_of_a_step_gives_the_same_bits(
-    made: Callable[..., ArrayMonitor], text: str
-) -> None:
+def test_compiled_step_has_equal_bits(made: Callable[..., ArrayMonitor], text: str) -> None:
     torch.compiler.reset()
     monitor, (samples, resets) = made(text), played()
     graphs = torch._dynamo.testing.CompileCounterWithBackend("inductor")
@@ -229,9 +225,7 @@ step(monitor.init(3), torch.ones(3, 2))
 @pytest.mark.parametrize(
     ("made", "text"), [("online", SPECS[1]), ("episode", EPISODES[0])], ids=["online", "episode"]
 )
-def test_graphs_are_the_same_in_all_processes_so_that_caches_know_them(
-    made: str, text: str
-) -> None:
+def test_graphs_are_deterministic(made: str, text: str) -> None:
     told = [
         subprocess.run(
             [sys.executable, "-c", GRAPH, made, text],
@@ -247,9 +241,7 @@ def test_graphs_are_the_same_in_all_processes_so_that_caches_know_them(
 
 
 @pytest.mark.parametrize(("made", "text"), MONITORS)
-def test_steps_in_place_are_those_of_a_state_that_stays_where_it_is(
-    made: Callable[..., ArrayMonitor], text: str
-) -> None:
+def test_in_place_steps_keep_the_state_buffer(made: Callable[..., ArrayMonitor], text: str) -> None:
     monitor, (samples, resets) = made(text), played()
     state, other = monitor.init(3), monitor.init(3)
     addresses = [each.data_ptr() for each in state]
@@ -263,9 +255,7 @@ def test_steps_in_place_are_those_of_a_state_that_stays_where_it_is(
 
 
 @pytest.mark.parametrize(("made", "text"), MONITORS)
-def test_steps_in_place_leave_the_readings_before_them_as_they_were(
-    made: Callable[..., ArrayMonitor], text: str
-) -> None:
+def test_in_place_steps_keep_readings(made: Callable[..., ArrayMonitor], text: str) -> None:
     monitor, (samples, _) = made(text), played()
     nan, state = torch.full((3, 2), torch.nan), monitor.init(3)
     state, *readings = monitor.update(state, nan)
@@ -309,9 +299,7 @@ def test_eager_steps_in_place_copy_no_window() -> None:
 
 
 @pytest.mark.parametrize(("made", "text"), MONITORS)
-def test_a_state_is_not_changed_by_a_step_nor_by_one_that_is_refused(
-    made: Callable[..., ArrayMonitor], text: str
-) -> None:
+def test_pure_step_keeps_the_state(made: Callable[..., ArrayMonitor], text: str) -> None:
     monitor, (samples, _) = made(text), played()
     state, _ = monitor.update(monitor.init(3), samples[0])
     before = copy.deepcopy(state)
@@ -326,7 +314,7 @@ def test_a_state_is_not_changed_by_a_step_nor_by_one_that_is_refused(
 
 @settings(cases.few, max_examples=3)
 @given(cases.cases())
-def test_no_step_looks_at_a_number_nor_has_a_shape_that_depends_on_one(case: cases.Case) -> None:
+def test_step_has_static_shapes(case: cases.Case) -> None:
     """On the device meta tensors have shapes and no numbers: a look at one fails."""
     with torch.device("meta"):
         mask = torch.ones(3, dtype=torch.bool)
@@ -360,9 +348,7 @@ class NothingAsked(TorchDispatchMode):  # type: ignore[misc] # torch has no type
 
 
 @pytest.mark.parametrize(("made", "text"), MONITORS)
-def test_steps_in_place_ask_no_tensor_for_a_number_and_move_none(
-    made: Callable[..., ArrayMonitor], text: str
-) -> None:
+def test_in_place_step_does_not_synchronize(made: Callable[..., ArrayMonitor], text: str) -> None:
     monitor, (samples, resets) = made(text), played()
     state = monitor.init(3)
     with NothingAsked():
@@ -440,9 +426,7 @@ def test_what_is_wrong_is_said_while_a_graph_is_made(
 
 
 @pytest.mark.parametrize(("made", "text"), MONITORS)
-def test_a_gradient_through_what_is_overwritten_is_refused_before_it_is(
-    made: Callable[..., ArrayMonitor], text: str
-) -> None:
+def test_in_place_gradient_error(made: Callable[..., ArrayMonitor], text: str) -> None:
     monitor, plain = made(text), torch.ones(3, 2)
     sample, state = plain.clone().requires_grad_(), monitor.init(3)
     before, (following, _) = copy.deepcopy(state), monitor.update(state, sample)

@@ -84,7 +84,7 @@ def made(device: str = "cpu", computes: int = 1) -> StandInEnv:
 
 
 @pytest.mark.parametrize("computes", [1, 2])
-def test_terms_equal_a_monitor_of_recorded_signals_over_resets(computes: int) -> None:
+def test_terms_equal_recorded_signals(computes: int) -> None:
     torch.set_default_dtype(torch.float64)
     env = made(computes=computes)
     env.reset()
@@ -188,20 +188,20 @@ def differences(
 
 
 @pytest.mark.parametrize("term", [first_sample, monitor_state])
-def test_first_samples_of_lagging_bodies_are_of_the_new_episode(term: Any) -> None:  # noqa: ANN401
+def test_first_sample_is_of_the_new_episode(term: Any) -> None:  # noqa: ANN401
     wrong, episodes, short = differences(Violated, {"term": TermCfg(term)})
     assert wrong == 0
     assert episodes > 10 * ENVS
     assert 0 < short < episodes / 4  # episodes that start outside
 
 
-def test_a_sample_read_at_the_reset_is_of_the_episode_before() -> None:
+def test_sample_at_the_reset_is_stale() -> None:
     wrong, episodes, short = differences(Hasty, {"term": TermCfg(first_sample)})
     assert wrong > 10 * ENVS
     assert short > episodes / 3
 
 
-def test_without_an_observation_term_the_first_step_is_the_first_sample() -> None:
+def test_first_step_without_observation_term() -> None:
     wrong, episodes, _ = differences(Violated, {}, at_reset=False)
     assert wrong == 0
     assert episodes > 10 * ENVS
@@ -259,7 +259,7 @@ def test_wrong_ids_leave_the_episodes_as_they_were(
     assert term(env, **violated().params).all()
 
 
-def test_a_reset_in_mid_episode_begins_only_its_environments() -> None:
+def test_partial_reset() -> None:
     env = StandInEnv(4, {"violated": violated()}, observations={"first": TermCfg(first_sample)})
     env.reset()
     env.points.start = lambda ids: torch.full(ids.shape, -1.0)
@@ -268,7 +268,7 @@ def test_a_reset_in_mid_episode_begins_only_its_environments() -> None:
     assert env.termination_manager.terminated.tolist() == [False, False, True, False]
 
 
-def test_observations_and_rewards_computed_again_change_nothing() -> None:
+def test_repeated_terms_change_nothing() -> None:
     env = made()
     env.reset()
     for _ in range(3):
@@ -321,7 +321,7 @@ def test_several_terms_are_read_by_name() -> None:
             func(env, term="hihg")
 
 
-def test_without_isaac_lab_the_terms_have_a_base_of_their_own(
+def test_base_without_isaac_lab(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for name in ("isaaclab", "isaaclab.managers"):

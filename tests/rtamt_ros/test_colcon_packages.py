@@ -20,12 +20,12 @@ VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["versi
 
 
 @pytest.mark.parametrize("package", ["rtamt_ros", "rtamt_msgs"])
-def test_a_package_has_its_name_and_the_version_of_rtamt(package: str) -> None:
+def test_package_name_and_version(package: str) -> None:
     manifest = ET.parse(PACKAGES / package / "package.xml").getroot()  # noqa: S314 - our own file
     assert (manifest.findtext("name"), manifest.findtext("version")) == (package, VERSION)
 
 
-def test_what_is_installed_is_there_and_what_is_there_is_installed() -> None:
+def test_setup_installs_every_file() -> None:
     folder = PACKAGES / "rtamt_ros"
     setup = (folder / "setup.py").read_text()
     assert f'version="{VERSION}"' in setup
@@ -39,7 +39,7 @@ def test_what_is_installed_is_there_and_what_is_there_is_installed() -> None:
     assert named == files - of_ros1 - {"setup.py", "setup.cfg"}
 
 
-def test_programs_run_on_the_python_of_the_active_environment() -> None:
+def test_scripts_use_the_active_python() -> None:
     setup = configparser.ConfigParser()
     setup.read(PACKAGES / "rtamt_ros/setup.cfg")
     assert setup["build_scripts"]["executable"] == "/usr/bin/env python3"
@@ -55,12 +55,12 @@ def test_the_file_of_parameters_says_their_defaults() -> None:
     }
 
 
-def test_the_specification_that_is_launched_is_that_of_the_examples() -> None:
+def test_launched_specification_is_the_example() -> None:
     launched = PACKAGES / "rtamt_ros/config/follows.stl"
     assert launched.read_text() == (ROOT / "examples/follows.stl").read_text()
 
 
-def test_both_names_of_the_stamped_message_have_its_fields() -> None:
+def test_both_stamped_messages_have_equal_fields() -> None:
     for name in ("FloatStamped", "FloatMessage"):
         text = (PACKAGES / f"rtamt_msgs/msg/{name}.msg").read_text()
         fields = [line for line in text.splitlines() if not line.startswith("#")]
@@ -97,9 +97,7 @@ def configured(folder: Path, there: Collection[str]) -> subprocess.CompletedProc
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("absent", NEEDED)
-def test_without_ros_2_the_messages_say_what_they_need_and_how_to_build_the_rest(
-    absent: str, tmp_path: Path
-) -> None:
+def test_error_without_ros_2_explains_the_build(absent: str, tmp_path: Path) -> None:
     found = configured(tmp_path, [each for each in NEEDED if each != absent])
     assert found.returncode == 1
     said = " ".join(found.stderr.split())

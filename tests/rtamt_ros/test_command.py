@@ -71,9 +71,7 @@ ERRORS = {
 
 
 @pytest.mark.parametrize("arguments", ERRORS)
-def test_bad_arguments_end_with_code_2_and_one_message(
-    arguments: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_arguments_exit_with_2(arguments: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(arguments.split()) == 2
     said = capsys.readouterr()
     assert said.err == f"ros_stl_monitor.py: error: {ERRORS[arguments]}\n"
@@ -96,7 +94,7 @@ def test_an_error_in_a_file_names_the_file(
         assert f"in {bad}: {error}" in capsys.readouterr().err
 
 
-def test_align_rounds_bounds_that_are_no_whole_number_of_periods(played: Played) -> None:
+def test_align_rounds_bounds(played: Played) -> None:
     given = ["--period", "0.5", "--unit", "s", "--align", "outward"]
     assert main(["--spec", "out = once[0:0.25](x > 1)", *given]) == 0
     assert played.data("rtamt/out") == [1.0, 1.0]
@@ -128,7 +126,7 @@ CHOICES = {
 
 
 @pytest.mark.parametrize(("libraries", "arguments"), CHOICES)
-def test_the_installed_ros_is_taken_or_the_one_asked_for(
+def test_installed_or_requested_ros_runs(
     libraries: str,
     arguments: tuple[str, ...],
     monkeypatch: pytest.MonkeyPatch,
@@ -146,18 +144,14 @@ def test_the_installed_ros_is_taken_or_the_one_asked_for(
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_where_both_are_installed_the_setup_file_decides(
-    version: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ros_version_decides_between_both(version: int, monkeypatch: pytest.MonkeyPatch) -> None:
     installed(monkeypatch, ["rospy", "rclpy"])
     monkeypatch.setenv("ROS_VERSION", str(version))
     assert generation.chosen(None) == version
     assert generation.chosen(3 - version) == 3 - version
 
 
-def test_nothing_of_ros_is_imported_before_a_node_is_made(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_ros_is_imported_late(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name in ("rospy", "rclpy"):
         (tmp_path / f"{name}.py").write_text("raise AssertionError('imported')")
     monkeypatch.syspath_prepend(tmp_path)
@@ -181,7 +175,7 @@ def test_the_help_fits_a_terminal_of_80_columns(
 
 
 @given(st.integers(1, 10**12), st.sampled_from(sorted(UNITS)))
-def test_a_period_is_the_number_of_units_to_the_nanosecond(number: int, unit: str) -> None:
+def test_period_is_exact_to_the_nanosecond(number: int, unit: str) -> None:
     for value in (number, number / 1024):
         exact = Fraction(value) * UNITS[unit]
         if exact >= 1:
@@ -235,7 +229,7 @@ def played(monkeypatch: pytest.MonkeyPatch) -> Played:
     return ros
 
 
-def test_the_command_runs_a_node_until_it_is_told_to_end(played: Played, tmp_path: Path) -> None:
+def test_command_runs_a_node(played: Played, tmp_path: Path) -> None:
     record = tmp_path / "record.csv"
     given = ["--period", "0.5", "--unit", "s", "--record", str(record)]
     assert main(["--spec", "out = x > 1", *given]) == 0
@@ -249,7 +243,7 @@ def test_the_command_runs_a_node_until_it_is_told_to_end(played: Played, tmp_pat
     ]
 
 
-def test_the_exit_code_is_that_with_which_the_node_ends(played: Played) -> None:
+def test_exit_code_of_the_node(played: Played) -> None:
     played.code = 4
     assert main([*SPEC]) == 4
     assert played.closed
@@ -264,7 +258,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("text", REFUSED)
-def test_what_a_node_refuses_ends_the_command_with_code_2(
+def test_refused_specifications_exit_with_2(
     text: str, played: Played, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["--spec", text]) == 2
@@ -272,7 +266,7 @@ def test_what_a_node_refuses_ends_the_command_with_code_2(
     assert played.closed
 
 
-def test_on_ros_2_options_are_parameters_of_the_lifecycle_node(
+def test_options_become_ros_2_parameters(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     installed(monkeypatch, ["rclpy"])
@@ -300,7 +294,7 @@ def test_on_ros_2_options_are_parameters_of_the_lifecycle_node(
 @pytest.mark.parametrize(
     "words", ["-p spec_file:=a.stl", "--param spec:=x", "--params-file a.yaml"]
 )
-def test_on_ros_2_parameters_of_ros_say_what_to_monitor(
+def test_ros_2_parameters_set_specifications(
     words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "rtamt_ros.ros2_lifecycle", SimpleNamespace(run=lambda *_: 7))

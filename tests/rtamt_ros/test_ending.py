@@ -23,7 +23,7 @@ def as_in_a_terminal() -> Iterator[None]:
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_signals_end_it_and_are_what_they_were_afterwards(number: signal.Signals) -> None:
+def test_signals_end_and_handlers_are_restored(number: signal.Signals) -> None:
     before = [signal.getsignal(each) for each in SIGNALS]
     ending = Ending()
     timer = threading.Timer(0.05, os.kill, (os.getpid(), number))
@@ -66,7 +66,7 @@ def test_a_signal_before_it_is_waited_for_counts(number: signal.Signals) -> None
     ending.wait()
 
 
-def test_where_python_handles_signals_it_leaves_them_alone() -> None:
+def test_python_signal_handlers_stay() -> None:
     before = [signal.getsignal(each) for each in SIGNALS]
     assert before[0] is signal.default_int_handler
     Ending()

@@ -47,7 +47,7 @@ def given(words: str) -> dict[str, Any]:
     return found
 
 
-def test_the_launch_file_of_ros_1_starts_the_command_with_its_arguments() -> None:
+def test_ros_1_launch_file_starts_the_command() -> None:
     launch = ET.parse(FOLDER / "ros1/stl_monitor.launch").getroot()  # noqa: S314 - our own file
     assert launch.tag == "launch"
     arguments = {each.attrib["name"]: each.attrib["default"] for each in launch.iter("arg")}
@@ -72,7 +72,7 @@ def test_the_launch_file_of_ros_1_starts_the_command_with_its_arguments() -> Non
     assert found["combined"] == "rtamt/all"
 
 
-def test_the_launch_file_of_ros_2_gives_parameters_that_there_are() -> None:
+def test_ros_2_launch_file_sets_known_parameters() -> None:
     tree = ast.parse((FOLDER / "launch/stl_monitor.launch.py").read_text())
     calls = [each for each in ast.walk(tree) if isinstance(each, ast.Call)]
 
@@ -99,7 +99,7 @@ def settings_of(text: str) -> dict[str, str]:
     return dict(line.split("=", 1) for line in lines)
 
 
-def test_the_unit_of_systemd_starts_the_command_and_knows_its_exit_codes() -> None:
+def test_systemd_unit_starts_the_command() -> None:
     text = (FOLDER / "systemd/rtamt-monitor@.service").read_text()
     unit = configparser.ConfigParser(interpolation=None)
     unit.optionxform = str  # type: ignore[assignment,method-assign]

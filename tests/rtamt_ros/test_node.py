@@ -42,7 +42,7 @@ def open_ends(ros: MemoryMiddleware) -> tuple[int, int, int]:
     return len(ros.publishers), len(ros.subscriptions), len(ros.timers)
 
 
-def test_a_text_of_the_paper_is_monitored_as_it_stands() -> None:
+def test_text_of_the_paper_runs() -> None:
     ros, _ = started(PAPER)
     assert [each.topic for each in ros.subscriptions] == ["robot0/cmd_vel", "/robot0/odom"]
     assert topics(ros) == {
@@ -64,7 +64,7 @@ def test_a_text_of_the_paper_is_monitored_as_it_stands() -> None:
     assert ros.data("rtamt/c/upper") == pytest.approx([-0.65])
 
 
-def test_one_subscription_serves_all_that_read_a_topic() -> None:
+def test_topics_are_subscribed_once() -> None:
     other = """
     specification slow
     from nav_msgs.msg import Odometry
@@ -83,7 +83,7 @@ MESSAGES = "from my_msgs.msg import Parts; from std_msgs.msg import Float32; flo
 
 
 @pytest.mark.parametrize("dense", [False, True])
-def test_what_one_requirement_cannot_read_concerns_no_other(dense: bool) -> None:  # noqa: FBT001 - a parameter of the test
+def test_unreadable_field_affects_one_requirement(dense: bool) -> None:  # noqa: FBT001 - a parameter of the test
     scan = "from sensor_msgs.msg import LaserScan; @ topic(s, /scan); "
     near = f"{scan}input LaserScan s; near = s.ranges[0] > 1; far = s.ranges[9] > 1"
     other = scan.replace("(s,", "(front,") + "input LaserScan front; last = front.ranges[1] > 1"
@@ -195,7 +195,7 @@ def test_what_one_requirement_cannot_read_concerns_no_other(dense: bool) -> None
         ),
     ],
 )
-def test_what_cannot_be_monitored_is_refused_before_it_starts(texts: list[str], text: str) -> None:
+def test_constructor_refuses_wrong_specifications(texts: list[str], text: str) -> None:
     ros = MemoryMiddleware()
     with pytest.raises(SpecificationError) as error:
         MonitorNode(ros, texts)
@@ -203,7 +203,7 @@ def test_what_cannot_be_monitored_is_refused_before_it_starts(texts: list[str], 
     assert open_ends(ros) == (0, 0, 0)
 
 
-def test_a_class_that_is_not_installed_is_refused_before_it_starts() -> None:
+def test_constructor_refuses_missing_classes() -> None:
     ros = MemoryMiddleware(missing={"rtamt_msgs"})
     with pytest.raises(InputError, match="rtamt_msgs is not installed"):
         MonitorNode(ros, [PAPER])
@@ -211,7 +211,7 @@ def test_a_class_that_is_not_installed_is_refused_before_it_starts() -> None:
         MonitorNode(ros, [])
 
 
-def test_start_and_stop_open_and_close_everything_once() -> None:
+def test_start_and_stop_are_idempotent() -> None:
     ros = MemoryMiddleware()
     node = MonitorNode(ros, [PAPER])
     assert open_ends(ros) == (0, 0, 0)
@@ -230,7 +230,7 @@ def test_start_and_stop_open_and_close_everything_once() -> None:
     assert len(ros.published) == before
 
 
-def test_a_start_that_ros_refuses_leaves_nothing_open() -> None:
+def test_refused_start_leaves_nothing_open() -> None:
     for topic in ("/robot0/odom", "rtamt/c/upper", "/diagnostics"):
         ros = MemoryMiddleware(refused={topic})
         node = MonitorNode(ros, [PAPER])
@@ -240,7 +240,7 @@ def test_a_start_that_ros_refuses_leaves_nothing_open() -> None:
         assert not node.running
 
 
-def test_a_monitor_begins_anew_when_it_is_started_again() -> None:
+def test_second_start_resets_monitors() -> None:
     ros, node = started("historically(x > 0)")
     send(ros, "x", 1.0)
     ros.tick()
@@ -254,7 +254,7 @@ def test_a_monitor_begins_anew_when_it_is_started_again() -> None:
     assert node.reports[0].restarts == 0
 
 
-def test_a_replacement_that_is_refused_leaves_the_old_one_running() -> None:
+def test_refused_replacement_changes_nothing() -> None:
     ros, node = started("historically(x > 0)")
     send(ros, "x", 1.0)
     ros.tick()
@@ -270,7 +270,7 @@ def test_a_replacement_that_is_refused_leaves_the_old_one_running() -> None:
     assert ros.data("rtamt/spec") == [1.0, 1.0]
 
 
-def test_a_replacement_begins_anew_with_its_own_topics_and_settings() -> None:
+def test_replacement_has_new_topics_and_settings() -> None:
     ros, node = started("historically(x > 0)")
     node.replace(["slow = y < 3"], Settings(period=10 * MS))
     assert [each.topic for each in ros.subscriptions] == ["rtamt/y"]
@@ -292,7 +292,7 @@ def test_a_replacement_begins_anew_with_its_own_topics_and_settings() -> None:
 
 
 @pytest.mark.parametrize("of", ["pose", "twist"])
-def test_elements_of_lists_and_of_arrays_of_numpy_are_read(of: str) -> None:
+def test_list_and_array_elements_are_read(of: str) -> None:
     odometry = "from nav_msgs.msg import Odometry; input Odometry o; "
     ros, _ = started(f"{odometry}a = o.{of}.covariance[35] < 1")
     heard = message("nav_msgs", "Odometry")

@@ -23,7 +23,7 @@ def odometry(speed: float, stamp: int | None = None) -> object:
 # The clock. --------------------------------------------------------------------------------------
 
 
-def test_a_bag_that_begins_again_begins_the_monitors_again() -> None:
+def test_looped_bag_restarts_monitors() -> None:
     ros, node = started("historically(x > 0)")
     for loop in range(3):
         for n in range(5):
@@ -37,7 +37,7 @@ def test_a_bag_that_begins_again_begins_the_monitors_again() -> None:
     assert node.reports[0].restarted_because == "the clock went back by 0.4 s"
 
 
-def test_messages_from_after_the_time_to_which_the_clock_went_back_are_forgotten() -> None:
+def test_jump_back_drops_later_messages() -> None:
     ros, node = started("historically(x > 0 and y > 0)", stale=math.inf)
     send(ros, "y", 7.0)
     ros.tick()
@@ -53,7 +53,7 @@ def test_messages_from_after_the_time_to_which_the_clock_went_back_are_forgotten
     assert ros.latched("rtamt/spec") == 3.0
 
 
-def test_a_clock_that_is_set_back_by_less_than_a_period_changes_nothing() -> None:
+def test_small_jump_back_changes_nothing() -> None:
     ros, node = started("historically(x > 0)")
     for time in (0, 100, 200, 130, 240, 300):
         ros.time = START + time * MS
@@ -63,7 +63,7 @@ def test_a_clock_that_is_set_back_by_less_than_a_period_changes_nothing() -> Non
     assert node.reports[0].restarts == 0
 
 
-def test_a_clock_that_is_set_back_little_by_little_has_gone_back() -> None:
+def test_small_jumps_back_add_up() -> None:
     ros, node = started("historically(x > 0)")
     for time in (0, 100, 200, 130, 99, 200):
         ros.time = START + time * MS
@@ -75,7 +75,7 @@ def test_a_clock_that_is_set_back_little_by_little_has_gone_back() -> None:
     assert node.reports[0].restarted_because == "the clock went back by 0.1 s"
 
 
-def test_nothing_is_said_before_a_simulated_clock_begins() -> None:
+def test_no_robustness_before_a_simulated_clock_starts() -> None:
     ros, node = started("x > 0")
     ros.time = 0
     send(ros, "x", 1.0)
@@ -88,7 +88,7 @@ def test_nothing_is_said_before_a_simulated_clock_begins() -> None:
 
 
 @pytest.mark.parametrize("dense", [False, True])
-def test_a_clock_that_goes_back_counts_once_whatever_the_stamps(dense: bool) -> None:  # noqa: FBT001 - a parameter of the test
+def test_jump_back_with_stamps_counts_once(dense: bool) -> None:  # noqa: FBT001 - a parameter of the test
     text = f"{ODOM}input float64 x; out = odom.twist.twist.linear.x > x"
     ros, node = started(text, dense=dense, stamps=True)
     for begin in (START, START - 50 * SECOND, START - 100 * SECOND):
@@ -105,7 +105,7 @@ def test_a_clock_that_goes_back_counts_once_whatever_the_stamps(dense: bool) -> 
 # Stamps. -----------------------------------------------------------------------------------------
 
 
-def test_messages_out_of_order_are_counted_and_left_out() -> None:
+def test_messages_out_of_order_are_counted() -> None:
     ros, node = started(f"{ODOM}odom.twist.twist.linear.x > 0", stamps=True)
     for stamp, speed in [(0, 1.0), (100, 2.0), (60, 9.0), (100, 3.0), (99, 9.0)]:
         ros.send("rtamt/odom", odometry(speed, START + stamp * MS))
@@ -134,7 +134,7 @@ def test_the_age_by_stamps_is_that_of_the_stamp() -> None:
     assert node.reports[0].stale == ()
 
 
-def test_a_publisher_whose_clock_is_ahead_is_stale_as_soon_as_another() -> None:
+def test_fast_publisher_clock_becomes_stale() -> None:
     ros, node = started(f"{ODOM}odom.twist.twist.linear.x > 0", stamps=True)
     ros.send("rtamt/odom", odometry(1.0, START + 3600 * SECOND))
     ros.tick()
@@ -160,9 +160,7 @@ def test_stamps_that_went_back_for_good_begin_anew() -> None:
 
 
 @pytest.mark.parametrize("dense", [False, True])
-def test_a_simulated_clock_that_stands_still_leaves_no_verdict(
-    monkeypatch: pytest.MonkeyPatch, *, dense: bool
-) -> None:
+def test_standing_clock_clears_verdict(monkeypatch: pytest.MonkeyPatch, *, dense: bool) -> None:
     monkeypatch.setattr("rtamt_ros.node.STANDS", 0.02)
     ros, node = started("historically(x > 0)", dense=dense)
     ros.simulated = True

@@ -39,7 +39,7 @@ def rows(message: Any) -> dict[str, dict[str, str]]:  # noqa: ANN401 - the class
     texts=st.lists(st.sampled_from(TEXTS), min_size=1, max_size=3, unique=True),
     steps=st.lists(st.tuples(VALUES, VALUES, st.booleans()), min_size=1, max_size=15),
 )
-def test_a_sample_has_one_message_with_what_is_known_at_its_time(
+def test_combined_message_equals_monitors(
     texts: list[str], steps: list[tuple[float, float, bool]]
 ) -> None:
     named = [f"r{at} = {text}" for at, text in enumerate(texts)]
@@ -86,9 +86,7 @@ def test_a_sample_has_one_message_with_what_is_known_at_its_time(
 @given(
     text=st.sampled_from(TEXTS), steps=st.lists(st.tuples(VALUES, VALUES), min_size=1, max_size=15)
 )
-def test_asked_counts_what_judge_counts_on_the_trace_as_soon_as_a_left_side_is_known(
-    text: str, steps: list[tuple[float, float]]
-) -> None:
+def test_combined_trigger_counts_equal_judge(text: str, steps: list[tuple[float, float]]) -> None:
     ros, _ = started(f"r = {text}", stale=math.inf, combined=TOPIC)
     asks = TEXTS.index(text) in (2, 3)
     for number, (x, y) in enumerate(steps):
@@ -110,7 +108,7 @@ def test_asked_counts_what_judge_counts_on_the_trace_as_soon_as_a_left_side_is_k
         assert said == " ".join(map(str, counts))
 
 
-def test_a_text_and_a_level_say_what_diagnostics_say() -> None:
+def test_combined_text_equals_diagnostics() -> None:
     ros, _ = started("bounded = always(x < 3)", "other = always(y > 0)", combined=TOPIC)
     for number in range(3):
         ros.time = START + number * PERIOD
@@ -124,7 +122,7 @@ def test_a_text_and_a_level_say_what_diagnostics_say() -> None:
     assert set(rows(first)["other"].values()) == {""}
 
 
-def test_what_is_stale_is_nan_and_a_reset_has_a_message_too() -> None:
+def test_combined_message_of_stale_and_reset() -> None:
     ros, _ = started("bounded = always(x < 3)", combined=TOPIC)
     send(ros, "x", 4.0)
     ros.tick()
@@ -144,7 +142,7 @@ def test_what_is_stale_is_nan_and_a_reset_has_a_message_too() -> None:
     assert rows(ros.on(TOPIC)[-1])["bounded"]["robustness"] == "nan"
 
 
-def test_values_that_are_not_known_are_counted_by_nobody() -> None:
+def test_unknown_values_stop_trigger_counts() -> None:
     text = "asked = always(x > 0 implies y > 0)"
     ros, _ = started(text, combined=TOPIC, stale=0.25, stale_as="unknown")
     said = []
@@ -158,7 +156,7 @@ def test_values_that_are_not_known_are_counted_by_nobody() -> None:
     assert said == ["1", "2", "3", "4", "", "", "", ""]
 
 
-def test_who_asks_for_nothing_has_no_such_topic() -> None:
+def test_no_combined_topic_by_default() -> None:
     ros, _ = started("bounded = always(x < 3)")
     assert {each.topic for each in ros.publishers} == {
         "/diagnostics",
@@ -167,7 +165,7 @@ def test_who_asks_for_nothing_has_no_such_topic() -> None:
     assert not ros.on(TOPIC)
 
 
-def test_dense_time_and_topics_of_other_types_are_refused() -> None:
+def test_combined_errors() -> None:
     with pytest.raises(InputError) as caught:
         Settings(dense=True, combined=TOPIC)
     assert str(caught.value) == (

@@ -31,7 +31,7 @@ def said(ros: MemoryMiddleware, node: MonitorNode) -> list[str]:
 
 @pytest.mark.parametrize("dense", [False, True])
 @given(steps=STEPS)
-def test_a_default_is_the_same_as_a_message_with_it_at_the_begin(
+def test_default_equals_a_first_message(
     steps: list[tuple[int, str, float]], *, dense: bool
 ) -> None:
     options: dict[str, Any] = {"dense": dense, "stale_of": {"rtamt/limit": float("inf")}}
@@ -49,7 +49,7 @@ def test_a_default_is_the_same_as_a_message_with_it_at_the_begin(
     assert said(ros, node) == said(other, told)
 
 
-def test_what_has_a_default_is_stale_only_after_its_first_message() -> None:
+def test_default_is_not_stale() -> None:
     ros, node = started(WITH)
     for n in range(20):
         ros.time += 100 * MS
@@ -62,7 +62,7 @@ def test_what_has_a_default_is_stale_only_after_its_first_message() -> None:
 
 
 @pytest.mark.parametrize("dense", [False, True])
-def test_texts_with_defaults_alone_have_a_robustness_at_once(dense: bool) -> None:  # noqa: FBT001 - a parameter of the test
+def test_defaults_alone_have_robustness(dense: bool) -> None:  # noqa: FBT001 - a parameter of the test
     ros, _ = started("input float64 x = 3; out = x > 1", dense=dense)
     for _ in range(3):
         ros.time += 100 * MS
@@ -70,7 +70,7 @@ def test_texts_with_defaults_alone_have_a_robustness_at_once(dense: bool) -> Non
     assert set(ros.data("rtamt/out")) == {2.0}
 
 
-def test_two_texts_may_have_two_defaults_and_no_default_waits() -> None:
+def test_defaults_of_several_texts() -> None:
     ros, node = started(*(f"input float64 x{default}; x < 9" for default in (" = 1", " = 2", "")))
     ros.tick()
     assert [ros.data(f"rtamt/spec{n}") for n in ("", "_2", "_3")] == [[8.0], [7.0], []]
@@ -81,7 +81,7 @@ def test_two_texts_may_have_two_defaults_and_no_default_waits() -> None:
     assert [ros.data(f"rtamt/spec{n}")[-1] for n in ("", "_2", "_3")] == [5.0] * 3
 
 
-def test_in_dense_time_a_default_lasts_while_stamps_of_others_go_on() -> None:
+def test_dense_default_lasts() -> None:
     text = (
         "from my_msgs.msg import Parts; from std_msgs.msg import Float64; input Parts m; "
         "input Float64 limit = 0.5; out = m.a < limit"

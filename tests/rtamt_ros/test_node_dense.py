@@ -71,7 +71,7 @@ def signals(
 
 
 @given(steps=STEPS, formula=st.sampled_from(FORMULAS))
-def test_by_receipt_a_node_publishes_what_evaluate_dense_says(
+def test_dense_by_arrival_equals_evaluate(
     steps: list[tuple[int, str, float, float]], formula: str
 ) -> None:
     text = f"{HEAD}out.value = {formula}"
@@ -111,7 +111,7 @@ def _arrays(rows: list[tuple[int, float]]) -> tuple[list[float], list[float]]:
 
 
 @given(steps=STEPS, formula=st.sampled_from(FORMULAS), data=st.data())
-def test_by_stamps_the_order_in_which_topics_come_does_not_matter(
+def test_dense_by_stamp_ignores_topic_order(
     steps: list[tuple[int, str, float, float]], formula: str, data: st.DataObject
 ) -> None:
     text = f"{HEAD}out.value = {formula}"
@@ -153,7 +153,7 @@ def test_by_stamps_the_order_in_which_topics_come_does_not_matter(
     assert (node.reports[0].restarts, node.reports[0].out_of_order) == (0, 0)
 
 
-def test_the_robustness_of_a_time_is_published_as_soon_as_it_is_known() -> None:
+def test_dense_robustness_is_published_early() -> None:
     ros, _ = started(f"{HEAD}out.value = always[0:0.2](m.a > n.a)")
     ros.send("rtamt/m", parts(5, 0))
     ros.time += 100 * MS
@@ -169,7 +169,7 @@ def test_the_robustness_of_a_time_is_published_as_soon_as_it_is_known() -> None:
     assert published(ros) == [(begin, 4.0), (begin + 100 * MS, 1.0)]
 
 
-def test_verdict_and_bounds_of_an_invariant_follow_the_least_robustness() -> None:
+def test_dense_invariant_bounds() -> None:
     ros, node = started("bad = always(x > 0); good = eventually(x > 3); now = x > 0")
     for value in (2.0, 1.0, 4.0, -1.0, 5.0):
         ros.send("rtamt/x", message("std_msgs", "Float64", data=value))
@@ -218,7 +218,7 @@ def test_a_stale_input_ends_the_run(stamps: bool) -> None:  # noqa: FBT001 - a p
     assert node.reports[0].restarted_because == "n was stale"
 
 
-def test_two_messages_in_one_tick_of_a_clock_come_one_after_the_other() -> None:
+def test_dense_messages_in_one_tick() -> None:
     ros, node = started("x > 0")
     for value in (1.0, 2.0, 3.0):
         ros.send("rtamt/x", message("std_msgs", "Float64", data=value))
@@ -235,7 +235,7 @@ def test_two_messages_with_one_stamp_are_one_event() -> None:
     assert node.reports[0].out_of_order == 2
 
 
-def test_what_a_message_makes_of_the_robustness_is_published_with_it() -> None:
+def test_dense_message_publishes_at_once() -> None:
     ros, node = started("always(x > 0)")
     for n, (value, least) in enumerate([(4.0, 4.0), (-1.0, -1.0), (9.0, -1.0)]):
         ros.time = START + n * 100 * MS
@@ -266,12 +266,12 @@ def test_values_without_a_robustness_begin_anew() -> None:
     assert node.reports[0].restarted_because == "there was no robustness"
 
 
-def test_a_requirement_that_dense_time_cannot_monitor_is_refused_at_once() -> None:
+def test_dense_refusals() -> None:
     with pytest.raises(SpecificationError, match="'prev' speaks of neighbouring samples"):
         started("always(prev(x > 0))")
 
 
-def test_two_invariants_in_one_formula_and_a_response_without_end_are_judged() -> None:
+def test_dense_unbounded_formulas() -> None:
     ros, node = started(
         "both = always(x > 0) and always(y > 0); answered = always(x > 2 implies eventually(y > 2))"
     )
@@ -290,7 +290,7 @@ def test_two_invariants_in_one_formula_and_a_response_without_end_are_judged() -
     assert 0 < both.violated_at - (START + 300 * MS) < MS
 
 
-def test_a_verdict_comes_before_the_robustness_that_a_window_delays() -> None:
+def test_dense_verdict_precedes_robustness() -> None:
     ros, node = started("always[0:10](x > 0)")
     for value in (2.0, -1.0):
         ros.send("rtamt/x", message("std_msgs", "Float64", data=value))
@@ -300,7 +300,7 @@ def test_a_verdict_comes_before_the_robustness_that_a_window_delays() -> None:
     assert node.reports[0].text.startswith("violated, robustness not known yet")
 
 
-def test_with_stamps_a_silent_input_does_not_hold_up_the_others() -> None:
+def test_dense_silent_input_does_not_block() -> None:
     text = f"{HEAD}out.value = always(m.a > 0 or n.a > 5)"
     ros, node = started(text, stamps=True, stale=0.5, stale_as="unknown")
     said = []
@@ -324,9 +324,7 @@ def test_with_stamps_a_silent_input_does_not_hold_up_the_others() -> None:
     "formula", ["always(m.a > n.a + 0 * sqrt(n.b))", "always[0:10](m.a > n.a + 0 * sqrt(n.b))"]
 )
 @pytest.mark.parametrize("restart", ["clock", "stamps", "stale", "failed"])
-def test_a_violation_that_is_certain_counts_before_a_restart_forgets_it(
-    formula: str, restart: str
-) -> None:
+def test_dense_violation_counts_before_restart(formula: str, restart: str) -> None:
     ros, node = started(f"{HEAD}out.value = {formula}", stamps=True)
     begin = ros.time = START + 20 * SECOND
     for name, a in (("n", 1.0), ("m", 0.0)):

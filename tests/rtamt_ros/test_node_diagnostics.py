@@ -13,7 +13,7 @@ OTHER = "other = always[0:0.2](y > z)"
 
 
 @pytest.mark.parametrize("generation", [1, 2])
-def test_diagnostics_come_once_a_second_and_when_a_level_changes(generation: int) -> None:
+def test_diagnostics_rate_and_content(generation: int) -> None:
     ros = MemoryMiddleware(generation=generation, name="/ns/monitor")
     node = MonitorNode(ros, ["bounded = always(x < 3)", OTHER])
     node.start()
@@ -61,7 +61,7 @@ def test_diagnostics_come_once_a_second_and_when_a_level_changes(generation: int
     assert ros.lines[6][1] == "other: waiting for y, z"
 
 
-def test_without_the_messages_of_diagnostics_the_rest_goes_on() -> None:
+def test_missing_diagnostic_msgs() -> None:
     ros = MemoryMiddleware(missing={"diagnostic_msgs"})
     node = MonitorNode(ros, ["x > 0"])
     node.start()

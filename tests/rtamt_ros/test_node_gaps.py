@@ -29,7 +29,7 @@ GAPS = st.lists(
 
 
 @given(GAPS)
-def test_no_value_is_left_on_a_topic_whose_input_is_stale(steps: list[tuple[int, str]]) -> None:
+def test_stale_input_clears_topics(steps: list[tuple[int, str]]) -> None:
     ros, node = started(X_AND_Y)
     came: dict[str, list[int]] = {"x": [], "y": []}
     runs = 0
@@ -97,7 +97,7 @@ def test_no_value_is_left_in_dense_time_either(steps: list[tuple[int, str]], sta
             assert ros.latched("rtamt/spec/verdict") == Verdict.UNDECIDED
 
 
-def test_a_run_after_a_gap_knows_nothing_of_the_one_before() -> None:
+def test_run_after_a_gap_is_new() -> None:
     ros, node = started("historically(x > 0)", "always(x > 0)")
     for time, value in [(0, 5.0), (100, -1.0), (200, 5.0), (900, None), (1000, 4.0), (1100, 6.0)]:
         ros.time = START + time * MS
@@ -120,7 +120,7 @@ def test_a_run_after_a_gap_knows_nothing_of_the_one_before() -> None:
     )
 
 
-def test_a_requirement_goes_on_while_the_input_of_another_is_stale() -> None:
+def test_stale_input_affects_one_requirement() -> None:
     ros, node = started("slow = x < 3; near = y < 3")
     for n in range(10):
         ros.time = START + n * 100 * MS
@@ -136,7 +136,7 @@ def test_a_requirement_goes_on_while_the_input_of_another_is_stale() -> None:
 
 
 @pytest.mark.parametrize("dense", [False, True])
-def test_formulas_with_names_are_not_left_on_their_topics_either(
+def test_stale_input_clears_named_formulas(
     dense: bool,  # noqa: FBT001 - a parameter of the test
 ) -> None:
     text = """
@@ -242,7 +242,7 @@ SCAN = "from sensor_msgs.msg import LaserScan; input LaserScan scan; "
         ([1.0, 10**400], "scan.ranges[1] cannot be read: int too large to convert to float"),
     ],
 )
-def test_a_message_that_cannot_be_read_is_left_out_and_said(ranges: object, problem: str) -> None:
+def test_unreadable_message_is_reported(ranges: object, problem: str) -> None:
     ros, node = started(f"{SCAN}scan.ranges[1] > 0.3")
     bad = message("sensor_msgs", "LaserScan", ranges=ranges)
     good = message("sensor_msgs", "LaserScan", ranges=[0.0, 1.3])
@@ -276,7 +276,7 @@ def test_a_message_that_cannot_be_read_is_left_out_and_said(ranges: object, prob
     )
 
 
-def test_values_without_a_robustness_are_said_and_begin_anew() -> None:
+def test_values_without_robustness_restart() -> None:
     ros, node = started("always(sqrt(x) > 1)", "always(x > -9)")
     for n, x in enumerate([4.0, -1.0, -4.0, 16.0]):
         ros.time = START + n * 100 * MS

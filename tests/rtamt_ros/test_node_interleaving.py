@@ -69,7 +69,7 @@ def test_a_lock_is_held_by_one_thread_at_a_time() -> None:
         assert inside in (list("aabb"), list("bbaa"))
 
 
-def test_threads_that_read_the_clock_in_turns_see_no_clock_that_went_back(
+def test_interleaved_clock_never_goes_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     orders = 0
@@ -87,7 +87,7 @@ def test_threads_that_read_the_clock_in_turns_see_no_clock_that_went_back(
     assert orders > 5
 
 
-def test_a_sample_holds_what_came_by_its_time_whoever_has_the_turn(
+def test_interleaved_samples_hold_last_values(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     text = """

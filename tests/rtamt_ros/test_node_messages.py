@@ -36,7 +36,7 @@ VALUES = st.sampled_from([-2.0, -0.5, 0.0, 1.0, 3.0])
     formulas=st.tuples(*[st.sampled_from(list(FORMULAS))] * 3),
     steps=st.lists(st.tuples(VALUES, VALUES, st.booleans()), min_size=1, max_size=20),
 )
-def test_every_time_has_one_message_with_what_evaluate_says_of_it(
+def test_message_fields_equal_evaluate(
     formulas: tuple[str, str, str], steps: list[tuple[float, float, bool]]
 ) -> None:
     a, b, c = formulas
@@ -67,7 +67,7 @@ def test_every_time_has_one_message_with_what_evaluate_says_of_it(
     assert len(node.reports) == 3
 
 
-def test_a_field_whose_input_is_stale_is_nan_in_every_message_that_waits_for_it() -> None:
+def test_stale_field_is_nan_in_waiting_messages() -> None:
     ros, _ = started(f"{HEAD}out.a = always[0:0.2](x > 0)\nout.b = y > 0", stale=0.25)
     for number in range(9):
         ros.time = START + number * PERIOD
@@ -88,7 +88,7 @@ def test_a_field_whose_input_is_stale_is_nan_in_every_message_that_waits_for_it(
     ]
 
 
-def test_what_waits_for_a_field_is_forgotten_when_the_clock_goes_back() -> None:
+def test_jump_back_drops_waiting_messages() -> None:
     ros, _ = started(f"{HEAD}out.a = always[0:0.2](x > 0)\nout.b = y > 0", stale=math.inf)
     for begin in (START, START - SECOND):
         for number in range(4):
@@ -100,7 +100,7 @@ def test_what_waits_for_a_field_is_forgotten_when_the_clock_goes_back() -> None:
     assert found == [0, 1, -10, -9]
 
 
-def test_several_fields_of_one_message_are_refused_in_dense_time() -> None:
+def test_dense_refuses_several_fields() -> None:
     with pytest.raises(SpecificationError) as refused:
         started(f"{HEAD}out.a = x > 0\nout.inner.x = y > 0", dense=True)
     assert str(refused.value) == (
@@ -109,7 +109,7 @@ def test_several_fields_of_one_message_are_refused_in_dense_time() -> None:
     )
 
 
-def test_the_header_of_a_part_says_what_the_part_is_about_in_dense_time() -> None:
+def test_dense_header_has_the_time_of_the_value() -> None:
     text = f"{HEAD}output Parts near\nnear.a = x > 0\nout.a = always[0:0.5](near.a) and y > 0"
     ros, _ = started(text, dense=True)
     for number in range(9):

@@ -24,7 +24,7 @@ def states(ros: MemoryMiddleware) -> list[list[tuple[str, int, str]]]:
     return [[(one.name, one.level, one.message) for one in array[1:]] for array in arrays]
 
 
-def test_what_is_new_among_others_is_logged_once_and_stays_in_diagnostics() -> None:
+def test_problems_with_others_are_logged_once() -> None:
     ros, node = started("out = x > 1")
     send(ros, "x", 2.0)
     ros.tick()
@@ -53,7 +53,7 @@ def test_robustness_goes_on_without_a_master() -> None:
 
 
 @pytest.mark.parametrize("other", ["", "/rtamt/oats"])
-def test_a_hint_names_no_topic_that_the_node_publishes_itself(other: str) -> None:
+def test_hint_excludes_own_topics(other: str) -> None:
     ros, node = started("input float64 x\n@ topic(x, rtamt/oat)\nout = x > 1")
     ros.known = {ros.resolve(each.topic) for each in ros.publishers} | {other} - {""}
     ros.tick()

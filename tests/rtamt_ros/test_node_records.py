@@ -21,7 +21,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_a_record_gives_the_same_values_offline(tmp_path: Path) -> None:
+def test_record_equals_evaluate(tmp_path: Path) -> None:
     text = "ok = always[0:0.2](x - y > 1)"
     begin = 1_700_000_000 * SECOND + 123_456_789
     ros, node = started(text, begin=begin, record=tmp_path / "run.csv")
@@ -43,7 +43,7 @@ def test_a_record_gives_the_same_values_offline(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("dense", [False, True])
-def test_the_command_line_finds_the_same_robustness_in_a_record(
+def test_rtamt_monitor_reads_records(
     tmp_path: Path,
     dense: bool,  # noqa: FBT001 - a parameter of the test
 ) -> None:
@@ -71,7 +71,7 @@ def test_the_command_line_finds_the_same_robustness_in_a_record(
         assert [float(row["ok"]) for row in table][:-2] == ros.data("rtamt/ok")
 
 
-def test_every_run_and_every_requirement_has_its_file(tmp_path: Path) -> None:
+def test_runs_and_requirements_have_files(tmp_path: Path) -> None:
     ros, node = started("slow = x < 3; near = y < 3", record=tmp_path / "run.csv")
     for time, what in [(0, "xy"), (100, "xy"), (200, "x"), (700, "x"), (800, "xy"), (900, "xy")]:
         ros.time = 1000 * SECOND + time * MS
@@ -83,7 +83,7 @@ def test_every_run_and_every_requirement_has_its_file(tmp_path: Path) -> None:
     assert counts == {"run-slow.csv": 10, "run-near.csv": 7, "run-near-2.csv": 2}
 
 
-def test_a_record_of_dense_time_holds_the_events(tmp_path: Path) -> None:
+def test_dense_record_holds_events(tmp_path: Path) -> None:
     ros, node = started("x > y", dense=True, record=tmp_path / "run.csv")
     for time, name, value in [(0, "x", 1.0), (50, "y", 2.0), (70, "x", 3.0), (90, "y", 0.5)]:
         ros.time = 1000 * SECOND + time * MS
@@ -97,7 +97,7 @@ def test_a_record_of_dense_time_holds_the_events(tmp_path: Path) -> None:
     ]
 
 
-def test_a_folder_that_is_not_there_is_refused_at_once(tmp_path: Path) -> None:
+def test_record_folder_errors(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         started("x > 0", record=tmp_path / "no" / "run.csv")
     assert str(error.value) == f"expected a folder for the record, there is no {tmp_path / 'no'}"
@@ -106,7 +106,7 @@ def test_a_folder_that_is_not_there_is_refused_at_once(tmp_path: Path) -> None:
     assert str(error.value) == f"expected a file for the record, {tmp_path} is a folder"
 
 
-def test_a_disk_that_is_full_ends_the_record_and_nothing_else() -> None:
+def test_full_disk_ends_the_record_only() -> None:
     ros, node = started("always(x > 0)", record=Path("/dev/full"))
     for n in range(25):
         send(ros, "x", 5.0 - n % 4)
@@ -121,7 +121,7 @@ def test_a_disk_that_is_full_ends_the_record_and_nothing_else() -> None:
     node.stop()
 
 
-def test_a_folder_that_is_gone_at_the_next_run_is_said(tmp_path: Path) -> None:
+def test_removed_folder_ends_the_record(tmp_path: Path) -> None:
     folder = tmp_path / "records"
     folder.mkdir()
     ros, node = started("x > 0", record=folder / "run.csv")

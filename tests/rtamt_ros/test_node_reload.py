@@ -8,7 +8,7 @@ from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode, Settings
 
 
-def test_no_start_and_no_specification_overwrites_a_record(tmp_path: Path) -> None:
+def test_records_are_not_overwritten(tmp_path: Path) -> None:
     ros = MemoryMiddleware()
     settings = Settings(record=tmp_path / "run.csv")
     node = MonitorNode(ros, ["x > 1"], settings)
@@ -34,7 +34,7 @@ def test_no_start_and_no_specification_overwrites_a_record(tmp_path: Path) -> No
     }
 
 
-def test_a_record_of_another_node_stays_and_the_log_says_where_the_new_one_is(
+def test_log_names_the_new_record(
     tmp_path: Path,
 ) -> None:
     for name in ("run.csv", "run-2.csv"):
@@ -50,7 +50,7 @@ def test_a_record_of_another_node_stays_and_the_log_says_where_the_new_one_is(
     assert kept == {"run.csv": "precious", "run-2.csv": "precious", "run-3.csv": "2.0\n"}
 
 
-def test_a_node_that_starts_before_its_clock_says_at_once_what_it_waits_for() -> None:
+def test_node_before_its_clock_reports() -> None:
     node = MonitorNode(MemoryMiddleware(time=0), ["x > 1"])
     node.start()
     assert [report.text for report in node.reports] == ["waiting for the clock"]

@@ -34,7 +34,7 @@ def play(ros: MemoryMiddleware, values: list[float], begin: int) -> None:
     late=st.integers(1, 99),
     text=st.sampled_from(["always(x > 0)", "eventually(x > 2)", "always(once[0:0.2](x > 0))"]),
 )
-def test_after_a_reset_the_node_is_as_one_that_has_just_begun(
+def test_reset_equals_a_new_node(
     before: list[float], after: list[float], late: int, text: str
 ) -> None:
     ros, node = started(text, stale=math.inf)
@@ -57,7 +57,7 @@ def test_after_a_reset_the_node_is_as_one_that_has_just_begun(
 
 
 @pytest.mark.parametrize("dense", [False, True])
-def test_a_violation_is_forgotten_and_the_answer_says_so(dense: bool) -> None:  # noqa: FBT001
+def test_reset_forgets_violations(dense: bool) -> None:  # noqa: FBT001
     ros, node = started("bounded = always(x < 3)", "other = always(y > 0)", dense=dense)
     for number in range(5):
         ros.time = START + number * PERIOD
@@ -117,7 +117,7 @@ def test_resets_and_restarts_are_counted_apart() -> None:
     assert values["last reset at"] == "1002.000 s"
 
 
-def test_a_sample_that_was_due_before_the_reset_is_in_no_run() -> None:
+def test_reset_drops_due_samples() -> None:
     ros, node = started("always(x < 3)", stale=math.inf)
     play(ros, [1.0], START)
     ros.time = START + PERIOD
@@ -130,7 +130,7 @@ def test_a_sample_that_was_due_before_the_reset_is_in_no_run() -> None:
     assert (report.verdict, report.robustness, report.missed) == (Verdict.UNDECIDED, 1.0, 0)
 
 
-def test_a_run_in_dense_time_begins_at_the_reset_with_what_is_held() -> None:
+def test_dense_reset_keeps_held_values() -> None:
     ros, node = started("always[0:0.2](x < 3)", dense=True, stale=math.inf)
     for number, value in enumerate([7.0, 1.0]):
         ros.time = START + number * PERIOD
@@ -145,7 +145,7 @@ def test_a_run_in_dense_time_begins_at_the_reset_with_what_is_held() -> None:
     assert min(each.header.stamp.ns for each in ros.on("/diagnostics")) >= START
 
 
-def test_a_clock_that_goes_back_behind_a_reset_begins_where_it_is() -> None:
+def test_jump_back_before_a_reset() -> None:
     ros, node = started("always[0:0.2](x < 3)", dense=True, stale=math.inf)
     send(ros, "x", 1.0)
     ros.time += PERIOD
@@ -160,7 +160,7 @@ def test_a_clock_that_goes_back_behind_a_reset_begins_where_it_is() -> None:
     assert node.reports[0].time < START
 
 
-def test_a_record_goes_on_in_the_next_file(tmp_path: Path) -> None:
+def test_reset_starts_the_next_record(tmp_path: Path) -> None:
     ros, node = started("always(x < 3)", record=tmp_path / "run.csv")
     play(ros, [1.0, 2.0], START)
     ros.call("reset")
@@ -170,7 +170,7 @@ def test_a_record_goes_on_in_the_next_file(tmp_path: Path) -> None:
     assert [len(each) for each in rows] == [2, 1]
 
 
-def test_there_is_a_service_while_the_node_runs_and_its_messages_are_installed() -> None:
+def test_reset_service_exists_while_running() -> None:
     ros, node = started("always(x < 3)")
     assert [each.topic for each in ros.services] == ["reset"]
     node.stop()
@@ -191,7 +191,7 @@ def test_there_is_a_service_while_the_node_runs_and_its_messages_are_installed()
     node.stop()
 
 
-def test_before_a_simulated_clock_begins_there_is_nothing_to_reset() -> None:
+def test_reset_before_a_simulated_clock() -> None:
     ros = MemoryMiddleware(time=0, simulated=True)
     node = MonitorNode(ros, ["always(x < 3)"])
     node.start()

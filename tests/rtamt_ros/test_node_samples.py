@@ -66,9 +66,7 @@ def check_bounds(ros: MemoryMiddleware, expected: list[tuple[float, float, int]]
 
 
 @given(steps=STEPS, text=st.sampled_from(list(FORMULAS)), late=st.integers(0, 3))
-def test_a_node_says_of_its_samples_what_evaluate_says(
-    steps: list[tuple[int, str, float]], text: str, late: int
-) -> None:
+def test_samples_equal_evaluate(steps: list[tuple[int, str, float]], text: str, late: int) -> None:
     ros = MemoryMiddleware(time=START)
     node = MonitorNode(ros, [f"{TEXT}{text}"], Settings(stale=FOREVER))
     node.start()
@@ -134,9 +132,7 @@ def test_a_node_says_of_its_samples_what_evaluate_says(
     phase=st.integers(0, 99),
     waits=st.lists(st.tuples(st.integers(0, 130), st.integers(0, 130)), min_size=1, max_size=60),
 )
-def test_a_stamp_is_never_in_the_future_and_the_value_is_the_newest_that_came_by_it(
-    phase: int, waits: list[tuple[int, int]]
-) -> None:
+def test_samples_hold_the_newest_value(phase: int, waits: list[tuple[int, int]]) -> None:
     """A value is the time of its publishing, in milliseconds since the start."""
     ros, published = MemoryMiddleware(time=START), []
     node = MonitorNode(ros, [f"{STAMPED}out.value = x >= 0"], Settings(stale=FOREVER))
@@ -161,7 +157,7 @@ def test_a_stamp_is_never_in_the_future_and_the_value_is_the_newest_that_came_by
 
 
 @given(st.lists(st.integers(0, 99), min_size=2, max_size=40))
-def test_a_timer_that_is_late_by_less_than_a_period_neither_drops_nor_adds_a_sample(
+def test_late_timer_keeps_samples(
     jitter: list[int],
 ) -> None:
     ros = MemoryMiddleware(time=START)
@@ -176,7 +172,7 @@ def test_a_timer_that_is_late_by_less_than_a_period_neither_drops_nor_adds_a_sam
     assert node.reports[0].missed == 0
 
 
-def test_a_late_timer_gives_each_period_that_passed_the_values_of_its_own_time() -> None:
+def test_late_timer_samples_every_period() -> None:
     ros = MemoryMiddleware(time=START)
     node = MonitorNode(ros, ["historically[0:0.2](x > 0)"], Settings())
     node.start()
@@ -191,7 +187,7 @@ def test_a_late_timer_gives_each_period_that_passed_the_values_of_its_own_time()
     assert node.reports[0].text == "satisfied, robustness 1; 2 samples late"
 
 
-def test_an_input_is_stale_in_the_samples_that_are_too_late_for_it_alone() -> None:
+def test_stale_in_late_samples_only() -> None:
     ros = MemoryMiddleware(time=START)
     node = MonitorNode(ros, [f"{STAMPED}out.value = x > 0"], Settings(stale=0.25))
     node.start()

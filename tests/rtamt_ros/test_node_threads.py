@@ -76,7 +76,7 @@ def test_values_of_a_message_belong_together() -> None:
     assert {abs(each) for each in found} == {0.0}
 
 
-def test_events_of_several_threads_are_judged_in_the_order_in_which_they_are_recorded(
+def test_threaded_events_are_judged_in_order(
     tmp_path: Path,
 ) -> None:
     ros = MemoryMiddleware(time=START)
@@ -113,7 +113,7 @@ def test_events_of_several_threads_are_judged_in_the_order_in_which_they_are_rec
 
 
 @pytest.mark.parametrize("dense", [False, True])
-def test_specifications_are_replaced_while_messages_come(
+def test_replacement_under_load(
     dense: bool,  # noqa: FBT001 - a parameter of the test
 ) -> None:
     ros = MemoryMiddleware(time=START)

@@ -16,7 +16,7 @@ from rtamt_ros.node import MonitorNode
 MESSAGES = "from my_msgs.msg import Parts; from std_msgs.msg import Float32; float64 x; "
 
 
-def test_formulas_named_after_fields_of_a_message_are_one_message() -> None:
+def test_fields_share_a_message() -> None:
     text = f"""{MESSAGES}
     output Parts out
     output Float32 alone
@@ -39,7 +39,7 @@ def test_formulas_named_after_fields_of_a_message_are_one_message() -> None:
     assert ros.data("rtamt/alone") == [6.0, 8.5, 5.0]
 
 
-def test_a_formula_that_two_requirements_use_is_published_once_when_it_is_known() -> None:
+def test_shared_formula_is_published_once() -> None:
     ros, _ = started("p = eventually[0:0.1](x > 0); a = p or x > 5; b = always(p)")
     for value in (1.0, 2.0, 3.0):
         send(ros, "x", value)
@@ -50,7 +50,7 @@ def test_a_formula_that_two_requirements_use_is_published_once_when_it_is_known(
     assert ros.data("rtamt/b") == [2.0, 2.0]
 
 
-def test_two_requirements_in_one_message_have_bounds_of_their_own() -> None:
+def test_requirements_in_a_message_have_own_bounds() -> None:
     text = f"{MESSAGES}output Parts out; @ topic(out, /safe); out.a = x > 1; out.inner.x = x < 5"
     ros, _ = started(text)
     assert {topic for topic in topics(ros) if "verdict" in topic} == {
@@ -75,9 +75,7 @@ UNBOUNDED: dict[str, dict[str, type[Monitor | EpisodeMonitor]]] = {
 
 @pytest.mark.parametrize("text", UNBOUNDED)
 @given(values=st.lists(st.sampled_from([-2.0, -0.0, 0.0, 1.0, 2.5, 7.0]), min_size=1, max_size=9))
-def test_each_formula_of_a_requirement_without_an_end_has_a_robustness_of_its_own(
-    text: str, values: list[float]
-) -> None:
+def test_named_formulas_of_unbounded_requirements(text: str, values: list[float]) -> None:
     ros, node = started(text)
     spec = parse(text)
     alone = {
@@ -105,7 +103,7 @@ def test_each_formula_of_a_requirement_without_an_end_has_a_robustness_of_its_ow
         assert found == [number for number in said[name][:1] if number != "nan"]
 
 
-def test_topics_that_nobody_publishes_are_named_once_with_those_that_may_be_meant(
+def test_silent_topics_are_logged_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(rtamt_ros.node, "SOON", 0.0)
@@ -134,7 +132,7 @@ def test_topics_that_nobody_publishes_are_named_once_with_those_that_may_be_mean
         ("int64 x; out = x > 1", "rtamt/out", "std_msgs/Int64 and std_msgs/Float64"),
     ],
 )
-def test_topics_that_remappings_make_one_have_one_type(text: str, topic: str, types: str) -> None:
+def test_remapped_topics_have_one_type(text: str, topic: str, types: str) -> None:
     ros = MemoryMiddleware(remapped={topic: "/rtamt/x"})
     node = MonitorNode(ros, [text])
     with pytest.raises(InputError) as refused:

@@ -40,9 +40,7 @@ Step = tuple[float | None, float | None]
         max_size=24,
     ),
 )
-def test_bounds_and_verdict_are_those_of_the_run_with_unknown_samples(
-    text: str, steps: list[Step]
-) -> None:
+def test_stale_as_unknown_equals_unknown_samples(text: str, steps: list[Step]) -> None:
     ros, node = started(text, stale_as="unknown")
     rows: list[Step] = []
     held: dict[str, tuple[float, int]] = {}
@@ -72,7 +70,7 @@ def test_bounds_and_verdict_are_those_of_the_run_with_unknown_samples(
             assert whole.lower <= report.robustness <= whole.upper
 
 
-def test_a_silence_neither_ends_the_run_nor_hides_what_the_others_decide() -> None:
+def test_stale_as_unknown_continues_the_run() -> None:
     ros, node = started("slow = x < 3; out = always(slow and y > 0)", stale_as="unknown")
     said = []
     for n in range(16):
@@ -165,9 +163,7 @@ class _Sent:
         max_size=24,
     ),
 )
-def test_in_dense_time_a_value_is_unknown_from_when_it_is_stale(
-    text: str, steps: list[Step]
-) -> None:
+def test_dense_value_is_unknown_while_stale(text: str, steps: list[Step]) -> None:
     ros, node = started(text, stale_as="unknown", dense=True)
     sent = _Sent()
     for n, values in enumerate([(1.0, 1.0), *steps]):
@@ -194,7 +190,7 @@ def test_in_dense_time_a_value_is_unknown_from_when_it_is_stale(
             assert found.lower <= report.robustness <= found.upper
 
 
-def test_in_dense_time_robustness_begins_anew_when_all_inputs_are_there_again(
+def test_dense_robustness_restarts_after_silence(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "run.csv"

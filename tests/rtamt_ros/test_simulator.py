@@ -54,7 +54,7 @@ def test_odometry_is_what_the_environment_observes(lag: float) -> None:
     np.testing.assert_allclose(found[:, 2], seen[:, 2], atol=1e-15)
 
 
-def test_commands_are_cut_to_what_the_robot_can_do_and_nan_is_left_out() -> None:
+def test_commands_are_clipped() -> None:
     found = driven(np.array([[9, -9], [math.nan, 0], [0, 0]]), parameters={"noise": 0.0})
     np.testing.assert_array_equal(found[:, 3:], [[1, -2], [1, -2], [0, 0]])
 
@@ -80,7 +80,7 @@ def test_odometry_says_when_it_is_and_of_what() -> None:
     assert [each.period for each in node.timers] == [100_000_000]
 
 
-def test_blocked_wheels_stand_still_at_once_and_pick_up_again_with_the_lag() -> None:
+def test_blocked_wheels_stop() -> None:
     actions = np.tile([0.2, 0.0], (20, 1))
     parameters = {"lag": 0.5, "noise": 0.0}
     free = driven(actions, parameters=parameters)
@@ -91,7 +91,7 @@ def test_blocked_wheels_stand_still_at_once_and_pick_up_again_with_the_lag() -> 
     np.testing.assert_array_equal(found[8:, 3], free[:12, 3])
 
 
-def test_the_fault_of_the_robot_waits_for_its_first_command() -> None:
+def test_fault_waits_for_the_first_command() -> None:
     node = MemoryMiddleware()
     Robot(node, parameters={"noise": 0.0}, stuck=Stuck(0.1, 0.1))
     for _ in range(5):
@@ -118,7 +118,7 @@ def together(steps: int, surge: Surge | None = None) -> tuple[MemoryMiddleware, 
     return robot, controller
 
 
-def test_the_controller_drives_as_the_baseline_to_the_dock() -> None:
+def test_controller_equals_baseline() -> None:
     robot, controller = together(500)
     env = made("MobileRobot", parameters={"noise": 0.0})
     env.reset(seed=0)
@@ -134,7 +134,7 @@ def test_the_controller_drives_as_the_baseline_to_the_dock() -> None:
     assert command == (0.0, 0.0)
 
 
-def test_a_surge_is_commanded_for_as_long_as_it_was_asked_for() -> None:
+def test_surge_duration() -> None:
     _, calm = together(30)
     _, controller = together(30, Surge(0.7, 0.4, -0.5))
     speeds = [each.linear.x for each in controller.on(CMD)]

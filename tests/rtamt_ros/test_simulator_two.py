@@ -96,7 +96,7 @@ def together(steps: int, **parameters: float) -> tuple[MemoryMiddleware, MemoryM
 
 
 @pytest.mark.parametrize("parameters", [{}, {"caution": 0.0, "speed": 1.0}, {"lag": 0.8}])
-def test_the_controller_drives_as_the_baseline_from_station_to_station(
+def test_service_controller_equals_baseline(
     parameters: dict[str, float],
 ) -> None:
     robots, controller = together(590, **parameters)
@@ -115,9 +115,7 @@ def test_the_controller_drives_as_the_baseline_from_station_to_station(
 @pytest.mark.parametrize(
     ("caution", "verdict"), [(1.5, Verdict.UNDECIDED), (0.0, Verdict.VIOLATED)]
 )
-def test_robots_that_give_way_keep_apart_and_others_do_not(
-    caution: float, verdict: Verdict
-) -> None:
+def test_caution_keeps_robots_apart(caution: float, verdict: Verdict) -> None:
     robots, _ = together(300, caution=caution)
     monitor = MemoryMiddleware()
     node = MonitorNode(monitor, [load(ROOT / "examples/ros/apart.stl")])

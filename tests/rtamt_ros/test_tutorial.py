@@ -116,7 +116,7 @@ def test_the_violation_is_on_the_topics_of_the_page(played: Logging) -> None:
     assert -1 in played.data("rtamt/follows/verdict")
 
 
-def test_a_robot_that_is_back_begins_the_monitor_anew_with_the_text_of_the_page(
+def test_restart_text_of_the_page(
     played: Logging,
 ) -> None:
     _, said = played.said.split("; ", 1)
@@ -125,7 +125,7 @@ def test_a_robot_that_is_back_begins_the_monitor_anew_with_the_text_of_the_page(
     assert " ".join(found[1].split()) == said
 
 
-def test_a_bag_of_the_topics_is_judged_as_the_page_shows(
+def test_bag_of_the_page(
     played: Logging,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

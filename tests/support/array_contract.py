@@ -107,9 +107,7 @@ class OnlineContract:
 
     @few
     @given(cases.cases())
-    def test_online_equals_the_lockstep_monitor_with_resets_in_the_middle(
-        self, case: cases.Case
-    ) -> None:
+    def test_online_equals_vector_monitor(self, case: cases.Case) -> None:
         monitors = [self.library.arrays.online(formula) for formula in case.formulas]
         readings = self.library.readings(monitors, case.samples, case.resets)
         for formula, reading in zip(case.formulas, readings, strict=True):
@@ -118,7 +116,7 @@ class OnlineContract:
 
     @settings(few, max_examples=3)
     @given(cases.cases(outermost=False))
-    def test_the_gradient_through_the_steps_is_that_of_the_trace(self, case: cases.Case) -> None:
+    def test_online_gradient_equals_offline(self, case: cases.Case) -> None:
         arrays, library = self.library.arrays, self.library
         samples = np.random.default_rng(1).normal(size=case.samples.shape)
         monitors = [arrays.online(formula) for formula in case.formulas]
@@ -136,7 +134,7 @@ class OnlineContract:
         for x, y in zip(found, expected, strict=True):
             np.testing.assert_allclose(x, y, rtol=1e-12, atol=1e-12)
 
-    def test_a_nan_takes_the_robustness_of_its_lane_until_the_lane_is_reset(self) -> None:
+    def test_nan_lasts_until_reset(self) -> None:
         tensor = self.library.tensor
         monitor = self.library.arrays.online("once[0:1](sqrt(x) > 1 or x > 2)")
         state, seen = monitor.init(2), []
@@ -214,7 +212,7 @@ class OnlineContract:
             with pytest.raises(InputTypeError, match=r"float32 as '.*', got .*bfloat16"):
                 call()
 
-    def test_a_monitor_shows_its_formula_its_latency_and_its_kind_of_numbers(self) -> None:
+    def test_online_repr(self) -> None:
         monitor = self.library.arrays.online("eventually[0:2](x > 0)")
         assert "Monitor of eventually[0:2](x > 0), latency 2, " in repr(monitor)
         assert repr(monitor).endswith("float64>")
@@ -225,7 +223,7 @@ class OnlineContract:
         with pytest.raises(InputError, match="it is that of another specification"):
             monitor.update(other.init(2), {"x": self.library.tensor([1.0, 1.0])})
 
-    def test_formulas_without_an_end_in_the_future_are_refused(self) -> None:
+    def test_online_refuses_unbounded_future(self) -> None:
         with pytest.raises(SpecificationError, match="whole future"):
             self.library.arrays.online("always(x > 0) or x > 1")
 
@@ -254,9 +252,7 @@ class EpisodeContract:
 
     @few
     @given(cases.cases(endless=True))
-    def test_bounds_equal_those_of_the_lockstep_monitor_with_resets_in_the_middle(
-        self, case: cases.Case
-    ) -> None:
+    def test_bounds_equal_vector_monitor(self, case: cases.Case) -> None:
         monitors = [self.library.arrays.episode(formula) for formula in case.formulas]
         readings = self.library.readings(monitors, case.samples, case.resets)
         for formula, reading in zip(case.formulas, readings, strict=True):
@@ -266,9 +262,7 @@ class EpisodeContract:
 
     @few
     @given(cases.cases(endless=True))
-    def test_cut_ends_equal_those_of_the_lockstep_monitor_with_resets_in_the_middle(
-        self, case: cases.Case
-    ) -> None:
+    def test_cut_ends_equal_vector_monitor(self, case: cases.Case) -> None:
         monitors = [Cut(self.library.arrays.episode(formula)) for formula in case.formulas]
         readings = self.library.readings(monitors, case.samples, case.resets)
         for formula, reading in zip(case.formulas, readings, strict=True):
@@ -283,9 +277,7 @@ class EpisodeContract:
             "not always[0:2]((eventually(a > 0)) since[3:3] (b > 0))",
         ],
     )
-    def test_a_window_of_one_sample_may_read_what_is_known_and_what_is_still_to_come(
-        self, text: str
-    ) -> None:
+    def test_one_sample_window_reads_known_and_open_values(self, text: str) -> None:
         formula, random = rtamt.parse(text).formula, np.random.default_rng(11)
         samples = random.normal(size=(cases.SAMPLES, cases.LANES, len(s.VARIABLES)))
         resets = random.random(samples.shape[:2]) < 0.1
@@ -301,7 +293,7 @@ class EpisodeContract:
         expected = rtamt.VectorEpisodeMonitor(text, 3)
         begins_alone(self.library, self.library.arrays.episode(text), expected)
 
-    def test_a_step_that_says_what_a_cut_trace_is_says_and_keeps_what_another_step_does(
+    def test_update_and_cut_equals_update(
         self,
     ) -> None:
         monitor = self.library.arrays.episode("always((x > 0) implies eventually[0:2](x > 1))")
@@ -313,7 +305,7 @@ class EpisodeContract:
         assert cut.verdict.tolist() == [0, 1]
         assert found[1].verdict.tolist() == [0, 0]
 
-    def test_a_nan_decides_nothing_until_the_lane_is_reset(self) -> None:
+    def test_nan_leaves_bounds_open(self) -> None:
         tensor = self.library.tensor
         monitor = self.library.arrays.episode("always(x > 0)")
         state, _ = monitor.update(monitor.init(2), {"x": tensor([math.nan, -1.0])})
@@ -329,7 +321,7 @@ class EpisodeContract:
         _, reading = monitor.update(monitor.reset(state), {"x": tensor([2.0, 2.0])})
         assert reading.robustness.tolist() == [2.0, 2.0]
 
-    def test_what_was_decided_stays_after_more_samples_than_are_counted(self) -> None:
+    def test_decision_stays_after_the_maximum_age(self) -> None:
         monitor = self.library.arrays.episode("eventually[0:2](x > 0)")
         state = monitor.init(1)
         for x in (-1.0, 3.0, *[-5.0] * 9):
@@ -424,9 +416,7 @@ class OfflineContract:
 
     @settings(few, max_examples=15)
     @given(s.formulas(3).filter(lambda f: bool(f.variables)), s.traces())
-    def test_every_function_is_right_within_four_units_in_the_last_place(
-        self, formula: rtamt.Formula, trace: s.Trace
-    ) -> None:
+    def test_functions_are_exact_to_four_ulp(self, formula: rtamt.Formula, trace: s.Trace) -> None:
         columns = {name: np.array(trace[name]) for name in formula.variables}
         expected = rtamt.evaluate(formula, columns)
         tensors = {name: self.library.tensor(column) for name, column in columns.items()}
@@ -435,9 +425,7 @@ class OfflineContract:
 
     @settings(few, max_examples=10)
     @given(cases.cases(endless=True), st.integers(0, 1))
-    def test_fewer_bits_cost_no_more_than_they_cost_the_worst_predicate(
-        self, case: cases.Case, kind: int
-    ) -> None:
+    def test_low_precision_error_of_predicates(self, case: cases.Case, kind: int) -> None:
         dtype = self.library.kinds[kind]
         samples = np.random.default_rng(4).normal(size=case.samples.shape)
 
@@ -454,9 +442,7 @@ class OfflineContract:
     @pytest.mark.parametrize(
         "text", ["always(x >= 0)", "not eventually(x <= 0)", "x >= 0 until x < -9"]
     )
-    def test_the_gradient_of_a_least_value_is_that_of_one_sample_that_attains_it(
-        self, text: str
-    ) -> None:
+    def test_gradient_at_ties_belongs_to_one_sample(self, text: str) -> None:
         def least(x: Tensor) -> Tensor:
             return self.library.arrays.evaluate(text, {"x": x})[0]
 
@@ -471,14 +457,14 @@ class OfflineContract:
         (found,) = self.library.gradients([total], np.array([0.0, -0.0, 2.0, -2.0]))
         assert np.abs(found).tolist() == [0.0, 0.0, 1.0, 1.0]
 
-    def test_the_gradient_is_that_of_finite_differences_where_there_is_no_tie(self) -> None:
+    def test_gradient_equals_finite_differences(self) -> None:
         self.check_gradients({})
 
     def test_a_nan_takes_its_trace(self) -> None:
         found = self.value("x > 0", [[1.0, math.nan], [1.0, 2.0]])
         np.testing.assert_array_equal(found, [[np.nan, np.nan], [1.0, 2.0]])
 
-    def test_the_smooth_min_and_max_are_those_of_their_definition(self) -> None:
+    def test_smooth_min_and_max_definition(self) -> None:
         x = np.random.default_rng(2).normal(size=(3, 7))
         for t in TEMPERATURES:
             least = self.value("always(x >= 0)", x, semantics="smooth", temperature=t)
@@ -490,9 +476,7 @@ class OfflineContract:
 
     @settings(few, max_examples=8)
     @given(cases.cases(endless=True), st.sampled_from(TEMPERATURES))
-    def test_smooth_robustness_errs_by_no_more_than_is_said(
-        self, case: cases.Case, temperature: float
-    ) -> None:
+    def test_smoothing_error_bounds_hold(self, case: cases.Case, temperature: float) -> None:
         more = {"semantics": "smooth", "temperature": temperature}
         smooth = [self.of(formula, **more) for formula in case.formulas]
         found = self.library.evaluated(smooth, case.samples)
@@ -506,7 +490,7 @@ class OfflineContract:
             assert np.all(error <= above + 1e-9), formula
 
     @pytest.mark.parametrize(("formula", "sign"), [("always(x > 0)", -1), ("once(x > 0)", 1)])
-    def test_equal_values_attain_the_error_of_their_number(self, formula: str, sign: int) -> None:
+    def test_equal_values_attain_the_smoothing_error(self, formula: str, sign: int) -> None:
         x = np.zeros((1, 8))
         found = self.value(formula, x, semantics="smooth", temperature=0.5)
         error = sign * 0.5 * math.log(8)
@@ -515,24 +499,22 @@ class OfflineContract:
         assert bounds[sign > 0] == pytest.approx(0.5 * math.log(9))  # a window of 0 to 8 samples
         assert bounds[sign < 0] == 0.0
 
-    def test_the_smooth_gradient_is_that_of_finite_differences(self) -> None:
+    def test_smooth_gradient_equals_finite_differences(self) -> None:
         self.check_gradients({"semantics": "smooth", "temperature": 0.5})
 
     @pytest.mark.parametrize("temperature", [-1.0, 0.0, math.nan, math.inf])
-    def test_a_temperature_in_an_array_that_is_none_makes_all_that_depends_on_it_nan(
-        self, temperature: float
-    ) -> None:
+    def test_wrong_temperature_array_gives_nan(self, temperature: float) -> None:
         smooth = {"semantics": "smooth", "temperature": self.library.tensor(temperature)}
         assert np.isnan(self.value("always(x > 0)", [1.0, 2.0, 3.0], **smooth)).all()
 
     @pytest.mark.parametrize("text", ["always(x >= 0)", "eventually(x >= 0)"])
-    def test_numbers_beside_which_the_temperature_is_nothing_are_chosen(self, text: str) -> None:
+    def test_small_temperature_selects_numbers(self, text: str) -> None:
         x, smooth = [3.0, 1.0, 2.0], {"semantics": "smooth", "temperature": 1e-307}
         x = [1e10 * each for each in x]
         assert self.value(text, x, **smooth).tolist() == self.value(text, x).tolist()
 
     @pytest.mark.parametrize("kind", [np.float32, np.float64, np.int64])
-    def test_temperatures_and_samples_may_be_numbers_of_numpy(self, kind: type) -> None:
+    def test_numpy_scalars_are_accepted(self, kind: type) -> None:
         given, x = {"semantics": "smooth"}, [[1.0, 2.0]]
         one, other = (self.value("always(x > 0)", x, **given, temperature=t) for t in (1, kind(1)))
         assert one.tolist() == other.tolist()

@@ -109,7 +109,7 @@ class RequirementContract:
     library: RequirementLibrary
 
     @pytest.mark.parametrize(("specs", "options"), CASES)
-    def test_recorded_steps_are_judged_as_vector_environments_are(
+    def test_steps_equal_vector_environments(
         self,
         specs: Any,  # noqa: ANN401
         options: dict[str, Any],
@@ -148,7 +148,7 @@ class RequirementContract:
         assert ended > LANES
 
     @pytest.mark.parametrize(("specs", "options"), CASES[2::3])  # one of them has nan="hold"
-    def test_the_step_after_a_reset_takes_the_first_sample(
+    def test_step_after_reset_takes_sample_0(
         self,
         specs: Any,  # noqa: ANN401
         options: dict[str, Any],
@@ -182,7 +182,7 @@ class RequirementContract:
                 rewards = [np.asarray(each.reward)[mask] for each in (stepped, expected)]
                 np.testing.assert_array_equal(rewards[0], rewards[1])
 
-    def test_an_episode_does_not_depend_on_a_nan_of_the_one_before(self) -> None:
+    def test_nan_ends_with_its_episode(self) -> None:
         options = {"period": 1, "mode": "add", "bonus": 5.0, "penalty": 2.0}
         judge, tensor = self.library.judge("eventually(x > 1)", options), self.library.tensor
         zero, never = tensor(np.zeros(LANES)), tensor(np.zeros(LANES, bool))

@@ -49,7 +49,7 @@ def test_robosuite_is_an_environment_of_gymnasium() -> None:
     assert inner.robosuite.horizon == 0
 
 
-def test_a_picture_of_robosuite_has_a_space_of_its_own_type() -> None:
+def test_robosuite_image_space() -> None:
     env = robosuite.make("Lift", picture=True)
     space: Any = env.observation_space
     assert space["picture"] == gym.spaces.Box(0, 255, (2, 3, 3), np.uint8)
@@ -58,7 +58,7 @@ def test_a_picture_of_robosuite_has_a_space_of_its_own_type() -> None:
     assert space.contains(shown)
 
 
-def test_the_horizon_of_robosuite_truncates_and_leaves_a_window_open() -> None:
+def test_robosuite_horizon_truncates() -> None:
     ahead = "eventually[0:0.3](always[0:9](height > -1))"
     specs: Any = {**readings("success", hold=0.3), "ahead": ahead}
     signals = {**FLAG, "height": "obs['place'][0]"}
@@ -75,7 +75,7 @@ def test_the_horizon_of_robosuite_truncates_and_leaves_a_window_open() -> None:
     assert verdicts == {**dict.fromkeys(readings(), "SATISFIED"), "ahead": "UNDECIDED"}
 
 
-def test_an_end_of_robosuite_before_its_horizon_terminates() -> None:
+def test_robosuite_early_end_terminates() -> None:
     env = robosuite.make("Lift")
     inner = env.robosuite
     env.reset(seed=0)
@@ -100,7 +100,7 @@ def test_what_is_no_robosuite_is_refused() -> None:
 # ---- Meta-World ----
 
 
-def test_the_table_has_fifty_tasks_and_a_state_of_each() -> None:
+def test_table_of_fifty_tasks() -> None:
     assert len(metaworld.TASKS) == 50
     for name, row in metaworld.TASKS.items():
         assert (row.quantity == "flag") == (row.side == 0)
@@ -111,7 +111,7 @@ def test_the_table_has_fifty_tasks_and_a_state_of_each() -> None:
         metaworld.done("door-opn-v3")
 
 
-def test_a_door_that_is_opened_further_is_kept_by_its_side_and_not_by_its_flag() -> None:
+def test_door_beyond_its_target_is_kept() -> None:
     name = "door-open-v3"
     specs = {**readings("success", hold=0.25), "side": readings(metaworld.done(name))["kept"]}
     env = metaworld.make(name)
@@ -154,7 +154,7 @@ def test_the_command_judges_a_task(capsys: Output) -> None:
 # ---- both ----
 
 
-def test_a_benchmark_that_is_missing_says_how_it_is_installed(
+def test_missing_benchmark_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for module in ("robosuite", "metaworld"):

@@ -65,7 +65,7 @@ def dataset_of(raw: list[Raw], name: str = "cart/random-v0", **options: Any) -> 
 @pytest.mark.slow(keep=2)
 @pytest.mark.parametrize("samples", [1, 60, 1 << 18])
 @pytest.mark.parametrize("data_format", ["hdf5", "arrow"])
-def test_a_new_dataset_has_what_the_monitors_said_online(
+def test_new_dataset_equals_online_monitors(
     monkeypatch: pytest.MonkeyPatch, samples: int, data_format: str
 ) -> None:
     monkeypatch.setattr(module, "SAMPLES", samples)
@@ -89,7 +89,7 @@ def test_a_new_dataset_has_what_the_monitors_said_online(
     assert difference(relabel(source, SPECS, SIGNALS, **OPTIONS), said) == ""
 
 
-def test_metadata_is_taken_over_and_says_how_the_dataset_was_made(carts: Any) -> None:  # noqa: ANN401
+def test_metadata_of_a_new_dataset(carts: Any) -> None:  # noqa: ANN401
     made = relabel(carts, SPECS, SIGNALS, dataset_id="cart/satisfied-v0", keep="satisfied")
     old, new = carts.storage.metadata, made.storage.metadata
     assert new["rtamt"] == {
@@ -134,7 +134,7 @@ def test_details_of_every_specification_are_kept(data_format: str) -> None:
                 assert np.array_equal(values, expected.infos["stl"][name][key])
 
 
-def test_satisfied_episodes_keep_their_seeds_and_play_again(carts: Any) -> None:  # noqa: ANN401
+def test_satisfied_episodes_keep_seeds(carts: Any) -> None:  # noqa: ANN401
     made = relabel(carts, SPECS, SIGNALS, dataset_id="cart/satisfied-v0", keep="satisfied")
     kept = relabel(carts, SPECS, SIGNALS, keep="satisfied")
     assert 0 < len(kept) < carts.total_episodes
@@ -149,7 +149,7 @@ def test_satisfied_episodes_keep_their_seeds_and_play_again(carts: Any) -> None:
     assert len(again.filter_episodes(lambda each: each.infos["stl_success"][-1])) == len(kept)
 
 
-def test_a_part_of_a_dataset_and_a_list_become_datasets_too(carts: Any) -> None:  # noqa: ANN401
+def test_datasets_from_parts_and_lists(carts: Any) -> None:  # noqa: ANN401
     whole = relabel(carts, SPECS, SIGNALS)
     short = carts.filter_episodes(lambda each: len(each) < 20)
     made = relabel(short, SPECS, SIGNALS, dataset_id="cart/short-v0")
@@ -230,7 +230,7 @@ def test_the_name_of_a_dataset_is_no_dataset() -> None:
     )
 
 
-def test_the_period_is_that_of_the_environment_of_the_dataset(carts: Any, root: Path) -> None:  # noqa: ANN401
+def test_period_of_the_dataset_environment(carts: Any, root: Path) -> None:  # noqa: ANN401
     given = relabel(carts, SPECS, SIGNALS, period=0.02)
     read = relabel(carts, SPECS, SIGNALS)
     assert [each.outcomes for each in given] == [each.outcomes for each in read]

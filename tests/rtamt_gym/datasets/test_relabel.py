@@ -48,7 +48,7 @@ MODES = st.one_of(st.none(), st.sampled_from(get_args(Mode)))
     lanes=st.integers(1, 4),
     samples=st.integers(1, 30),
 )
-def test_every_option_gives_what_the_wrappers_give_online(
+def test_relabel_equals_wrappers(
     values: list[list[float]],
     end: str,
     mode: Mode | None,
@@ -101,7 +101,7 @@ def sampling(env: gym.Env[Any, Any]) -> Callable[[Any], Any]:
 @pytest.mark.slow(keep=3)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.env_id[-12:])
 @pytest.mark.parametrize("mode", ["add", "potential"])
-def test_environments_are_relabelled_as_they_were_shaped(case: Any, mode: Mode) -> None:  # noqa: ANN401
+def test_relabel_equals_shaped_rewards(case: Any, mode: Mode) -> None:  # noqa: ANN401
     signals = dict(case.signals)
     specs = case.specs
     if "HalfCheetah" in case.env_id:  # a dataset has no simulation to read
@@ -123,7 +123,7 @@ def test_environments_are_relabelled_as_they_were_shaped(case: Any, mode: Mode) 
         assert set(each.infos) >= set(episode["infos"])
 
 
-def test_a_callable_is_given_what_the_monitor_gives_it() -> None:
+def test_callable_signal_gets_equal_steps() -> None:
     def signal(step: Any) -> float:  # noqa: ANN401
         if step.action is None:
             return float(step.obs[0])
@@ -162,7 +162,7 @@ OF_PARTS: Any = {
         (("info['late']", None), "unknown", [-np.inf] * 4),
     ],
 )
-def test_trees_of_observations_actions_and_infos_are_read(
+def test_nested_observations_and_infos(
     signal: Any,  # noqa: ANN401
     nan: Any,  # noqa: ANN401
     robustness: list[float],
@@ -211,7 +211,7 @@ def test_details_are_those_of_every_specification() -> None:
             assert found.infos["stl"][name][key].tolist() == [each[name][key] for each in states]
 
 
-def test_episodes_are_kept_by_satisfaction_or_by_a_function() -> None:
+def test_keep_filters_episodes() -> None:
     series = [[3.0, 2.0, 4.0], [3.0, 0.5, 4.0], [4.0, 4.0, 4.0], [2.0, 2.0, 1.5]]
     raw = [record(monitored(Replay(v), "always(x > 1)", X), 0, lambda _: [0.0])[0] for v in series]
     cases: list[tuple[Any, list[int]]] = [
@@ -226,7 +226,7 @@ def test_episodes_are_kept_by_satisfaction_or_by_a_function() -> None:
         assert [each.number for each in found] == numbers
 
 
-def test_relabelling_again_begins_with_the_environments_own_rewards() -> None:
+def test_second_relabelling_uses_own_rewards() -> None:
     series = [[3.0, 2.0, 4.0, 0.5], [3.0, 2.0]]
     raw = [record(monitored(Replay(v), "always(x > 1)", X), 0, lambda _: [0.0])[0] for v in series]
     once = relabel(raw, "always(x > 1)", X, mode="add", weight=3)
@@ -253,7 +253,7 @@ def test_the_episodes_given_are_not_changed() -> None:
     assert all(np.array_equal(raw[key], value) for key, value in before.items())
 
 
-def test_every_option_of_the_wrappers_that_is_about_records_is_one_here() -> None:
+def test_relabel_has_every_recorded_option() -> None:
     """A new option of a wrapper is an option here, or is left out on purpose."""
     others = {
         "on_violation",

@@ -88,7 +88,7 @@ def test_what_is_no_episode_is_refused() -> None:
     assert relabel([SimpleNamespace(**episode())], "always(x > 0)", X)[0].satisfied
 
 
-def test_a_signal_that_the_dataset_lacks_is_named_with_what_there_is() -> None:
+def test_missing_signal_error() -> None:
     speed = {"x": ("info['sped']", 0.0)}
     assert message([episode()], signals=speed) == (
         "signal 'x': the infos have no info['sped']; their keys are 'speed'\nin episode 0"
@@ -122,7 +122,7 @@ def test_a_signal_that_the_dataset_lacks_is_named_with_what_there_is() -> None:
         ", or if it is a constant declare it: const float x = VALUE"
     )
     assert message([episode()], signals={"x": lambda step: step.obs[9]}).startswith(
-        "signal 'x': test_a_signal_that_the_dataset_lacks_is_named_with_what_there_is.<locals>."
+        "signal 'x': test_missing_signal_error.<locals>."
         "<lambda> raised IndexError: index 9 is out of bounds"
     )
 
@@ -141,7 +141,7 @@ def test_nan_names_episode_signal_and_sample() -> None:
     assert len(relabel([late], "always(x > 0)", X, nan="hold")) == 1
 
 
-def test_options_that_are_not_about_records_are_refused() -> None:
+def test_wrong_option_error() -> None:
     for name, nearest in (("on_violation", ""), ("weigth", "; did you mean 'weight'?")):
         with pytest.raises(InputTypeError) as error:
             relabel([episode()], "always(x > 0)", X, mode="add", **{name: 1})  # type: ignore[call-overload]

@@ -50,7 +50,7 @@ def by_hand(policy: Any) -> list[tuple[bool, bool, int, float, float]]:  # noqa:
     return found
 
 
-def test_the_metrics_of_an_evaluation_are_those_of_a_count_by_hand() -> None:
+def test_evaluation_metrics() -> None:
     made = evaluation(leaning(0.0))
     found, episodes = evaluation_metrics(made), by_hand(leaning(0.0))
     both = [near and upright for near, upright, *_ in episodes]
@@ -76,7 +76,7 @@ def test_infinite_quantiles_are_left_out() -> None:
     assert all(np.isfinite(value) for value in found.values())
 
 
-def test_the_best_has_most_successes_and_of_equals_the_greatest_return() -> None:
+def test_best_by_success_then_return() -> None:
     good, bad = leaning(0.3), leaning(-0.3)
     some, none = evaluation(good), evaluation(bad, bound=0.001)
     tie = evaluation(good, bound=0.001)  # as few successes, and longer episodes
@@ -89,7 +89,7 @@ def test_the_best_has_most_successes_and_of_equals_the_greatest_return() -> None
     assert best.evaluation is some
 
 
-def test_returns_of_episodes_that_failed_are_no_tie_break() -> None:
+def test_failed_episodes_have_no_return() -> None:
     whole = evaluation_of({"near": [-1.0, FAILED, -1.0]}, rewards=[10.0, 0.0, 10.0])
     part = evaluation_of({"near": [-1.0, FAILED, -1.0]}, rewards=[9.0, 500.0, 9.0])
     assert evaluation_metrics(whole)["return"] == 10.0

@@ -94,12 +94,12 @@ def test_no_episodes_have_no_metrics() -> None:
     assert Satisfaction().metrics() == {"episodes": 0}
 
 
-def test_without_a_period_times_are_numbers_of_samples() -> None:
+def test_times_without_a_period_are_samples() -> None:
     found = {"verdict": "VIOLATED", "satisfied": False, "robustness": -1.0, "decided_at": 7}
     assert metrics_of([{"near": found}])["near/first_violation"] == 7
 
 
-def test_requirements_do_not_change_and_an_error_counts_nothing() -> None:
+def test_changed_requirements_error() -> None:
     found = {"verdict": "UNDECIDED", "satisfied": False, "robustness": 1.0}
     training = Satisfaction()
     training.add({"near": found})
@@ -142,7 +142,7 @@ def each_alone(seed: int, actions: list[Any], num: int) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("outside", [False, True], ids=["each wrapped", "wrapped together"])
-def test_the_episodes_of_many_environments_are_those_of_each(*, outside: bool) -> None:
+def test_vector_episodes_equal_single_ones(*, outside: bool) -> None:
     make = cart if outside else lambda: wrapped(cart())
     envs: Any = SyncVectorEnv([make] * 3, autoreset_mode=AutoresetMode.SAME_STEP)
     if outside:
@@ -162,7 +162,7 @@ def test_the_episodes_of_many_environments_are_those_of_each(*, outside: bool) -
     assert min(shares[f"{name}/{what}"] for name in SPECS for what in ("satisfied", "violated")) > 0
 
 
-def test_the_step_after_an_end_that_only_resets_has_no_episode() -> None:
+def test_reset_step_has_no_episode() -> None:
     envs = SyncVectorEnv([lambda: wrapped(cart())] * 2)
     envs.reset(seed=2)
     envs.action_space.seed(2)
@@ -177,7 +177,7 @@ def test_the_step_after_an_end_that_only_resets_has_no_episode() -> None:
     assert ends > 5
 
 
-def test_infos_without_outcomes_are_refused_with_the_reason() -> None:
+def test_infos_without_outcomes_error() -> None:
     infos = {"final_info": {"reward": np.zeros(2), "_reward": np.ones(2, bool)}}
     assert ended_episodes(infos, [False, False]) == []
     with pytest.raises(InputError) as caught:

@@ -28,7 +28,7 @@ def share_that_stops(rate: float, alpha: float) -> float:
 
 
 @pytest.mark.slow
-def test_all_tests_of_a_training_together_err_at_most_as_often_as_alpha_says() -> None:
+def test_target_error_rate_is_below_alpha() -> None:
     assert share_that_stops(0.7, 0.2) <= 0.2
     # With each of them at the level alpha most trainings would stop.
     rng = np.random.default_rng(7)
@@ -50,7 +50,7 @@ def test_a_policy_that_meets_the_target_passes_soon() -> None:
     assert target.tests == 1
 
 
-def test_every_test_has_seeds_of_its_own_and_a_smaller_level() -> None:
+def test_target_seeds_and_levels() -> None:
     seeds = []
 
     def play(seed: int) -> list[bool]:
@@ -77,6 +77,6 @@ def test_without_an_answer_a_policy_has_not_passed() -> None:
     assert target.seed == MOST
 
 
-def test_numbers_out_of_their_ranges_are_refused_at_once() -> None:
+def test_target_argument_errors() -> None:
     with pytest.raises(InputError, match=r"^expected alpha= above 0 and below 0\.5, got 0\.7$"):
         Target(0.9, 0.7, seed=0)

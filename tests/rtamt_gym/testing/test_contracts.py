@@ -71,7 +71,7 @@ def idle(_evaluate: Any, _dimension: int, _rng: np.random.Generator) -> None:  #
         (idle, "got none"),
     ],
 )
-def test_an_optimizer_that_breaks_the_contract_is_caught(optimizer: Any, word: str) -> None:  # noqa: ANN401
+def test_contract_catches_optimizers(optimizer: Any, word: str) -> None:  # noqa: ANN401
     with pytest.raises(AssertionError, match=word):
         check_optimizer(optimizer, budget=20)
 
@@ -79,7 +79,7 @@ def test_an_optimizer_that_breaks_the_contract_is_caught(optimizer: Any, word: s
 SAMPLES = [{"x": 0.0, "y": 2.0}, {"x": 1.0, "y": 3.0}]
 
 
-def test_the_systems_of_this_package_keep_the_contract() -> None:
+def test_own_systems_keep_the_contract() -> None:
     check_system(lambda: SampleSource(SAMPLES), ["x", "y"])
     check_system(
         lambda: SampleSource(lambda t: {"x": t, "y": -t}), ["x", "y"], period=Fraction(1, 8)

@@ -63,7 +63,7 @@ def rtamt(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
 
 
-def test_a_format_and_an_optimizer_of_another_package_are_there(tmp_path: Path) -> None:
+def test_plugins_are_found(tmp_path: Path) -> None:
     added(
         tmp_path,
         "[rtamt.trace_formats]\nwords = plant_tools:FORMAT\n"
@@ -131,7 +131,7 @@ FORMATS, OPTIMIZERS = "rtamt.trace_formats", "rtamt.optimizers"
         ),
     ],
 )
-def test_what_a_table_has_already_or_cannot_take_is_refused(
+def test_plugin_errors(
     group: str,
     table: Callable[[], object],
     entries: str,
