@@ -134,8 +134,10 @@ class EpisodeArrays:
     ) -> tuple[EpisodeState, BoundsReading]:
         """Take a sample in every entry.
 
-        Args: state: A state of this monitor. sample: An array of shape (entries,) for each variable
-            by name, others are ignored; or an array of shape (entries, variables).
+        Args:
+            state: A state of this monitor.
+            sample: An array of shape (entries,) for each variable by name, others are ignored; or
+                an array of shape (entries, variables).
 
         Returns:
             The next state, and the reading.

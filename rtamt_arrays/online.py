@@ -56,8 +56,10 @@ class OnlineState(NamedTuple):
 class OnlineReading(NamedTuple):
     """The result of an online monitor: arrays with a value for each batch entry.
 
-    Attributes: robustness: The robustness, late by the latency; nan before the first, and after a
-        nan until the reset. nan: Whether a variable or a term has been nan since the reset.
+    Attributes:
+        robustness: The robustness, late by the latency; nan before the first, and after a nan until
+            the reset.
+        nan: Whether a variable or a term has been nan since the reset.
     """
 
     robustness: Tensor
@@ -163,8 +165,10 @@ class OnlineMonitor:
     def update(self, state: OnlineState, sample: ArraySample) -> tuple[OnlineState, OnlineReading]:
         """Take a sample in every entry.
 
-        Args: state: A state of this monitor. sample: An array of shape (entries,) for each variable
-            by name, others are ignored; or an array of shape (entries, variables).
+        Args:
+            state: A state of this monitor.
+            sample: An array of shape (entries,) for each variable by name, others are ignored; or
+                an array of shape (entries, variables).
 
         Returns:
             The next state, and the reading.

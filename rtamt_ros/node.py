@@ -48,9 +48,10 @@ class MonitorNode:
         specifications: Texts, or specifications from `rtamt.load` and `rtamt.parse`.
         settings: The settings; None for `Settings()`.
 
-    Raises: SpecificationError: If a text is wrong or a monitor cannot run it, if a message class is
-        unknown, or if two requirements have one name or topic. InputError: If a message class is
-        not installed.
+    Raises:
+        SpecificationError: If a text is wrong or a monitor cannot run it, if a message class is
+            unknown, or if two requirements have one name or topic.
+        InputError: If a message class is not installed.
     """
 
     def __init__(
@@ -91,8 +92,9 @@ class MonitorNode:
         Violations and the minimum robustness are counted again. Until the next sample, robustness
         and bounds are nan on the topics, and verdicts 0. A record continues in its next file.
 
-        Returns: The state of every requirement until now, one line each after the first; it is
-            logged too.
+        Returns:
+            The state of every requirement until now, one line each after the first; it is logged
+            too.
 
         Raises:
             InputError: If the node does not run.
@@ -130,9 +132,10 @@ class MonitorNode:
             specifications: As for the class.
             settings: Other settings; None keeps them.
 
-        Raises: SpecificationError: As for the class. The node continues unchanged. InputError: As
-            for the class, or if ROS refuses a topic; a running node then starts again with its old
-            specifications.
+        Raises:
+            SpecificationError: As for the class. The node continues unchanged.
+            InputError: As for the class, or if ROS refuses a topic; a running node then starts
+                again with its old specifications.
         """
         with self._lock:
             before, was_running = self._plan, self.running

@@ -58,8 +58,9 @@ class Packed:
     The numbers and the time have fixed places in the bytes, which are located in one message. The
     result is compared with the bytes of further messages.
 
-    Raises: ValueError: If the numbers are not packed like this: they have less than 64 bits, or are
-        integers.
+    Raises:
+        ValueError: If the numbers are not packed like this: they have less than 64 bits, or are
+            integers.
     """
 
     def __init__(self, make: Made, serialize: Callable[[Any], bytes]) -> None:

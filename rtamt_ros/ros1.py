@@ -59,10 +59,11 @@ class Ros1:
     name, `spin` returns `DISPLACED`; when a restarted master refuses it, `REFUSED`. Without a
     master it waits for one and logs that, as every node of ROS 1 does.
 
-    Args: name: The name of the node. Characters that ROS does not allow become ``_``, and a number
-        is added, because the master ends the first of two nodes with one name. ``__name:=NAME``
-        among the arguments sets the exact name. arguments: Remappings and private parameters, such
-        as ``odom:=robot1/odom``.
+    Args:
+        name: The name of the node. Characters that ROS does not allow become ``_``, and a number is
+            added, because the master ends the first of two nodes with one name. ``__name:=NAME``
+            among the arguments sets the exact name.
+        arguments: Remappings and private parameters, such as ``odom:=robot1/odom``.
     """
 
     generation = 1

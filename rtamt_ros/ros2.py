@@ -53,10 +53,11 @@ class Ros2:
         arguments: Such as ``--ros-args -r odom:=robot1/odom -p use_sim_time:=true``.
         make: Makes the node of rclpy from its name and a context.
 
-    Attributes: node: The node of rclpy. qos: The quality of service of new subscriptions.
-        ``"best_effort"`` receives from every publisher; ``"reliable"`` only from reliable ones,
-        which send lost messages again. depth: The number of messages of a topic that wait before
-        the oldest is dropped.
+    Attributes:
+        node: The node of rclpy.
+        qos: The quality of service of new subscriptions. ``"best_effort"`` receives from every
+            publisher; ``"reliable"`` only from reliable ones, which send lost messages again.
+        depth: The number of messages of a topic that wait before the oldest is dropped.
     """
 
     generation = 2

@@ -154,11 +154,16 @@ class Ros2Subscription:
     first message one of the two stays: ``late`` if every publisher keeps messages, because it also
     receives from restarted publishers.
 
-    Args: node: The node of rclpy. topic: As in the specification. message: The class of its
-        messages. callback: Takes every message, once. qos: ``"best_effort"`` receives from every
-        publisher; ``"reliable"`` from reliable ones only. depth: The number of messages that wait
-        for the callback. log: The log of the node. hearing: The thread that takes the messages;
-        None for an executor of the node.
+    Args:
+        node: The node of rclpy.
+        topic: As in the specification.
+        message: The class of its messages.
+        callback: Takes every message, once.
+        qos: ``"best_effort"`` receives from every publisher; ``"reliable"`` from reliable ones
+            only.
+        depth: The number of messages that wait for the callback.
+        log: The log of the node.
+        hearing: The thread that takes the messages; None for an executor of the node.
     """
 
     def __init__(

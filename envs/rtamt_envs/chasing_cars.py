@@ -104,7 +104,8 @@ def _lead(
 ) -> tuple[float, float, float, int]:
     """Fill the speed of car 1 over `time`, as a power series, for inputs that change linearly.
 
-    Returns: Its way, its change of speed, a bound of its distance meanwhile, and the length of the
+    Returns:
+        Its way, its change of speed, a bound of its distance meanwhile, and the length of the
         series.
     """
     small = 1e-19 * (abs(speed) + time * (abs(throttle) + abs(throttle_change)))

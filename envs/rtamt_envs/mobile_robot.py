@@ -81,8 +81,9 @@ def unicycle(
         w: Turn rate, in rad/s.
         seconds: The duration.
 
-    Returns: x, y, and the heading in (-pi, pi], if it was there before and the robot turns less
-        than once.
+    Returns:
+        x, y, and the heading in (-pi, pi], if it was there before and the robot turns less than
+        once.
     """
     half = 0.5 * w * seconds
     # The chord of the arc; the series is exact to the last bit for such a small angle.

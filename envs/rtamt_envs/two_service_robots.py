@@ -303,12 +303,14 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
     ) -> tuple[dict[str, Array], dict[str, dict[str, Any]]]:
         """Start an episode.
 
-        Args: seed: The seed of the noise, as for the scenario. options: ``{"parameters": {"lag":
-            0.5}}`` sets parameters of this episode. Other options are ignored, because PettingZoo
-            passes them to every layer.
+        Args:
+            seed: The seed of the noise, as for the scenario.
+            options: ``{"parameters": {"lag": 0.5}}`` sets parameters of this episode. Other options
+                are ignored, because PettingZoo passes them to every layer.
 
-        Raises: InputError: If a parameter is unknown, is not a number, or is among the options
-            themselves.
+        Raises:
+            InputError: If a parameter is unknown, is not a number, or is among the options
+                themselves.
         """
         given = options or {}
         for name in {parameter.name for parameter in SCENARIO.parameters} & set(given):

@@ -89,10 +89,11 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
     ) -> tuple[Floats, dict[str, Any]]:
         """Start an episode in every environment.
 
-        Args: seed: Environment i gets ``seed + i``, or element i of a sequence. None continues the
-            random numbers. options: Values of parameters by name, a number for all or an array with
-            one for each; and ``"reset_mask"``, an array of booleans that selects the environments
-            to reset.
+        Args:
+            seed: Environment i gets ``seed + i``, or element i of a sequence. None continues the
+                random numbers.
+            options: Values of parameters by name, a number for all or an array with one for each;
+                and ``"reset_mask"``, an array of booleans that selects the environments to reset.
 
         Raises:
             InputError: If seeds, a mask or a parameter do not fit.
@@ -122,9 +123,10 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         Args:
             actions: An array of shape (num_envs, actions).
 
-        Raises: InputError: If the shape of the actions is wrong, or one is nan; the state is
-            unchanged. If an episode has ended, and ``autoreset_mode`` leaves its reset to the
-            caller. StateError: Before the first `reset`.
+        Raises:
+            InputError: If the shape of the actions is wrong, or one is nan; the state is unchanged.
+                If an episode has ended, and ``autoreset_mode`` leaves its reset to the caller.
+            StateError: Before the first `reset`.
         """
         acted = numbers(actions, (self.num_envs, len(self.action_names)), self.scenario)
         begins = self._ended.copy()
@@ -152,17 +154,20 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
     def rollout(self, actions: ArrayLike | int, active: ArrayLike | None = None) -> Floats:
         """Make many steps in one call, without autoreset or time limit, for searches.
 
-        Args: actions: An array of shape (steps, num_envs, actions), or a number of steps under the
-            baseline of the scenario. active: Booleans of shape (num_envs,) that select the
-            environments to step; None for all.
+        Args:
+            actions: An array of shape (steps, num_envs, actions), or a number of steps under the
+                baseline of the scenario.
+            active: Booleans of shape (num_envs,) that select the environments to step; None for
+                all.
 
         Returns:
             The observations after each step, shape (steps, num_envs, observations); nan in inactive
             environments.
 
-        Raises: InputError: If an argument has a wrong shape, or an action of an active environment
-            is nan; the state is unchanged. StateError: Before the first `reset` of an active
-            environment.
+        Raises:
+            InputError: If an argument has a wrong shape, or an action of an active environment is
+                nan; the state is unchanged.
+            StateError: Before the first `reset` of an active environment.
         """
         chosen = self._mask("active", active)
         if isinstance(actions, SupportsIndex) and not isinstance(actions, np.ndarray):

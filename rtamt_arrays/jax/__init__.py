@@ -62,8 +62,10 @@ def episode(
 
     The arguments are those of `online`.
 
-    Raises: SpecificationError: If a bound is not a multiple of the period, or if more than six
-        unbounded operators are inside others. InputError: As `online` does.
+    Raises:
+        SpecificationError: If a bound is not a multiple of the period, or if more than six
+            unbounded operators are inside others.
+        InputError: As `online` does.
 
     Example:
         >>> import jax.numpy as jnp
@@ -100,8 +102,9 @@ def evaluate(
         temperature: For "smooth", a number above 0 or an array of shape (). The error is
             proportional to it.
 
-    Returns: An array of shape (..., samples). All of a trace is nan if a variable or a term is nan,
-        or if the temperature is an array that is not finite and above 0.
+    Returns:
+        An array of shape (..., samples). All of a trace is nan if a variable or a term is nan, or
+        if the temperature is an array that is not finite and above 0.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period.

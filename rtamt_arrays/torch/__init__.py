@@ -82,8 +82,10 @@ def episode(
 
     The arguments are those of `online`.
 
-    Raises: SpecificationError: If a bound is not a multiple of the period, or if more than six
-        unbounded operators are inside others. InputError: As `online` does.
+    Raises:
+        SpecificationError: If a bound is not a multiple of the period, or if more than six
+            unbounded operators are inside others.
+        InputError: As `online` does.
 
     Example:
         >>> import torch

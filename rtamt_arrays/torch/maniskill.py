@@ -28,15 +28,18 @@ class StlManiSkillWrapper(gym.Wrapper[Any, Any, Any, Any]):
     have the keys of `rtamt_arrays.jax.brax.StlWrapper`, as tensors of shape (num_envs,). At the end
     of an episode they are in ``info["final_info"]``.
 
-    Args: env: The environment that ``gymnasium.make`` returned. specs: One specification, or
-        several by name, as for `rtamt_gym.StlMonitor`. signals: What the variables read: see
-        `rtamt_arrays.selectors`. A function gets a step of all environments, whose ``state`` is the
-        unwrapped environment, and returns a tensor. **options: See
-        `rtamt_arrays.requirements.RequirementOptions`. The default of ``period`` is the inverse of
-        ``control_freq``.
+    Args:
+        env: The environment that ``gymnasium.make`` returned.
+        specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
+        signals: What the variables read: see `rtamt_arrays.selectors`. A function gets a step of
+            all environments, whose ``state`` is the unwrapped environment, and returns a tensor.
+        **options: See `rtamt_arrays.requirements.RequirementOptions`. The default of ``period`` is
+            the inverse of ``control_freq``.
 
-    Raises: SpecificationError: As `rtamt.EpisodeMonitor` does. InputError: If an argument is wrong,
-        or ``observe`` is set; at a step, if a selector does not fit the environment.
+    Raises:
+        SpecificationError: As `rtamt.EpisodeMonitor` does.
+        InputError: If an argument is wrong, or ``observe`` is set; at a step, if a selector does
+            not fit the environment.
     """
 
     def __init__(

@@ -236,8 +236,10 @@ class TorchOnlineMonitor(OnlineMonitor):
             state: As for `update`.
             sample: As for `update`.
 
-        Raises: InputError: As `update` does, and if the state or the sample requires a gradient.
-            After an error the state is unchanged. InputTypeError: As `update` does.
+        Raises:
+            InputError: As `update` does, and if the state or the sample requires a gradient. After
+                an error the state is unchanged.
+            InputTypeError: As `update` does.
         """
         _check_gradients(self._reader, self.variables, state, sample)
         written = self._ordered_writing.run(OnlineMonitor.update, state, sample)

@@ -39,11 +39,14 @@ _LEVER: Final = 1.5707963267948966
 class BenchmarkTask(NamedTuple):
     """The success of a task.
 
-    Attributes: name: Its name in Meta-World. quantity: ``"flag"`` for the task's own flag; an axis
-        of the object's position, in metres; or ``"lever"``, an angle in radians. side: 1 if the
-        quantity grows towards its target and beyond; -1 if it falls; 0 for a flag. tolerance: The
-        distance before the target at which the task is done, as in its own flag. file: The file of
-        its flag, below ``metaworld/envs``. flag: The flag in this file.
+    Attributes:
+        name: Its name in Meta-World.
+        quantity: ``"flag"`` for the task's own flag; an axis of the object's position, in metres;
+            or ``"lever"``, an angle in radians.
+        side: 1 if the quantity grows towards its target and beyond; -1 if it falls; 0 for a flag.
+        tolerance: The distance before the target at which the task is done, as in its own flag.
+        file: The file of its flag, below ``metaworld/envs``.
+        flag: The flag in this file.
     """
 
     name: str

@@ -42,10 +42,10 @@ class RobosuiteEnv(gym.Env[dict[str, Any], Any]):
 
     * ``info["success"]`` is 1.0 if the task is done, otherwise 0.0; also in the info of a reset.
     * The end of the horizon truncates an episode, so windows that it cuts stay open. robosuite's
-        own ``GymWrapper`` terminates it.
+      own ``GymWrapper`` terminates it.
     * A seed repeats an episode: ``reset(seed=)`` seeds the generator of robosuite.
     * ``dt`` is the time between two steps; ``model`` and ``data`` are MuJoCo's own, for selectors
-        such as ``body:cube_main.xpos[2]``. robosuite replaces them at a reset.
+      such as ``body:cube_main.xpos[2]``. robosuite replaces them at a reset.
 
     Observations are a dictionary of arrays, in which selectors read ``obs['cube_pos'][2]``.
 

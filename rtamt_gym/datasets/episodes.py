@@ -96,9 +96,11 @@ def read_episode(
 ) -> RecordedEpisode:
     """Return an episode of a dataset; raise an error if its parts do not fit together.
 
-    Args: given: Minari's ``EpisodeData`` or ``EpisodeBuffer``, or a mapping with the same names.
-        number: Its number in the dataset. metadata: ``seed`` and ``options`` of the reset from the
-        dataset; None if the episode has them.
+    Args:
+        given: Minari's ``EpisodeData`` or ``EpisodeBuffer``, or a mapping with the same names.
+        number: Its number in the dataset.
+        metadata: ``seed`` and ``options`` of the reset from the dataset; None if the episode has
+            them.
     """
     if isinstance(given, Mapping):
         known, missing = given, [name for name in _FIELDS if name not in given]

@@ -105,10 +105,12 @@ class Playback(VectorEnv[Any, Any, Any]):
 class JudgedTape:
     """The results of the wrappers for every sample of a tape, and for the ends of its episodes.
 
-    Attributes: columns: By key of the infos, a value for every row, 0 if there is none; nested as
-        the infos. rewards: The shaped rewards of every row. outcomes: The outcomes of each episode,
-        by the row in which it ends. violations: The specification that was violated first and the
-        sample, by the same row.
+    Attributes:
+        columns: By key of the infos, a value for every row, 0 if there is none; nested as the
+            infos.
+        rewards: The shaped rewards of every row.
+        outcomes: The outcomes of each episode, by the row in which it ends.
+        violations: The specification that was violated first and the sample, by the same row.
     """
 
     def __init__(self, rows: int) -> None:

@@ -53,8 +53,11 @@ class Target:
     however many tests there are and however similar the policies. Each is a sequential ratio test
     (`RatioTest`) on its own seeds, which took no part in any choice.
 
-    Args: target: The required rate. alpha: The maximum probability that any policy with the rate
-        ``target - margin`` or less passes. margin: How far below the target a rate must be refused.
+    Args:
+        target: The required rate.
+        alpha: The maximum probability that any policy with the rate ``target - margin`` or less
+            passes.
+        margin: How far below the target a rate must be refused.
         seed: The first seed of the tests; they use the following ones.
 
     Attributes:
@@ -84,8 +87,9 @@ class Target:
     def met_by(self, play: Callable[[int], Sequence[bool]]) -> RatioTest | None:
         """Test a policy; return the test if it has passed.
 
-        Args: play: Plays some episodes with consecutive seeds from a first one, and returns which
-            have satisfied all requirements.
+        Args:
+            play: Plays some episodes with consecutive seeds from a first one, and returns which
+                have satisfied all requirements.
         """
         self.tests += 1
         test = self._test(self._alpha / (self.tests * (self.tests + 1)))

@@ -48,9 +48,9 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
     * ``satisfied``: share of the episodes that satisfied all requirements
     * ``NAME/satisfied``, ``NAME/violated``, ``NAME/undecided``: shares of the three verdicts
     * ``NAME/robustness_p5``, ``_median``, ``_p95``: quantiles of robustness; absent if infinite,
-        because charts cannot show it
+      because charts cannot show it
     * ``NAME/first_violation``: median time of violations, in seconds, of the sample that decided
-        each, or of the last one if only the end did; absent without a violation
+      each, or of the last one if only the end did; absent without a violation
 
     A quantile is one of the values: the smallest that this share of them does not exceed. Without
     episodes there are no metrics.
@@ -94,9 +94,10 @@ def evaluation_metrics(evaluation: Evaluation) -> dict[str, float]:
     """Return the metrics of an evaluation, by key.
 
     * ``rate``, ``low``, ``high``: share of the episodes that satisfied all requirements, and its 95
-    % interval * ``return``: mean return of the episodes without an error; absent if there are none
-    * ``NAME/rate``, ``NAME/low``, ``NAME/high``: the same for each requirement *
-    ``NAME/robustness_p5``, ``_median``, ``_p95``, ``NAME/first_violation``: as in `metrics_of`
+      % interval
+    * ``return``: mean return of the episodes without an error; absent if there are none
+    * ``NAME/rate``, ``NAME/low``, ``NAME/high``: the same for each requirement
+    * ``NAME/robustness_p5``, ``_median``, ``_p95``, ``NAME/first_violation``: as in `metrics_of`
     """
     found = _rate("", evaluation.success)
     returns = mean_return(evaluation)

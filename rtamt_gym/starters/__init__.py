@@ -71,8 +71,9 @@ def starter_files(name: str) -> dict[str, str]:
 def write_starter(name: str, folder: Path) -> list[str]:
     """Write the files of a starter into a folder; return their paths in it.
 
-    Raises: InputError: If a file exists already, or a file has the name of a folder; nothing is
-        written then.
+    Raises:
+        InputError: If a file exists already, or a file has the name of a folder; nothing is written
+            then.
     """
     files = starter_files(name)
     there = [file for file in files if (folder / file).exists() or (folder / file).is_symlink()]

@@ -23,17 +23,22 @@ class Input:
     stored. Between two such times only the last message is kept, and none that is older than a gap
     and a period.
 
-    Attributes: default: The value before the first message; None if the input waits for one.
-        package: The package of the message class. message: The name of the message class. fields:
-        The fields that are read, in the order of `values`. values: The values of the selected
-        message, the default, or nothing before the first. time: The time of the message in
-        nanoseconds: its arrival or its stamp; None before the first. came: The arrival in
-        nanoseconds. The age counts from here if the stamp is later, so that a publisher with a fast
-        clock becomes stale as soon as others. taken: The number of accepted messages. out_of_order:
-        The number of messages left out because they are older than the one before. errors: The
-        number of messages left out because they could not be read. error: Why the last message
-        could not be read; empty if it could. jumps: The number of times that the stamps went back
-        by more than a gap, and stayed there. went_back: The size of the last jump in nanoseconds.
+    Attributes:
+        default: The value before the first message; None if the input waits for one.
+        package: The package of the message class.
+        message: The name of the message class.
+        fields: The fields that are read, in the order of `values`.
+        values: The values of the selected message, the default, or nothing before the first.
+        time: The time of the message in nanoseconds: its arrival or its stamp; None before the
+            first.
+        came: The arrival in nanoseconds. The age counts from here if the stamp is later, so that a
+            publisher with a fast clock becomes stale as soon as others.
+        taken: The number of accepted messages.
+        out_of_order: The number of messages left out because they are older than the one before.
+        errors: The number of messages left out because they could not be read.
+        error: Why the last message could not be read; empty if it could.
+        jumps: The number of times that the stamps went back by more than a gap, and stayed there.
+        went_back: The size of the last jump in nanoseconds.
     """
 
     def __init__(

@@ -24,10 +24,13 @@ class Judges:
     the time of a message is read. All requirements share the sample times, a period apart. In dense
     time all calls must come one after the other.
 
-    Attributes: inputs: The inputs of all requirements. topics: The inputs by topic. requirements:
-        The requirements. settings: The settings. lateness: For each requirement and formula, the
-        nanoseconds by which the time of its value lies before `RequirementReport.time`. On samples
-        the formula ``""`` is the result.
+    Attributes:
+        inputs: The inputs of all requirements.
+        topics: The inputs by topic.
+        requirements: The requirements.
+        settings: The settings.
+        lateness: For each requirement and formula, the nanoseconds by which the time of its value
+            lies before `RequirementReport.time`. On samples the formula ``""`` is the result.
     """
 
     def __init__(self, specifications: Sequence[Specification], settings: Settings) -> None:

@@ -18,28 +18,37 @@ _NO_VALUES: Mapping[str, float] = MappingProxyType({})
 class RequirementReport(NamedTuple):
     """The report of a monitor on a requirement at one time.
 
-    Attributes: name: The name of the requirement. time: Nanoseconds of the clock of ROS: the time
-        of the last sample; in dense time the time up to which the robustness is known; otherwise,
-        the time of the look. level: The severity. problem: Why there is no robustness, or what is
-        wrong with an input; empty if nothing is. robustness: None while it is unknown: an input is
-        missing, or the latency has not passed. nan while an input is stale. about: The time of the
-        robustness: `time` minus the latency. None without a robustness. lower: The minimum
-        robustness of the run over all continuations and ends. nan while an input is stale, unless
-        stale values are unknown values; None before the first sample. upper: The maximum. verdict:
-        The verdict on the run. UNDECIDED while an input is stale, unless stale values are unknown
-        values; None before the first sample. values: The robustness of every named formula, nan
-        until its latency has passed. asked: For each implication under an outer ``always``, the
-        number of samples of the run at which its left side certainly holds; None if they are not
-        counted. worst: The minimum robustness since the start or reset of the node; None before the
-        first. worst_time: The time of `worst`. stale: The stale inputs. waiting: The inputs without
-        a message. violations: The number of runs since the start or reset with a certain violation.
-        violated_at: The time of the first of them. missed: The number of samples judged after the
-        next was due; their values are right. out_of_order: The number of messages left out because
-        they are older than the one before. errors: The number of messages left out because a field
-        was nan or missing. restarts: The number of runs that followed a gap or a jump of the clock.
-        restarted_because: The reason for the last restart. resets: The number of resets on request.
-        reset_at: The time of the last reset; None before. unrecorded: Why the record has ended;
-        empty if it has not.
+    Attributes:
+        name: The name of the requirement.
+        time: Nanoseconds of the clock of ROS: the time of the last sample; in dense time the time
+            up to which the robustness is known; otherwise, the time of the look.
+        level: The severity.
+        problem: Why there is no robustness, or what is wrong with an input; empty if nothing is.
+        robustness: None while it is unknown: an input is missing, or the latency has not passed.
+            nan while an input is stale.
+        about: The time of the robustness: `time` minus the latency. None without a robustness.
+        lower: The minimum robustness of the run over all continuations and ends. nan while an input
+            is stale, unless stale values are unknown values; None before the first sample.
+        upper: The maximum.
+        verdict: The verdict on the run. UNDECIDED while an input is stale, unless stale values are
+            unknown values; None before the first sample.
+        values: The robustness of every named formula, nan until its latency has passed.
+        asked: For each implication under an outer ``always``, the number of samples of the run at
+            which its left side certainly holds; None if they are not counted.
+        worst: The minimum robustness since the start or reset of the node; None before the first.
+        worst_time: The time of `worst`.
+        stale: The stale inputs.
+        waiting: The inputs without a message.
+        violations: The number of runs since the start or reset with a certain violation.
+        violated_at: The time of the first of them.
+        missed: The number of samples judged after the next was due; their values are right.
+        out_of_order: The number of messages left out because they are older than the one before.
+        errors: The number of messages left out because a field was nan or missing.
+        restarts: The number of runs that followed a gap or a jump of the clock.
+        restarted_because: The reason for the last restart.
+        resets: The number of resets on request.
+        reset_at: The time of the last reset; None before.
+        unrecorded: Why the record has ended; empty if it has not.
     """
 
     name: str

@@ -146,9 +146,12 @@ def _agree(source: Input, package: str | None, message: str | None, name: str) -
 class Output:
     """A topic, and the formulas whose robustness its messages carry.
 
-    Attributes: topic: The topic, as in the specification or derived from a name. package: The
-        package of the message class. message: The name of the message class. formulas: For each
-        requirement and formula the path to its field; the result is the formula ``""``.
+    Attributes:
+        topic: The topic, as in the specification or derived from a name.
+        package: The package of the message class.
+        message: The name of the message class.
+        formulas: For each requirement and formula the path to its field; the result is the formula
+            ``""``.
     """
 
     topic: str
@@ -165,9 +168,10 @@ def outputs_of(
     Formulas that are named after fields of one message, ``out.value`` and ``out.part``, share the
     topic of ``out``. A default topic that is taken gets a number: ``rtamt/out_2``.
 
-    Raises: SpecificationError: If two results, or formulas of two texts, have one topic, if a
-        result has the topic of an input of its text, if a formula has the name of a message; in
-        dense time, if formulas are named after several fields of one message.
+    Raises:
+        SpecificationError: If two results, or formulas of two texts, have one topic, if a result
+            has the topic of an input of its text, if a formula has the name of a message; in dense
+            time, if formulas are named after several fields of one message.
     """
     outputs: dict[tuple[int, str], Output] = {}
     taken = {

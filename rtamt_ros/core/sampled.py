@@ -82,9 +82,10 @@ class TriggerCounts:
     counts are those of `rtamt.judge` on the whole trace; a sample counts when the latency of the
     left side has passed.
 
-    Attributes: counts: The triggers of each implication, in the order of the text. None if they
-        cannot be counted: there are no such implications or also others, a left side has an
-        unbounded future, or a value was unknown.
+    Attributes:
+        counts: The triggers of each implication, in the order of the text. None if they cannot be
+            counted: there are no such implications or also others, a left side has an unbounded
+            future, or a value was unknown.
     """
 
     def __init__(

@@ -21,20 +21,24 @@ _SECOND = 1_000_000_000
 class Settings:
     """How a node samples, and when an input is stale.
 
-    Attributes: period: Nanoseconds between samples; in dense time, between checks for stale inputs.
+    Attributes:
+        period: Nanoseconds between samples; in dense time, between checks for stale inputs.
         dense: Whether to monitor in dense time: each message is an event, and nothing is sampled.
         stamps: Whether the time of a message is its stamp, if it is set, and not its arrival.
         stale: Seconds without a message after which an input is stale; inf for never. None for five
-        periods, and at least half a second. stale_of: The same for single topics, named as in the
-        specification. stale_as: The effect of a stale input. ``"restart"``: the run ends, and the
-        next one starts when every input is there again. ``"unknown"``: the run continues with
-        unknown values; bounds and verdict hold for all values. semantics: As for `rtamt.Monitor`.
-        align: As for `rtamt.Monitor`; not in dense time. record: A CSV file for times, variables
-        and robustness of every sample, or of every event in dense time. ``rtamt monitor`` computes
-        the same robustness from it. Each further run has its own file, ``NAME-2.csv``, and so has
-        each of several requirements, ``NAME-REQUIREMENT.csv``. combined: A topic for one message
-        per sample with all requirements, as `rtamt_ros.core.publishing.Combined` describes; empty
-        for none.
+            periods, and at least half a second.
+        stale_of: The same for single topics, named as in the specification.
+        stale_as: The effect of a stale input. ``"restart"``: the run ends, and the next one starts
+            when every input is there again. ``"unknown"``: the run continues with unknown values;
+            bounds and verdict hold for all values.
+        semantics: As for `rtamt.Monitor`.
+        align: As for `rtamt.Monitor`; not in dense time.
+        record: A CSV file for times, variables and robustness of every sample, or of every event in
+            dense time. ``rtamt monitor`` computes the same robustness from it. Each further run has
+            its own file, ``NAME-2.csv``, and so has each of several requirements,
+            ``NAME-REQUIREMENT.csv``.
+        combined: A topic for one message per sample with all requirements, as
+            `rtamt_ros.core.publishing.Combined` describes; empty for none.
 
     Raises:
         InputError: If a time is not positive, or if `align` or `combined` is set in dense time.
