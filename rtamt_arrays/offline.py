@@ -133,7 +133,7 @@ def _smooth(o: Operations, temperature: Tensor) -> Lattice:
         # Infinite numbers are chosen: their gradients would be no numbers. So are those beside
         # which the temperature is nothing.
         infinite = o.isinf(x / temperature) | o.isinf(y / temperature)
-        both = (o.where(infinite, 0.0, each) / temperature for each in (x, y))
+        both = (o.where(infinite, 0.0, number) / temperature for number in (x, y))
         return o.where(infinite, lattice.greater(x, y), temperature * o.logaddexp(*both))
 
     return Lattice(lambda x, y: -greater(-x, -y), greater)

@@ -309,8 +309,8 @@ class StepJudge:
     def _potential(self, values: MonitorValues[Any]) -> Tensor:
         if self._shaping.mode == "progress":
             return self._shaping.middle(values.lower, values.upper)
-        whole = self._shaping.mode == "terminal"
-        return self._shaping.robustness(values.judged if whole else values.robustness)
+        terminal = self._shaping.mode == "terminal"
+        return self._shaping.robustness(values.judged if terminal else values.robustness)
 
     def _features(self, values: MonitorValues[Any]) -> Tensor:
         return self._o.stack(self.features.rows(values)).swapaxes(0, 1)

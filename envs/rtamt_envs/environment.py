@@ -158,16 +158,16 @@ def box(quantities: tuple[Quantity, ...]) -> gym.Space[Floats]:
 
 def numbers(action: ArrayLike, shape: tuple[int, ...], scenario: Scenario) -> Floats:
     """Return an action as an array of float64 of a shape, or raise an error."""
-    names = ", ".join(each.name for each in scenario.actions)
+    names = ", ".join(quantity.name for quantity in scenario.actions)
     try:
-        given = np.ascontiguousarray(action, np.float64)
+        array = np.ascontiguousarray(action, np.float64)
     except (TypeError, ValueError):
         raise InputTypeError(
             f"expected an action ({names}) of {scenario.id}, got {action!r}"
         ) from None
-    if given.shape != shape:
+    if array.shape != shape:
         raise InputError(
             f"expected an action ({names}) of shape {shape} for {scenario.id}, got one of shape "
-            f"{given.shape}"
+            f"{array.shape}"
         )
-    return given
+    return array

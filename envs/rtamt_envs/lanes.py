@@ -80,14 +80,14 @@ class ScenarioLanes:
         Returns:
             The observations after each step, shape (steps, n, observations); nan where not chosen.
         """
-        made = np.full((len(actions), *self.observations.shape), np.nan)
-        self._act(actions, chosen, generators, made)
-        return made
+        record = np.full((len(actions), *self.observations.shape), np.nan)
+        self._act(actions, chosen, generators, record)
+        return record
 
     def follow(self, steps: int, chosen: Bools, generators: _Generators) -> Floats:
         """Make steps as `roll` does, under the baseline of the scenario."""
         self._refuse_unbegun(chosen)
-        made = np.full((steps, *self.observations.shape), np.nan)
+        record = np.full((steps, *self.observations.shape), np.nan)
         _, step, baseline = _functions(self._scenario)
         _follow(
             step,
@@ -100,9 +100,9 @@ class ScenarioLanes:
             self.steps,
             self._states,
             self.observations,
-            made,
+            record,
         )
-        return made
+        return record
 
     def baseline(self) -> Floats:
         """Return the actions of the baseline at the last observations, shape (n, actions)."""
@@ -113,7 +113,7 @@ class ScenarioLanes:
             self._scenario.baseline(time, self.observations[lane], self.parameters[lane], action)
         return actions
 
-    def _act(self, actions: Floats, chosen: Bools, generators: _Generators, made: Floats) -> None:
+    def _act(self, actions: Floats, chosen: Bools, generators: _Generators, record: Floats) -> None:
         """Make steps; store the observations if ``made`` has room for them."""
         self._refuse_unbegun(chosen)
         if np.isnan(actions).any():
@@ -129,7 +129,7 @@ class ScenarioLanes:
             self.steps,
             self._states,
             self.observations,
-            made,
+            record,
         )
 
     def _refuse_unbegun(self, chosen: Bools) -> None:
@@ -194,7 +194,7 @@ def _roll(
     steps: NDArray[np.int64],
     states: Floats,
     observations: Floats,
-    made: Floats,
+    record: Floats,
 ) -> None:
     """Step each simulation through its actions; store the observations if ``made`` has room."""
     applied = np.empty(len(low))
@@ -205,8 +205,8 @@ def _roll(
                 for i in range(len(low)):
                     applied[i] = min(max(actions[k, lane, i], low[i]), high[i])
                 step(applied, parameters[lane], noise[k, lane], states[lane], seen)
-                if k < len(made):
-                    made[k, lane] = seen
+                if k < len(record):
+                    record[k, lane] = seen
             steps[lane] += len(actions)
 
 
@@ -222,13 +222,13 @@ def _follow(
     steps: NDArray[np.int64],
     states: Floats,
     observations: Floats,
-    made: Floats,
+    record: Floats,
 ) -> None:
     for lane in range(len(states)):
         if chosen[lane]:
             seen = observations[lane]
-            for k in range(len(made)):
+            for k in range(len(record)):
                 baseline(steps[lane] * period, seen, parameters[lane], action)
                 step(action, parameters[lane], noise[k, lane], states[lane], seen)
-                made[k, lane] = seen
+                record[k, lane] = seen
                 steps[lane] += 1

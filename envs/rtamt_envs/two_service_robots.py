@@ -312,13 +312,13 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
             InputError: If a parameter is unknown, is not a number, or is among the options
                 themselves.
         """
-        given = options or {}
-        for name in {parameter.name for parameter in SCENARIO.parameters} & set(given):
+        chosen = options or {}
+        for name in {parameter.name for parameter in SCENARIO.parameters} & set(chosen):
             raise InputError(
                 f"{name!r} is a parameter; write options={{'parameters': {{{name!r}: "
-                f"{given[name]!r}}}}}"
+                f"{chosen[name]!r}}}}}"
             )
-        parameters = given.get("parameters")
+        parameters = chosen.get("parameters")
         joint, info = self._env.reset(seed=seed, options=parameters)
         self.agents = [*self.possible_agents]
         return self._split(joint), {agent: dict(info) for agent in self.agents}

@@ -98,13 +98,13 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         Raises:
             InputError: If seeds, a mask or a parameter do not fit.
         """
-        given: Any = options or {}
+        values: Any = options or {}
         mask = None
-        if isinstance(given, Mapping):
-            mask = given.get("reset_mask")
-            given = {name: value for name, value in given.items() if name != "reset_mask"}
+        if isinstance(values, Mapping):
+            mask = values.get("reset_mask")
+            values = {name: value for name, value in values.items() if name != "reset_mask"}
         chosen = self._mask("options['reset_mask']", mask)
-        row = self.scenario.parameter_row(given, np.tile(self._defaults, (self.num_envs, 1)))
+        row = self.scenario.parameter_row(values, np.tile(self._defaults, (self.num_envs, 1)))
         seeds = [None] * self.num_envs if seed is None else seed
         if isinstance(seeds, SupportsIndex):
             seeds = [int(seeds) + lane for lane in range(self.num_envs)]
@@ -188,11 +188,11 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
             defaults = np.tile(self._defaults, (self.num_envs, 1))
             self._lanes.start(chosen, self._generators, defaults)
 
-    def _mask(self, what: str, given: ArrayLike | None) -> Bools:
+    def _mask(self, what: str, mask: ArrayLike | None) -> Bools:
         """Return the environments that a mask selects; None selects all."""
-        if given is None:
+        if mask is None:
             return self._all
-        mask = np.asarray(given)
+        mask = np.asarray(mask)
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
             raise InputError(
                 f"expected {what} as {self.num_envs} booleans, got {mask.dtype} of shape "

@@ -162,17 +162,17 @@ def _check(episode: RecordedEpisode) -> None:
 def _arrays(tree: Any) -> Any:  # noqa: ANN401 - of observations or actions
     """Return the tree with arrays as leaves."""
     if isinstance(tree, Mapping):
-        return {key: _arrays(each) for key, each in tree.items()}
+        return {key: _arrays(branch) for key, branch in tree.items()}
     if isinstance(tree, tuple):
-        return tuple(_arrays(each) for each in tree)
+        return tuple(_arrays(branch) for branch in tree)
     return np.asarray(tree)
 
 
 def _leaves(tree: Any) -> list[NDArray[Any]]:  # noqa: ANN401 - of observations or actions
     if isinstance(tree, Mapping):
-        return [leaf for each in tree.values() for leaf in _leaves(each)]
+        return [leaf for branch in tree.values() for leaf in _leaves(branch)]
     if isinstance(tree, tuple):
-        return [leaf for each in tree for leaf in _leaves(each)]
+        return [leaf for branch in tree for leaf in _leaves(branch)]
     return [tree]
 
 
@@ -185,18 +185,18 @@ def size_of(episode: RecordedEpisode) -> int:
 def part(tree: Any, where: Any) -> Any:  # noqa: ANN401 - an index or a slice of a tree
     """Return the elements of all leaves of a tree at an index, or in a slice."""
     if isinstance(tree, Mapping):
-        return {key: part(each, where) for key, each in tree.items()}
+        return {key: part(branch, where) for key, branch in tree.items()}
     if isinstance(tree, tuple):
-        return tuple(part(each, where) for each in tree)
+        return tuple(part(branch, where) for branch in tree)
     return tree[where]
 
 
 def space_of(tree: Any) -> spaces.Space[Any]:  # noqa: ANN401 - of observations or actions
     """Return a space for the elements of a tree, for datasets that declare none."""
     if isinstance(tree, Mapping):
-        return spaces.Dict([(key, space_of(each)) for key, each in tree.items()])
+        return spaces.Dict([(key, space_of(branch)) for key, branch in tree.items()])
     if isinstance(tree, tuple):
-        return spaces.Tuple([space_of(each) for each in tree])
+        return spaces.Tuple([space_of(branch) for branch in tree])
     kind = tree.dtype
     if kind.kind in "iu":
         limits: Any = np.iinfo(kind)

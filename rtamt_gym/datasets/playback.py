@@ -138,8 +138,8 @@ class JudgedTape:
                 if not name.startswith("_") or f"_{name}" in infos["stl_episode"]
             }
             if "stl_violated_by" in infos and infos["_stl_violated_by"][lane]:
-                found = infos["stl_violated_by"][lane], int(infos["stl_violated_at"][lane])
-                self.violations[row] = found
+                violation = infos["stl_violated_by"][lane], int(infos["stl_violated_at"][lane])
+                self.violations[row] = violation
 
 
 _OF_THE_EPISODE = frozenset({"stl_episode", "stl_violated_by", "stl_violated_at", "final_info"})

@@ -168,16 +168,16 @@ def relabel(
     nan = options.get("nan", "raise")
     needy = [Argument("cost", options["cost"])] if options.get("cost") is not None else []
     read = {name: signals.get(name) for name in variables}
-    asked = EvaluationOptions(view=options.get("view", "episode"), nan=nan)
-    judged, _ = with_unknown_start(asked, read, *needy)
+    evaluation = EvaluationOptions(view=options.get("view", "episode"), nan=nan)
+    known, _ = with_unknown_start(evaluation, read, *needy)
     options = {**options, "period": _period(dataset, loaded, options.get("period"))}
-    if judged.nan != nan:
-        options["nan"] = judged.nan
+    if known.nan != nan:
+        options["nan"] = known.nan
     names = [reading.name for reading in readings]
     store = None
     if dataset_id is not None:
-        said = described(loaded, readings, mode, options)
-        store = Store(dataset_id, dataset if is_dataset(dataset) else None, said)
+        description = described(loaded, readings, mode, options)
+        store = Store(dataset_id, dataset if is_dataset(dataset) else None, description)
     kept: list[RelabelledEpisode] = []
     reader: SignalReader | None = None
     judges: tuple[Playback, Batch] | None = None
@@ -188,8 +188,8 @@ def relabel(
                 reader = SignalReader(readings, *spaces, nan)
                 playback = Playback(min(LANES, len(episodes)), len(names))
                 judges = playback, _judge(playback, loaded, names, mode, options)
-            found = _judged(episodes, reader, *judges, shaped=mode is not None)
-            chosen = [each for each in found if _keeps(keep, each)]
+            relabelled = _judged(episodes, reader, *judges, shaped=mode is not None)
+            chosen = [episode for episode in relabelled if _keeps(keep, episode)]
             if store is None:
                 kept += chosen
             else:
@@ -259,24 +259,24 @@ def _judge(
 ) -> Batch:
     """Return the wrapper that judges a playback."""
     signals = {name: f"obs[{column}]" for column, name in enumerate(names)}
-    asked: dict[str, Any] = {**options, "on_violation": "report", "buffer_length": 0}
+    judge_options: dict[str, Any] = {**options, "on_violation": "report", "buffer_length": 0}
     if mode is None:
-        return VectorStlMonitor(playback, dict(specs), signals, **asked)
-    return VectorStlReward(playback, dict(specs), signals, mode=mode, **asked)
+        return VectorStlMonitor(playback, dict(specs), signals, **judge_options)
+    return VectorStlReward(playback, dict(specs), signals, mode=mode, **judge_options)
 
 
 def _parts(episodes: Iterable[RecordedEpisode]) -> Iterator[list[RecordedEpisode]]:
     """Yield the episodes in lists that fit into memory."""
-    held: list[RecordedEpisode] = []
+    episodes_held: list[RecordedEpisode] = []
     samples = size = 0
     for episode in episodes:
-        held.append(episode)
+        episodes_held.append(episode)
         samples, size = samples + len(episode) + 1, size + size_of(episode)
         if samples >= SAMPLES or size >= BYTES:
-            yield held
-            held, samples, size = [], 0, 0
-    if held:
-        yield held
+            yield episodes_held
+            episodes_held, samples, size = [], 0, 0
+    if episodes_held:
+        yield episodes_held
 
 
 def _judged(

@@ -18,10 +18,10 @@ from rtamt_gym.datasets.episodes import RecordedEpisode, RelabelledEpisode, read
 from rtamt_gym.signals.signals import ParsedSignal
 
 
-def is_dataset(given: object) -> bool:
+def is_dataset(value: object) -> bool:
     """Return whether a value is a dataset of Minari; a loaded Minari has made it."""
     minari: Any = sys.modules.get("minari")
-    return minari is not None and isinstance(given, minari.MinariDataset)
+    return minari is not None and isinstance(value, minari.MinariDataset)
 
 
 def episodes_of(dataset: Any) -> Iterator[RecordedEpisode]:  # noqa: ANN401 - Minari is not typed
@@ -33,8 +33,8 @@ def episodes_of(dataset: Any) -> Iterator[RecordedEpisode]:  # noqa: ANN401 - Mi
     """
     if is_dataset(dataset):
         metadata = dataset.storage.get_episode_metadata(dataset.episode_indices)
-        for given, said in zip(dataset.iterate_episodes(), metadata, strict=True):
-            yield read_episode(given, given.id, said)
+        for episode, reset in zip(dataset.iterate_episodes(), metadata, strict=True):
+            yield read_episode(episode, episode.id, reset)
         return
     if isinstance(dataset, str | Mapping) or not isinstance(dataset, Iterable):
         way_out = "; load it: minari.load_dataset(...)" if isinstance(dataset, str) else ""
@@ -42,8 +42,8 @@ def episodes_of(dataset: Any) -> Iterator[RecordedEpisode]:  # noqa: ANN401 - Mi
             "expected a dataset of Minari or an iterable of episodes, got "
             f"{dataset if isinstance(dataset, str) else type(dataset).__name__}{way_out}"
         )
-    for number, given in enumerate(dataset):
-        yield read_episode(given, number)
+    for number, episode in enumerate(dataset):
+        yield read_episode(episode, number)
 
 
 def spaces_of(
@@ -159,8 +159,8 @@ class Store:
                 **form,
             )
         left_out = _OWN | (_OF_REWARDS if self._said["mode"] else frozenset())
-        said = {name: value for name, value in old.items() if name not in left_out}
-        dataset.storage.update_metadata({**said, "rtamt": self._said})
+        metadata = {name: value for name, value in old.items() if name not in left_out}
+        dataset.storage.update_metadata({**metadata, "rtamt": self._said})
         return minari.load_dataset(self._id)
 
     def finish(self) -> Any:  # noqa: ANN401
@@ -179,13 +179,13 @@ class Store:
 
 def _listed(infos: Mapping[str, Any]) -> dict[str, Any]:
     """Return the infos with lists: Minari cannot read back Arrow arrays of one dimension."""
-    made: dict[str, Any] = {}
+    listed: dict[str, Any] = {}
     for key, value in infos.items():
         if isinstance(value, Mapping):
-            made[key] = _listed(value)
+            listed[key] = _listed(value)
         else:
-            made[key] = value.tolist() if np.ndim(value) == 1 else value
-    return made
+            listed[key] = value.tolist() if np.ndim(value) == 1 else value
+    return listed
 
 
 _OWN = frozenset(

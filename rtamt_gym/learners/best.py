@@ -37,8 +37,8 @@ class Best:
 
 
 def _score(evaluation: Evaluation) -> tuple[float, float]:
-    found = mean_return(evaluation)
-    return evaluation.success.rate, -math.inf if found is None else found
+    returns = mean_return(evaluation)
+    return evaluation.success.rate, -math.inf if returns is None else returns
 
 
 MOST: Final = 1000

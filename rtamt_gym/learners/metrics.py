@@ -76,18 +76,20 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
     """
     if not episodes:
         return {}
-    found = {"satisfied": _share([all(_satisfied(episode)) for episode in episodes])}
+    metrics = {"satisfied": _share([all(_satisfied(episode)) for episode in episodes])}
     for name in episodes[0]:
         outcomes = [episode[name] for episode in episodes]
         for verdict in ("SATISFIED", "VIOLATED", "UNDECIDED"):
             there = [outcome["verdict"] == verdict for outcome in outcomes]
-            found[f"{name}/{verdict.lower()}"] = _share(there)
+            metrics[f"{name}/{verdict.lower()}"] = _share(there)
         robustness = quantiles([float(outcome["robustness"]) for outcome in outcomes])
-        violated = [each for each in outcomes if each["verdict"] == "VIOLATED"]
-        at = [each["ended_at" if "ended_at" in each else "decided_at"] for each in violated]
-        times = [each * float(1 if period is None else period) for each in at]
-        found.update(_measured(name, robustness, times))
-    return found
+        violated = [outcome for outcome in outcomes if outcome["verdict"] == "VIOLATED"]
+        samples = [
+            outcome["ended_at" if "ended_at" in outcome else "decided_at"] for outcome in violated
+        ]
+        times = [sample * float(1 if period is None else period) for sample in samples]
+        metrics.update(_measured(name, robustness, times))
+    return metrics
 
 
 def evaluation_metrics(evaluation: Evaluation) -> dict[str, float]:
@@ -99,14 +101,14 @@ def evaluation_metrics(evaluation: Evaluation) -> dict[str, float]:
     * ``NAME/rate``, ``NAME/low``, ``NAME/high``: the same for each requirement
     * ``NAME/robustness_p5``, ``_median``, ``_p95``, ``NAME/first_violation``: as in `metrics_of`
     """
-    found = _rate("", evaluation.success)
+    metrics = _rate("", evaluation.success)
     returns = mean_return(evaluation)
     if returns is not None:
-        found["return"] = returns
+        metrics["return"] = returns
     for name, result in evaluation.requirements.items():
-        found.update(_rate(f"{name}/", result))
-        found.update(_measured(name, result.quantiles, result.first_violations))
-    return found
+        metrics.update(_rate(f"{name}/", result))
+        metrics.update(_measured(name, result.quantiles, result.first_violations))
+    return metrics
 
 
 def successes(evaluation: Evaluation) -> list[bool]:
@@ -190,11 +192,11 @@ class Satisfaction:
         The counts are ``episodes`` and, for each requirement, ``NAME/violations``. ``cost`` is the
         mean cost of the newest episodes whose cost is known; absent without any.
         """
-        found = metrics_of(self._newest, self.period)
+        metrics = metrics_of(self._newest, self.period)
         if self._costs:
-            found["cost"] = float(np.mean(self._costs))
-        found.update({f"{name}/violations": count for name, count in self.violations.items()})
-        return {"episodes": self.episodes, **found}
+            metrics["cost"] = float(np.mean(self._costs))
+        metrics.update({f"{name}/violations": count for name, count in self.violations.items()})
+        return {"episodes": self.episodes, **metrics}
 
 
 def ended_episodes(infos: Mapping[str, Any], ended: ArrayLike) -> list[Outcomes]:
@@ -234,11 +236,11 @@ def _named(held: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
 
 def _lane(columns: Mapping[str, Any], i: int) -> Mapping[str, Any]:
     """Return the outcome of environment i."""
-    found = {key: columns[key][i] for key in ("robustness", "verdict", "satisfied")}
+    outcome = {key: columns[key][i] for key in ("robustness", "verdict", "satisfied")}
     for key in ("decided_at", "ended_at"):
         if key_mask(columns, key, i + 1)[i]:
-            found[key] = columns[key][i]
-    return found
+            outcome[key] = columns[key][i]
+    return outcome
 
 
 def _rate(prefix: str, result: RequirementResult) -> dict[str, float]:
@@ -248,13 +250,13 @@ def _rate(prefix: str, result: RequirementResult) -> dict[str, float]:
 
 def _measured(name: str, robustness: Mapping[float, float], times: ArrayLike) -> dict[str, float]:
     """Return the metrics of robustness and of the times of violations."""
-    found = {
+    metrics = {
         f"{name}/robustness_{end}": robustness[share]
         for end, share in QUANTILES.items()
         if math.isfinite(robustness.get(share, math.inf))
     }
     first = median(times)
-    return found if math.isnan(first) else {**found, f"{name}/first_violation": first}
+    return metrics if math.isnan(first) else {**metrics, f"{name}/first_violation": first}
 
 
 def _satisfied(episode: Outcomes) -> list[bool]:

@@ -217,12 +217,12 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         if statistics is not None:
             _written(path, "_vecnormalize.pkl", statistics.save)
         _written(path, ".zip", self.model.save)
-        found = {"steps": self.num_timesteps, "seed": self._seed, "episodes": evaluation.episodes}
-        found |= evaluation_metrics(evaluation)
+        summary = {"steps": self.num_timesteps, "seed": self._seed, "episodes": evaluation.episodes}
+        summary |= evaluation_metrics(evaluation)
         if self.confirmed is not None:
             test = self.confirmed
-            found["confirmed"] = f"{test.decision}: {test.satisfied} of {test.episodes} episodes"
-        text = json.dumps(found, indent=2)
+            summary["confirmed"] = f"{test.decision}: {test.satisfied} of {test.episodes} episodes"
+        text = json.dumps(summary, indent=2)
         _written(path, ".json", lambda file: Path(file).write_text(f"{text}\n", encoding="utf-8"))
 
     def _log(self, prefix: str, metrics: Mapping[str, float]) -> None:

@@ -149,13 +149,13 @@ def _begun(layer: Layer, num: int | None = None) -> Layer:
     """Return the layer, or a copy of a stack; ``num`` empties it for so many environments."""
     if not isinstance(layer, StackedObservations):
         return layer
-    made = copy(layer)
-    if isinstance(made.observation_space, gym.spaces.Dict):
-        parts = made.sub_stacked_observations.items()
-        made.sub_stacked_observations = {key: _begun(part, num) for key, part in parts}
+    stack = copy(layer)
+    if isinstance(stack.observation_space, gym.spaces.Dict):
+        parts = stack.sub_stacked_observations.items()
+        stack.sub_stacked_observations = {key: _begun(part, num) for key, part in parts}
     elif num is not None:
-        made.stacked_obs = np.zeros((num, *made.stacked_shape), made.observation_space.dtype)
-    return made
+        stack.stacked_obs = np.zeros((num, *stack.stacked_shape), stack.observation_space.dtype)
+    return stack
 
 
 def _parts(observation: Any, change: Callable[[Any], Any]) -> Any:  # noqa: ANN401

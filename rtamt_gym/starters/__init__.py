@@ -62,7 +62,7 @@ def starter_files(name: str) -> dict[str, str]:
     """
     folder = Path(__file__).with_name(name)
     files = {}
-    for path in sorted(each for each in folder.rglob("*") if each.is_file()):
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         written = path.relative_to(folder).as_posix().removesuffix(".txt")
         files[JOB if written == "job.yml" else written] = path.read_text(encoding="utf-8")
     return files
@@ -84,11 +84,11 @@ def write_starter(name: str, folder: Path) -> list[str]:
             f"rtamt init {name} FOLDER"
         )
     for place in (folder, *((folder / file).parent for file in files)):
-        above = next((each for each in (place, *place.parents) if each.exists()), place)
+        above = next((path for path in (place, *place.parents) if path.exists()), place)
         if above.exists() and not above.is_dir():
             raise InputError(f"{above} is a file: give another folder, rtamt init {name} FOLDER")
-    for each, text in files.items():
-        path = folder / each
+    for file, text in files.items():
+        path = folder / file
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8", newline="\n")
     return list(files)
