@@ -1,4 +1,9 @@
-"""The functions in which array libraries differ, next to the operators of their arrays."""
+"""The functions in which array libraries differ, next to the operators of their arrays.
+
+To add an array library: a package next to ``jax`` and ``torch`` with a class that has these
+methods, and a group ``tests/arrays/NAME.txt``. ``tests/support/array_contract.py`` tests every
+library, ``array_requirements.py`` the wrappers of environments.
+"""
 
 from __future__ import annotations
 

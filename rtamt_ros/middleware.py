@@ -1,4 +1,8 @@
-"""The interface between a node and ROS, the same for ROS 1 and ROS 2."""
+"""The interface between a node and ROS, the same for ROS 1 and ROS 2.
+
+To add a method, add it to `Middleware`, ``ros1.py`` and ``ros2.py``, and a test to
+``tests/support/ros_contract.py``, which both pass.
+"""
 
 from __future__ import annotations
 

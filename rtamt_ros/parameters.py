@@ -1,6 +1,9 @@
 """The parameters of a monitor, for ROS 2 and as options of the command line.
 
 An option is a parameter with ``-`` for ``_``; `rtamt_ros.command` lists the exceptions.
+
+To add a parameter: a row of `PARAMETERS`, its reading in `read`, and an option of the same name in
+`rtamt_ros.command`. ROS 2 then has it as a parameter of the node.
 """
 
 from __future__ import annotations

@@ -1,4 +1,10 @@
-"""The declaration of a scenario, and the table of all scenarios."""
+"""The declaration of a scenario, and the table of all scenarios.
+
+To add a scenario: a file in this folder with its ``SCENARIO``, and a row of `SCENARIOS`, which
+registers it and puts it under ``tests/rtamt_envs/test_contract.py``. Add a test of its own, a
+second model in ``tests/support/models`` that shares no code with it, and a row to both tables of
+``docs/scenarios.md``.
+"""
 
 from __future__ import annotations
 

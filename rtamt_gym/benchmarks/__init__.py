@@ -1,4 +1,10 @@
-"""Benchmarks of robots as environments whose success can be judged: robosuite and Meta-World."""
+"""Benchmarks of robots as environments whose success can be judged: robosuite and Meta-World.
+
+To add a benchmark of robots: ``tests/benchmarks/NAME.txt`` with the MuJoCo that it allows,
+``test_NAME.py`` next to it, and a row of ``docs/success.md``. A benchmark that is not an
+environment of Gymnasium also needs an adapter here, and a stand-in in
+``tests/support/benchmark_stand_ins.py``, so that the suite can run the adapter without the package.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
 The last info of an episode has ``stl_episode``, the outcome of every requirement. `metrics_of`
 computes metrics of several episodes; `Satisfaction` keeps the newest episodes and counts
 violations.
+
+To add a metric: a key of `metrics_of`, which serves all learners, and a row of the table in
+``docs/learners.md``. ``shares_of`` in ``tests/support/programs.py`` counts it again by hand.
 """
 
 from __future__ import annotations

@@ -2,6 +2,11 @@
 
 A folder holds the files of a starter. Names end in ``.txt`` where tools would take the file for one
 of ours; the written file does not.
+
+To add a tutorial: a page in ``docs/tutorials``, a folder of the same name here with a
+specification, a test and ``job.yml``, and a row of `STARTERS`. ``tests/project/test_tutorials.py``
+plays the page in an empty folder. Commands must print what the page shows below them; a block after
+"`NAME`:" is that file, and a block ``diff`` changes it.
 """
 
 from collections.abc import Mapping

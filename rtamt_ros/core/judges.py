@@ -1,4 +1,11 @@
-"""The judges of all requirements of a node."""
+"""The judges of all requirements of a node.
+
+To change the reaction of a node to a message or a tick of the clock, change `Judges.take` or
+`Judges.look`; ``sampled.py`` and ``dense.py`` here judge samples and events.
+
+To add a number or a note about a requirement: a field of `RequirementReport`, an entry of
+``_numbers`` in ``publishing.py``, and its words in `RequirementReport.text`.
+"""
 
 from __future__ import annotations
 
