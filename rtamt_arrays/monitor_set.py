@@ -18,7 +18,7 @@ from rtamt_gym.judging.costs import Cost, Demand, keyed_costs, measured_demands,
 from rtamt_gym.judging.monitors import MonitorValues, make_monitors, options_of_parts
 from rtamt_gym.options.evaluation import EvaluationOptions
 
-Sample = Mapping[str, Tensor]
+NamedSample = Mapping[str, Tensor]
 """An array of shape (environments,) for each variable."""
 
 
@@ -37,13 +37,13 @@ class ArrayLibrary(NamedTuple):
 
 
 class InstantState(NamedTuple):
-    """The state of an `InstantMonitor`: the monitor of instants, and the monitor of the episode."""
+    """The state of an `ArrayInstants`: the monitor of instants, and the monitor of the episode."""
 
     newest: OnlineState
     sofar: EpisodeState
 
 
-class InstantMonitor:
+class ArrayInstants:
     """`rtamt_gym.judging.monitors.VectorInstantMonitor` as pure functions of arrays.
 
     Attributes:
@@ -72,14 +72,14 @@ class InstantMonitor:
         return InstantState(self._newest.reset(newest, mask), self._sofar.reset(sofar, mask))
 
     def begin(
-        self, state: InstantState, sample: Sample, mask: Tensor
+        self, state: InstantState, sample: NamedSample, mask: Tensor
     ) -> tuple[InstantState, Tensor]:
         """Start the masked environments with a sample; return its robustness."""
         newest, reading = self._newest.begin(state.newest, sample, mask)
         sofar, episode = self._sofar.begin(state.sofar, sample, mask)
         return InstantState(newest, sofar), self._known(reading, episode)
 
-    def update(self, state: InstantState, sample: Sample) -> tuple[InstantState, Tensor]:
+    def update(self, state: InstantState, sample: NamedSample) -> tuple[InstantState, Tensor]:
         """Take a sample; return the robustness of the newest known instant."""
         newest, reading = self._newest.update(state.newest, sample)
         sofar, episode = self._sofar.update(state.sofar, sample)
@@ -141,13 +141,13 @@ class ArrayCosts:
         monitors = _reset(self._monitors, state.monitors, mask)
         return CostState(monitors, self._o.where(mask, 0.0, state.charged))
 
-    def begin(self, state: CostState, sample: Sample, mask: Tensor) -> CostState:
+    def begin(self, state: CostState, sample: NamedSample, mask: Tensor) -> CostState:
         """Start the masked environments with a sample, which costs nothing."""
         monitors, _ = _begin(self._monitors, state.monitors, sample, mask)
         return CostState(monitors, self._o.where(mask, 0.0, state.charged))
 
     def update(
-        self, state: CostState, sample: Sample, number: Tensor, zero: Tensor
+        self, state: CostState, sample: NamedSample, number: Tensor, zero: Tensor
     ) -> tuple[CostState, list[Tensor]]:
         """Take a sample with this number; return the largest cost of each specification."""
         monitors, worst = [], [zero] * len(self._names)
@@ -241,13 +241,13 @@ class ArrayMonitorSet:
 
         def instants(
             spec: Specification, *, period: Period | None, align: Align | None, **_: object
-        ) -> InstantMonitor:
-            return InstantMonitor(library, spec, period, align)
+        ) -> ArrayInstants:
+            return ArrayInstants(library, spec, period, align)
 
         self._o = library.operations
         pairs = make_monitors(specs, evaluation, episode, instants).values()
         self._judges: list[EpisodeArrays] = [judge for _, judge in pairs]
-        self._instants: list[InstantMonitor] = []
+        self._instants: list[ArrayInstants] = []
         if evaluation.view == "step":
             self._instants = [source for source, _ in pairs]
         self._ends = evaluation.at_termination or "complete", evaluation.at_truncation
@@ -276,7 +276,7 @@ class ArrayMonitorSet:
             tuple(self._o.where(mask, math.nan, last) for last in state.held),
         )
 
-    def begin(self, state: MonitorSetState, sample: Sample, mask: Tensor) -> MonitorSetUpdate:
+    def begin(self, state: MonitorSetState, sample: NamedSample, mask: Tensor) -> MonitorSetUpdate:
         """Start the masked environments with a sample; the others take none."""
         judges, readings = _begin(self._judges, state.judges, sample, mask)
         instants, robustness = _begin(self._instants, state.instants, sample, mask)
@@ -288,7 +288,9 @@ class ArrayMonitorSet:
         following = MonitorSetState(judges, instants, costs, held)
         return MonitorSetUpdate(following, readings, readings, robustness, [])
 
-    def update(self, state: MonitorSetState, sample: Sample, number: Tensor) -> MonitorSetUpdate:
+    def update(
+        self, state: MonitorSetState, sample: NamedSample, number: Tensor
+    ) -> MonitorSetUpdate:
         """Take a sample with this number in every environment."""
         held = []
         for name, last in zip(self._held, state.held, strict=True):
@@ -390,7 +392,7 @@ def _reset(monitors: Sequence[Any], states: Sequence[Any], mask: Tensor) -> tupl
 
 
 def _begin(
-    monitors: Sequence[Any], states: Sequence[Any], sample: Sample, mask: Tensor
+    monitors: Sequence[Any], states: Sequence[Any], sample: NamedSample, mask: Tensor
 ) -> tuple[tuple[Any, ...], list[Any]]:
     """Start the masked environments of several monitors; return their states and readings."""
     pairs = zip(monitors, states, strict=True)

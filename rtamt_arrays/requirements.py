@@ -17,7 +17,7 @@ from rtamt_arrays.monitor_set import (
     ArrayMonitorSet,
     MonitorSetState,
     MonitorSetUpdate,
-    Sample,
+    NamedSample,
 )
 from rtamt_arrays.operations import Tensor
 from rtamt_gym.checks.arguments import check_choice
@@ -237,7 +237,7 @@ class StepJudge:
     def step(
         self,
         state: RequirementState,
-        sample: Sample,
+        sample: NamedSample,
         reward: Tensor,
         terminated: Tensor,
         truncated: Tensor,
@@ -254,7 +254,7 @@ class StepJudge:
         """
         return self.conclude(state, self.update(state, sample), reward, terminated, truncated)
 
-    def update(self, state: RequirementState, sample: Sample) -> MonitorSetUpdate:
+    def update(self, state: RequirementState, sample: NamedSample) -> MonitorSetUpdate:
         """Take a sample in every environment: the part of `step` that needs no ends."""
         return self._monitors.update(state.monitors, sample, state.samples)
 
