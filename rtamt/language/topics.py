@@ -2,7 +2,7 @@
 
 To add a type that a topic without a declared message may have, add the class of ``std_msgs`` to
 `_STD`. To change where robustness is published, change `publications`; if two requirements name the
-same topic, ``rtamt_ros/core/outputs.py`` and ``rtamt_gym/recorded/bag_output.py`` handle it. Nodes
+same topic, ``outputs_of`` of `rtamt_ros` and ``rtamt_gym/recorded/bag_output.py`` handle it. Nodes
 and bags use both functions.
 """
 
