@@ -1,4 +1,4 @@
-"""Clocks of temporal operators: the age of their pending obligations, in many lanes."""
+"""Clocks of temporal operators: the age of their pending obligations, in a batch."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from rtamt.machines.clocks import OperatorClock
 class OperatorClocks:
     """Counts clocks of temporal operators, and keeps the newest values of their operands.
 
-    What is fed are the values of parts, such as `VectorMonitor` gives: robustness, late by the
-    latency of the part, and nan as long as it is not known. The newest value of an operand that
-    fits the others is then L samples old, the ``late`` of its clock. An operator with the window
-    [a, b] asks of such values what one with the window [a + L, b + L] asks of values that are known
-    at once: these are ``begin`` and ``end`` of its clock, and a and b below. Let t be the newest
-    sample, and s an instant at which the operator is asked.
+    `feed` takes the values of parts, such as those of `VectorMonitor`: robustness, late by the
+    latency of the part, and nan before it is known. The newest value of an operand that fits the
+    others is then L samples old, the ``late`` of its clock. An operator with the window [a, b] over
+    such values equals one with the window [a + L, b + L] over values that are known at once: these
+    are ``begin`` and ``end`` of its clock, and a and b below. Let t be the newest sample, and s an
+    instant at which the operator is required.
 
     * ``"oldest"`` of ``eventually[a:b] q``: an instant s is met once q has held in s + a to s + b,
       and pending until then. The clock counts the instants from the oldest pending one to t, both
@@ -35,30 +35,30 @@ class OperatorClocks:
     * ``"oldest"`` of ``p until[a:b] q``: if p fails while an instant is pending, that is overdue at
       once: the clock is 1 at this sample, and counts later instants from there on. For ``p
       unless[a:b] q``: if p fails, nothing is pending any more, and q at its time makes the clock 1.
-    * ``"newest"``: how much of its window the newest instant still has, ``(b - (t - s)) / b``. For
-      ``until`` it falls to 0 where p fails, for ``unless`` where q holds.
+    * ``"newest"``: the part of its window that the newest instant still has, ``(b - (t - s)) / b``.
+      For ``until`` it falls to 0 when p fails, for ``unless`` when q holds.
     * ``"last"``: the samples since the operand of ``once[a:b]``, ``prev`` or ``rise`` last held, or
       the operand of ``historically[a:b]`` or ``fall`` last failed, as a fraction of b + 1; 1 if
       that is longer ago or has not happened. For ``since`` it is 1 too if p has failed after q.
 
-    A window without an end has no such fraction. Its clock is 0 if nothing is pending, 1/2
-    (``until``, ``eventually``, ``unless`` and ``always`` that are counted from the oldest) or 1
-    while something is, if a = 0; with an a > 0 it grows to there over the first samples. For
-    ``once`` and its kin it is 0 once the operand has held, else 1. An operator that is asked at the
-    first instant alone keeps a clock of 1.
+    A window without an end has no such fraction. Its clock is 0 if nothing is pending; otherwise,
+    for a = 0, it is 1/2 (``until``, ``eventually``, ``unless`` and ``always``, from the oldest) or
+    1. With an a > 0 it grows to that value over the first samples. For ``once`` and similar
+    operators it is 0 after the operand has held, and 1 before. An operator that is required only at
+    the first instant keeps a clock of 1.
 
-    A lane that takes no sample stays as it is, and so each has a time of its own. Objects can be
+    A batch entry without a sample stays as it is, so each entry has its own time. Objects can be
     copied and pickled in the middle of a trace.
 
     Args:
         clocks: The clocks.
-        parts: How many parts are fed.
-        num: The number of lanes.
+        parts: The number of parts.
+        num: The batch size.
         backend: As for `Monitor`.
 
     Raises:
-        InputError: If a clock has another part, operands that do not go with its event, or a window
-            that is none; or if the back-end is unknown or not built.
+        InputError: If a clock has another part, operands that do not fit its event, or a wrong
+            window; or if the back-end is unknown or not built.
 
     Example:
         >>> answer = OperatorClock("oldest", "holds", 0, 3, 0, operands=((0, 0),))
@@ -78,11 +78,11 @@ class OperatorClocks:
         self._bank = BACKENDS[choose(backend)].clock_bank(self._clocks, parts, num)
 
     def feed(self, values: ArrayLike, mask: Lanes | None = None) -> None:
-        """Take in a sample in the lanes of the mask; None: in all.
+        """Take a sample in the entries of the mask; None: in all.
 
         Args:
-            values: The newest value of each part in each lane, of shape (parts, num).
-            mask: A boolean for each lane.
+            values: The newest value of each part in each entry, of shape (parts, num).
+            mask: A boolean for each entry.
         """
         table = np.ascontiguousarray(values, dtype=np.float64)
         if table.shape != self._shape:
@@ -93,17 +93,17 @@ class OperatorClocks:
         self._bank.feed(table, None if mask is None else self._mask(mask))
 
     def reset(self, mask: Lanes | None = None) -> None:
-        """Forget every sample of the lanes of the mask; None: of all."""
+        """Forget every sample of the entries in the mask; None: of all."""
         self._bank.reset(None if mask is None else self._mask(mask))
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        """The number of samples of every lane since its reset; a fresh array."""
+        """The number of samples of every entry since its reset; a fresh array."""
         return self._bank.samples
 
     @property
     def fractions(self) -> Floats:
-        """A row for each clock: from 0 to 1 in every lane; a fresh array."""
+        """A row for each clock: from 0 to 1 in every entry; a fresh array."""
         return self._bank.fractions
 
     @property

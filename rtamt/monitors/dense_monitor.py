@@ -101,6 +101,7 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
         InputError: As for `Monitor`.
 
     Example:
+        >>> import rtamt
         >>> m = rtamt.dense.Monitor("always[0:2](speed < 10)")
         >>> m.update({"speed": [(0, 4), (0.5, 8)]})
         []
@@ -235,6 +236,7 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
         InputError: As for `Monitor`, and on another ``nan``.
 
     Example:
+        >>> import rtamt
         >>> m = rtamt.dense.EpisodeMonitor("always(speed < 10) and always(gap > 2)")
         >>> m.update({"speed": [(0, 4), (1.5, 8)], "gap": [(0, 9), (1, 5)]}), m.verdict.name
         (3.0, 'UNDECIDED')
@@ -335,6 +337,7 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
             StateError: If a variable has no event.
 
         Example:
+            >>> import rtamt
             >>> for end in ("complete", "cut", "open"):
             ...     m = rtamt.dense.EpisodeMonitor("eventually[0:3](x > 4)")
             ...     robustness = m.update({"x": [(0, 1), (2, 3)]})

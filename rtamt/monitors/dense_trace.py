@@ -1,4 +1,4 @@
-"""A trace in dense time that was judged."""
+"""A judged trace in dense time."""
 
 from __future__ import annotations
 
@@ -35,9 +35,6 @@ class DenseTrace:
         events: For each variable the times and values of its events.
         reader: Counts their times.
         backend: The back-end.
-
-    Raises:
-        InputError: On events that `rtamt.dense.judge` refuses.
     """
 
     def __init__(
@@ -133,7 +130,7 @@ class DenseTrace:
         return TraceRegisters(program, clock, last, last, cut, outlook.undecided, reach)
 
     def _events_of(self, regions: RegionProgram) -> list[Given]:
-        """Return the events of the variables of a program of some of them."""
+        """Return the events of the variables of another program."""
         events = dict(zip(self._regions.program.variables, self._events, strict=True))
         return [events[name] for name in regions.program.variables]
 
@@ -154,7 +151,7 @@ def _opposite(
 ) -> tuple[RegionProgram, EventReader]:
     """Return the program of the negation of a left side, and the reader of its events.
 
-    It has the variables of the left side, or if there are none those of the whole formula.
+    It has the variables of the left side or, without any, those of the whole formula.
     """
     specification = whole.program.specification
     opposite = specification.with_result(~left)

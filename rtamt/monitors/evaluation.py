@@ -142,6 +142,7 @@ def evaluate_dense(
         InputTypeError: On values that are not real numbers.
 
     Example:
+        >>> import rtamt
         >>> signals = {"request": [(0, 0), (1, 1), (5, 1)], "grant": [(0, 0), (2.5, 1), (5, 1)]}
         >>> spec = "request > 0.5 implies eventually[0:1](grant > 0.5)"
         >>> list(rtamt.dense.evaluate(spec, signals))

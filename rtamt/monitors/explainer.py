@@ -397,6 +397,7 @@ def explain_dense(
         InputTypeError: As for `rtamt.dense.evaluate`, and if ``time`` is no number.
 
     Example:
+        >>> import rtamt
         >>> trace = {"req": [(0, 0), (1.5, 4), (1.6, 0), (9, 0)], "gnt": [(0, 0), (4, 2), (9, 2)]}
         >>> e = rtamt.dense.explain("always(req >= 3 implies eventually[0:3](gnt >= 3))", trace)
         >>> print(e)

@@ -32,7 +32,7 @@ from rtamt.program.timing import Period
 
 
 class _Implications:
-    """What both kinds of implications share."""
+    """The common part of both kinds of implications."""
 
     __slots__ = ("_formula", "texts", "variables")
 
@@ -103,14 +103,14 @@ class Implications(_Implications):
         """Return how often a trace triggers the implications, as `judge` does.
 
         Args:
-            signals: As for `judge`. It is not read where there is no implication.
+            signals: As for `judge`. It is ignored if there is no implication.
             end: The end mode, as for `judge`.
             verdict: The verdict on the trace. None: the verdict that `judge` returns.
             n: The length, for a formula without variables.
 
         Raises:
-            InputError: As `judge` does.
-            InputTypeError: As `judge` does, and if ``verdict`` is none.
+            InputError: As for `judge`.
+            InputTypeError: As for `judge`, and if ``verdict`` is not a verdict.
         """
         mode = checked_end(end)
         if not self._needs_trace(verdict):
@@ -142,9 +142,8 @@ class DenseImplications(_Implications):
         SpecificationError: As for `rtamt.dense.judge`.
 
     Example:
-        >>> response = rtamt.dense.Implications(
-        ...     "always(req >= 3 implies eventually[0:2](gnt >= 3))"
-        ... )
+        >>> from rtamt.dense import Implications
+        >>> response = Implications("always(req >= 3 implies eventually[0:2](gnt >= 3))")
         >>> trace = {"req": [(0, 0), (1, 4), (1.5, 0), (6, 0)], "gnt": [(0, 5), (6, 5)]}
         >>> print(response.evidence(trace).triggers[0])
         triggered 1 time, first at time 1
@@ -171,13 +170,13 @@ class DenseImplications(_Implications):
         """Return how often a trace triggers the implications, as `rtamt.dense.judge` does.
 
         Args:
-            signals: As for `rtamt.dense.judge`. It is not read where there is no implication.
+            signals: As for `rtamt.dense.judge`. It is ignored if there is no implication.
             end: As for `Implications.evidence`.
             verdict: As for `Implications.evidence`.
 
         Raises:
-            InputError: As `rtamt.dense.judge` does.
-            InputTypeError: As `rtamt.dense.judge` does, and if ``verdict`` is none.
+            InputError: As for `rtamt.dense.judge`.
+            InputTypeError: As for `rtamt.dense.judge`, and if ``verdict`` is not a verdict.
         """
         mode = checked_end(end)
         if not self._needs_trace(verdict):

@@ -325,6 +325,7 @@ def judge_dense(
         InputTypeError: As for `rtamt.dense.evaluate`.
 
     Example:
+        >>> import rtamt
         >>> trace = {"req": [(0, 0), (1, 4), (1.5, 0), (6, 0)], "gnt": [(0, 0), (2.25, 5), (6, 5)]}
         >>> rtamt.dense.judge(
         ...     "always(req >= 3 implies eventually[0:2](gnt >= 3))", trace

@@ -1,4 +1,4 @@
-"""A trace of samples that was judged."""
+"""A judged trace of samples."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class SampleTrace:
 
     Args:
         compiled: The specification with its options and its program.
-        align: How bounds became whole samples.
+        align: The rounding of bounds to whole samples.
         end: The end mode.
-        columns: The least and the greatest values of every variable; one list if all are known.
+        columns: The smallest and largest values of every variable; one list if all are known.
         n: The number of samples.
-        by_columns: Whether implications are evaluated from the columns alone, without the bounds
-            of the formula, which nobody needs where the verdict is known.
+        by_columns: Whether implications are evaluated from the columns alone, without the bounds of
+            the formula, because the verdict is known.
     """
 
     def __init__(
@@ -228,7 +228,7 @@ def _is_short(program: Program, n: int) -> bool:
 
 @functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
 def _unknowns(program: Program) -> int | None:
-    """Return how many unknowns the episode machine has; None if it needs a pair or is too large."""
+    """Return the unknowns of the episode machine; None if it needs a pair or is too large."""
     try:
         placement = place(program)
     except SpecificationError:
@@ -238,7 +238,7 @@ def _unknowns(program: Program) -> int | None:
 
 
 def _first_decided(bounds: TraceBounds) -> int | None:
-    """Return the first sample at which the open end is decided, if it is at the last sample."""
+    """Return the first sample at which the open end is decided; None if it never is."""
     low, high = 0, 1  # undecided after low samples, or none; decided after high samples
 
     def decided(n: int) -> bool:

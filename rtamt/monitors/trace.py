@@ -1,4 +1,4 @@
-"""A trace with a verdict, as its judgement needs it: samples or dense time, over one clock."""
+"""A trace with a verdict, for its judgement: samples or dense time, over one clock."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class TraceClock(NamedTuple):
 
 
 class UndecidedPlaces(Protocol):
-    """Places at which a register may be of either sign."""
+    """Places at which a register may have either sign."""
 
     def first(self, begin: int, end: int) -> int | None:
         """Return the first of them from begin to end."""
@@ -60,9 +60,9 @@ class TraceRegisters:
         last: The last place of the trace.
         beyond: The first place after the recorded time.
         cut: Whether the trace was cut; otherwise, anything may follow.
-        undecided: Returns where a register may be of either sign.
-        reach: Returns the formula of a window, and its first and last place from its own place on;
-            None: it has no last place.
+        undecided: Returns the places at which a register may have either sign.
+        reach: Returns the formula of a window, and its first and last place relative to its own;
+            None without a last place.
     """
 
     program: Program

@@ -1,8 +1,8 @@
 """Triggers: how often the left sides of a formula's implications held on a trace.
 
-An implication is triggered where the formula reads it and its left side holds for certain: there
-its right side is needed. Where it is never triggered, or where its right side does not matter, a
-satisfied formula is weaker evidence than it seems (`rtamt.program.implications`).
+An implication is triggered if the formula reads it and its left side holds for certain: then its
+right side is needed. If it is never triggered, or if its right side does not matter, a satisfied
+formula is weaker evidence than it seems (`rtamt.program.implications`).
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def _in_words(row: TriggerCount | DenseTriggerCount, first: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Evidence(Generic[_A]):
-    """What a verdict rests on; made by `Implications`, and read in a `Judgement`.
+    """The evidence for a verdict; returned by `Implications`, and part of a `Judgement`.
 
     Attributes:
         triggers: For each implication a `TriggerCount` or a `rtamt.dense.TriggerCount`, in the
@@ -118,7 +118,7 @@ def text_of(formula: Formula) -> str:
 
 def texts_of(formula: Formula) -> tuple[str, ...]:
     """Return the implications of a formula that count, as text."""
-    return tuple(text_of(each) for each in implications(formula))
+    return tuple(text_of(implication) for implication in implications(formula))
 
 
 @functools.lru_cache(maxsize=512)
@@ -126,7 +126,7 @@ def reads_hidden(formula: Formula, interface: Interface) -> bool:
     """Return whether a left side has a predicate that counts 0 by the semantics of the verdict."""
     if interface.semantics in ("standard", "boolean"):
         return False
-    lefts = (each.args[0].nodes() for each in implications(formula))
+    lefts = (implication.args[0].nodes() for implication in implications(formula))
     return any(
         interface.reading(node) == "zero"
         for nodes in lefts
@@ -139,12 +139,7 @@ _NEVER: Counted = 0, 0, None
 
 
 def evidence_of(trace: JudgedTrace, *, satisfied: bool) -> Evidence[Any]:
-    """Return what the verdict on a trace rests on.
-
-    Args:
-        trace: The trace.
-        satisfied: Whether the verdict is SATISFIED.
-    """
+    """Return the evidence for the verdict on a trace."""
     rows, vacuous = _rows(trace, implications(trace.formula), satisfied=satisfied)
     never = satisfied and bool(rows) and not any(counted[1] for _, counted, _ in rows)
     asked = (trace.triggers(text, counted, vacuous=alone) for text, counted, alone in rows)
@@ -172,12 +167,12 @@ def _rows(
         if satisfied:
             _, answers, _ = count if needed == every else opposite.fails_at(needed)
             vacuous = not answers
-            # Where the left side fails, the right side does not matter.
+            # If the left side fails, the right side does not matter.
             redundant.append(not count[1] and not trace.hides and opposite.holds_at(every))
             if vacuous and not redundant[-1]:
                 vacuous = trace.satisfied_without((implication,))
         rows.append((text, count, vacuous))
-    # The more right sides are false, the less is satisfied.
+    # More false right sides satisfy less.
     vacuous = satisfied and all(alone for _, _, alone in rows)
     if vacuous and len(rows) > 1 and not all(redundant):
         vacuous = trace.satisfied_without(counted)

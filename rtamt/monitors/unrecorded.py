@@ -15,13 +15,13 @@ from rtamt.renamed import OldName
 class Unrecorded:
     """A formula whose value at a time needs more than was recorded.
 
-    ``str`` gives it in words, as in ``always[20:30](x > 5): not recorded: 20 s to 30 s``.
+    ``str`` returns a text such as ``always[20:30](x > 5): not recorded: 20 s to 30 s``.
 
     Attributes:
         formula: The formula as text.
         at: The time at which its value is needed, in seconds; in samples without a period.
         start: Start of the unrecorded interval, in the same unit.
-        end: End of that interval; None if it has none.
+        end: End of that interval; None without an end.
         unit: ``"s"`` or ``"samples"``.
     """
 
@@ -100,11 +100,11 @@ def _search(registers: TraceRegisters) -> dict[tuple[Node, int], tuple[int, int 
 
 
 def _lacks(registers: TraceRegisters, window: Window, at: int) -> bool:
-    """Return whether a window at a place ends after the trace, whatever its operands are."""
+    """Return whether a window at a place ends after the trace, for any operands."""
     if registers.cut:
         unbounded = window.endless or window.hi is None
         return unbounded and at + window.begin > registers.last
-    # An unseen element may not be there, except at the window's own time.
+    # An unseen element may not exist, except at the window's own time.
     return window.hi is None or (window.hi > 0 and at + window.hi > registers.last)
 
 
@@ -114,7 +114,7 @@ def _note(
     register: int,
     at: int,
 ) -> None:
-    """Add what a window needs of the time after the trace."""
+    """Add the interval after the trace that a window needs."""
     node, lo, hi = registers.reach(register)
     begin, end = max(registers.beyond, at + lo), None if hi is None else at + hi
     if (node, at) in intervals:

@@ -1,4 +1,4 @@
-"""Monitors of many signals in lockstep, such as vectorised environments give."""
+"""Monitors of many signals in a batch, such as vectorized environments."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ _MEMORY = """
         `rtamt.limits.window_bytes`."""
 
 _MAX_LANES = 2**24
-"""The lanes of more would take gigabytes before their first sample."""
+"""More entries would take gigabytes before their first sample."""
 
 
 class _Lockstep(DirectUpdate, Sampled[_B]):
-    """A monitor of many signals: a row of an array is the sample of a lane."""
+    """A monitor of many signals: a row of an array is the sample of a batch entry."""
 
     __slots__ = ("num",)
 
@@ -234,12 +234,7 @@ class VectorEpisodeMonitor(
 
 
 def _counted(num: object) -> int:
-    """The number of lanes.
-
-    Raises:
-        InputError: If it is less than 1 or greater than the limit.
-        InputTypeError: If it is not a whole number.
-    """
+    """Return the batch size."""
     if isinstance(num, bool | np.bool_) or not isinstance(num, SupportsIndex):
         raise InputTypeError(
             f"expected a whole number of lanes, got {num!r}; the period is the third argument"

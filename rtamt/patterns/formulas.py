@@ -41,11 +41,10 @@ def never(p: ConditionLike) -> Formula:
         p: The condition that must not occur.
 
     Example:
-        >>> import rtamt
         >>> formula = never("x > 3")
         >>> print(formula)
         always not (x > 3)
-        >>> rtamt.in_words(formula)
+        >>> formula.in_words()
         'x is never above 3'
     """
     return (~_condition(p, "p")).always()
@@ -91,11 +90,10 @@ def minimum_duration(p: ConditionLike, duration: Exact) -> Formula:
         SpecificationError: If the duration is not above 0.
 
     Example:
-        >>> import rtamt
         >>> formula = minimum_duration("heater > 0", 2)
         >>> print(formula)
         always(rise(heater > 0) implies always[0:2](heater > 0))
-        >>> print(rtamt.in_words(formula))
+        >>> print(formula.in_words())
         whenever heater becomes above 0, heater stays above 0 for the next 2 s;
         where the first sample counts as changed
     """
@@ -118,11 +116,10 @@ def recurrence(p: ConditionLike, within: Exact) -> Formula:
         SpecificationError: If T is not above 0.
 
     Example:
-        >>> import rtamt
         >>> formula = recurrence("beat > 0", "500ms")
         >>> print(formula)
         always[500:inf ms] once[0:500ms](beat > 0)
-        >>> rtamt.in_words(formula)
+        >>> formula.in_words()
         'from 500 ms on, beat was above 0 within the last 500 ms'
     """
     window = _lasting(within, "within")
@@ -186,11 +183,10 @@ def response(request: ConditionLike, answer: ConditionLike, within: Exact) -> Fo
         SpecificationError: If T is not above 0.
 
     Example:
-        >>> import rtamt
         >>> formula = response("req >= 3", "gnt >= 3", within=5)
         >>> print(formula)
         always(req >= 3 implies eventually[0:5](gnt >= 3))
-        >>> rtamt.in_words(formula)
+        >>> formula.in_words()
         'whenever req is at least 3, gnt reaches at least 3 within 5 s'
     """
     answered = _timed("eventually", _lasting(within, "within"), _condition(answer, "answer"))
@@ -236,13 +232,12 @@ def in_order(*several: ConditionLike, within: Exact | None = None) -> Formula:
         SpecificationError: If there are fewer than two stages, or the time is not above 0.
 
     Example:
-        >>> import rtamt
         >>> print(in_order("near > 0", "grasped > 0", "lifted > 0"))
         eventually(near > 0 and eventually(grasped > 0 and eventually(lifted > 0)))
         >>> formula = in_order("near > 0", "lifted > 0", within=2)
         >>> print(formula)
         eventually(near > 0 and eventually[0:2](lifted > 0))
-        >>> rtamt.in_words(formula)
+        >>> formula.in_words()
         'at some time, near is above 0 and lifted gets above 0 within 2 s'
     """
     if len(several) < 2:
@@ -305,11 +300,10 @@ def settling_time(
         SpecificationError: If T is not above 0, or the tolerance is negative.
 
     Example:
-        >>> import rtamt
         >>> formula = settling_time("x", 1, 0.1, within=2)
         >>> print(formula)
         eventually[0:2] always(abs(x - 1) <= 0.1)
-        >>> rtamt.in_words(formula)
+        >>> formula.in_words()
         'within the first 2 s, the absolute value of (x - 1) stays at most 0.1 from then on'
         >>> print(settling_time("x", "goal", 0.1, within=2, after="moved > 0"))
         always(moved > 0 implies eventually[0:2] always(abs(x - goal) <= 0.1))
@@ -372,11 +366,10 @@ def rise_time(x: TermLike, low: AmountLike, high: AmountLike, within: Exact) -> 
         SpecificationError: If T is not above 0, or the low level is not below the high one.
 
     Example:
-        >>> import rtamt
         >>> formula = rise_time("x", 0.1, 0.9, within=2)
         >>> print(formula)
         always(rise(x >= 0.1) implies eventually[0:2](x >= 0.9))
-        >>> print(rtamt.in_words(formula))
+        >>> print(formula.in_words())
         whenever x becomes at least 0.1, x reaches at least 0.9 within 2 s;
         where the first sample counts as changed
     """
@@ -400,11 +393,10 @@ def rate_limit(rate: TermLike, most: AmountLike) -> Formula:
         SpecificationError: If the maximum rate is negative.
 
     Example:
-        >>> import rtamt
         >>> formula = rate_limit("speed", 2)
         >>> print(formula)
         always(abs(speed) <= 2)
-        >>> rtamt.in_words(formula)
+        >>> formula.in_words()
         'the absolute value of speed stays at most 2 at all times'
     """
     return (abs(_quantity(rate, "rate")) <= _amount(most, "most", minimum=0.0)).always()

@@ -1,4 +1,4 @@
-"""Formulas as values: equality, text, pickles; and what a specification says of itself."""
+"""Formulas as values: equality, text and pickles."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from strategies import formulas
 
 import rtamt
-from rtamt import Formula, Interval, Specification, Term, conjunction, disjunction, number, variable
-from rtamt.errors import InputTypeError, ParseError, SpecificationError
+from rtamt import Formula, Interval, Term, conjunction, disjunction, number, variable
+from rtamt.errors import InputTypeError, SpecificationError
 from rtamt.language.formula import make
 from rtamt.language.interval import UNITS, exact
 from rtamt.language.node import MAX_DEPTH, MAX_SIZE
@@ -213,108 +213,6 @@ def test_what_is_no_formula_is_refused_when_it_is_made(make_it: Any, message: st
     assert message is None or str(caught.value).startswith(message)
 
 
-# Specifications. ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("text", "horizon"),
-    [
-        ("x > 0", 0),
-        ("true", 0),
-        ("G[0:5] x", 5),
-        ("G[2:5] F[1:3] x", 8),
-        ("G x", math.inf),
-        ("F[3,) x", math.inf),
-        ("H x", 0),
-        ("O[1:3] G[0:5] x", 4),
-        ("H[6:7] G[0:5] x", 0),
-        ("x until[2:5] y", 5),
-        ("(G[0:3] x) until[0:5] F[0:1] y", 8),
-        ("(G[0:3] x) until[0:0] F[0:1] y", 1),
-        ("(G[0:3] x) since[2:5] F[0:7] y", 5),
-        ("(G[0:3] x) since[0:0] F[0:7] y", 7),
-        ("x unless[0:5] y", 5),
-        ("x until y", math.inf),
-        ("next next x", 2),
-        ("prev next x", 0),
-        ("prev x", 0),
-        ("rise(G[0:2] x) and fall(y)", 2),
-        ("G[0:1ms] F[0:1us] x", 0.001001),
-        ("p = G x\ny > 0", 0),
-        ("not G[0:5] x -> F[0:6] y xor next z iff z", 6),
-    ],
-)
-def test_horizon(text: str, horizon: float) -> None:
-    assert rtamt.parse(text).horizon == horizon
-
-
-def test_horizon_is_in_the_unit_of_the_specification() -> None:
-    text = "G[0:1] F[0:500us] x"
-    assert rtamt.parse(text).horizon == 1.0005
-    assert rtamt.parse(text, unit="ms").horizon == 1.5
-    assert rtamt.parse(text, unit="us").horizon == 501
-
-
-@pytest.mark.parametrize(
-    ("text", "looks_ahead", "timed"),
-    [
-        ("x > 0", False, False),
-        ("once(x > 0)", False, False),
-        ("once[0:5](x > 0)", False, True),
-        ("always(x > 0)", True, False),
-        ("next x", True, False),
-        ("p = always[0:5](x > 0)\nx > 0", False, True),
-        ("x until[0:inf] y", True, False),
-    ],
-)
-def test_what_a_specification_needs(text: str, looks_ahead: bool, timed: bool) -> None:  # noqa: FBT001
-    spec = rtamt.parse(text)
-    assert (spec.looks_ahead, spec.timed) == (looks_ahead, timed)
-
-
-def test_specifications_are_equal_if_they_say_the_same() -> None:
-    spec = rtamt.parse("p = x>0;always  p")
-    same = rtamt.parse("p = (x) > 0.0\n// so\nG(p)")
-    assert spec == same
-    assert hash(spec) == hash(same)
-    for other in ("q = x > 0\nG q", "G(x > 0)", "float x; p = x > 0; G p", "p = x > 0\nF p"):
-        assert spec != rtamt.parse(other)
-    assert rtamt.parse("G[0:5] x") != rtamt.parse("G[0:5] x", unit="ms")
-    assert spec != "p = x > 0"
-
-
-def test_specification_of_a_formula() -> None:
-    spec = Specification.of(p.until(q, 0, "5ms"))
-    assert spec.text == str(spec) == "x > 0 until[0:5ms] y > 0"
-    assert spec == rtamt.parse(spec.text) == pickle.loads(pickle.dumps(spec))
-    assert spec.variables == ("x", "y")
-    assert repr(spec) == "<Specification x > 0 until[0:5ms] y > 0>"
-
-
-def test_text_of_a_specification_uses_its_names() -> None:
-    text = """
-        specification demo
-        const float K = 0.5
-        input float x = 1
-        float y
-        @ topic(x, a/b)
-        near = x > K; also = always near; far = not near or y
-        -x > 0
-    """
-    spec = rtamt.parse(text.replace("\n        -", ";-"))
-    assert str(spec) == (
-        "specification demo\nconst float K = 0.5\ninput float x = 1\nfloat y\n@ topic(x, a/b)\n"
-        "near = x > 0.5\nalso = always(near)\nfar = not (near) or y;\n-x > 0"
-    )
-    assert rtamt.parse(str(spec)) == spec
-
-
-def test_text_of_a_specification_calls_no_variable() -> None:
-    spec = rtamt.parse("p = x > min; (x or p) and x")
-    assert str(spec) == "p = x > min;\n(x or p) and x"
-    assert rtamt.parse(str(spec)) == spec
-
-
 @given(st.lists(st.tuples(st.booleans(), decorated()), min_size=1, max_size=4), st.booleans())
 def test_text_of_a_specification_reads_back_as_an_equal_one(
     parts: list[tuple[bool, Formula]],
@@ -333,50 +231,6 @@ def test_text_of_a_specification_reads_back_as_an_equal_one(
     assert again.horizon == spec.horizon
     assert str(again) == str(spec)
     assert pickle.loads(pickle.dumps(spec)) == spec
-
-
-def test_pickles_keep_text_and_arguments() -> None:
-    class Module:
-        Twist = object
-
-    text = "from m import Twist\nTwist cmd\nG[0:T] cmd.x > K"
-    spec = rtamt.parse(text, unit="ms", constants={"T": "0.1", "K": 3}, modules={"m": Module})
-    twin = pickle.loads(pickle.dumps(spec))
-    assert twin == spec
-    assert (twin.text, twin.unit, twin.imports) == (text, "ms", {"Twist": "m"})
-    assert twin.overrides == {"T": Fraction(1, 10), "K": 3}
-    assert twin.positions == spec.positions
-
-
-def test_specifications_are_frozen() -> None:
-    spec = rtamt.parse("p = x\np > 3")
-    with pytest.raises(AttributeError):
-        spec.text = ""  # type: ignore[misc]
-    with pytest.raises(TypeError):
-        cast("dict[str, Formula]", spec.formulas)["p"] = p
-
-
-def test_error_about_a_node_has_its_place_in_the_text() -> None:
-    spec = rtamt.parse("p = x > 0\nq = always[0:5] p\np and once q")
-    (timed,) = (n for n in spec.formula.nodes() if n.interval is not None)
-    error = spec.error(timed, "too long", "use less")
-    assert isinstance(error, ParseError)
-    assert str(error).splitlines() == [
-        "STL:2:11: too long",
-        "  q = always[0:5] p",
-        "            ^",
-        "  hint: use less",
-    ]
-    assert spec.positions[spec.formula] == (3, 3)
-    assert spec.positions[x] == (1, 5)
-
-
-def test_error_about_a_node_without_text_shows_the_node() -> None:
-    spec = Specification.of(p.always(0, 5) & q)
-    error = spec.error(p.always(0, 5), "too long", "use less")
-    assert type(error) is SpecificationError
-    assert str(error) == "too long\n  in always[0:5](x > 0)\n  hint: use less"
-    assert str(spec.error(q, "so")) == "so\n  in y > 0"
 
 
 def test_formulas_are_made_of_formulas_and_named_variables() -> None:

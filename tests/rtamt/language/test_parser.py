@@ -1,4 +1,4 @@
-"""What formulas in text mean: spellings, precedence, intervals, and the limits."""
+"""What formulas in text mean: spellings, precedence, intervals, chains, and the limits."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 import rtamt
-from rtamt import Formula, Interval, Specification, variable
+from rtamt import Formula, Interval, ParseError, Specification, variable
 from rtamt.errors import InputTypeError
 from rtamt.language.formula import make
 from rtamt.language.node import MAX_DEPTH
 from rtamt.language.operators import OPERATORS, Operator
-from rtamt.language.parser import as_specification
+from rtamt.language.parser import as_specification, parse_as
 
 
 def formula(text: str) -> Formula:
@@ -337,3 +337,35 @@ def test_bounds_in_minutes_are_exact() -> None:
     assert (whole, beyond) == (1.0, -1.0)
     with pytest.raises(rtamt.ParseError, match="use 10 s or 20 s, take samples 5 s apart"):
         rtamt.evaluate("always[0:0.25min](x > 0)", trace, period=10)
+
+
+@pytest.mark.parametrize(
+    ("text", "grouped"),
+    [
+        ("p > 0 -> q > 0 -> r > 0 -> s > 0", "((p > 0 -> q > 0) -> r > 0) -> s > 0"),
+        ("p -> q or r -> s", "(p -> (q or r)) -> s"),
+        ("p until[0:2] q until r", "(p until[0:2] q) until r"),
+        ("p since q unless[1:2] r", "(p since q) unless[1:2] r"),
+        ("always p -> q -> (r -> s -> t)", "(always p -> q) -> ((r -> s) -> t)"),
+    ],
+)
+def test_chains_group_to_the_left_where_they_are_allowed(text: str, grouped: str) -> None:
+    spec = parse_as(text, "s", {}, {}, chains=True)
+    assert spec.formula is rtamt.parse(grouped).formula
+    assert rtamt.parse(str(spec)) == spec
+    assert pickle.loads(pickle.dumps(spec)) == spec
+    with pytest.raises(ParseError, match="not chain; write"):
+        rtamt.parse(text)
+
+
+def test_comparisons_never_chain() -> None:
+    with pytest.raises(ParseError, match=r"'<' does not chain; write \(a < b\) and \(b < c\)"):
+        parse_as("a < b < c", "s", {}, {}, chains=True)
+
+
+def test_a_specification_of_the_dialect_is_read_again_as_what_it_is() -> None:
+    text = "const float K = 2; p = x > K -> y > K -> z > L"
+    spec = parse_as(text, "ms", {"L": 3, "unused": 4}, {}, chains=True)
+    again = pickle.loads(pickle.dumps(spec))
+    assert (again, again.text, again.unit, again.chains) == (spec, text, "ms", True)
+    assert again.constants == {"K": 2.0, "L": 3.0}

@@ -1,4 +1,4 @@
-"""What statements mean: names, declarations, constants, and where a statement ends."""
+"""What statements mean: names, declarations, constants, ids, and where a statement ends."""
 
 from __future__ import annotations
 

@@ -1,0 +1,298 @@
+"""Specifications: what they need, their text, other results, scales."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from fractions import Fraction
+from typing import cast
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import formulas
+
+import rtamt
+from rtamt import EpisodeMonitor, Formula, Specification, parse, variable
+from rtamt.errors import ParseError, SpecificationError
+
+x, y = variable("x"), variable("y")
+p, q = x > 0, y > 0
+
+
+@pytest.mark.parametrize(
+    ("text", "horizon"),
+    [
+        ("x > 0", 0),
+        ("true", 0),
+        ("G[0:5] x", 5),
+        ("G[2:5] F[1:3] x", 8),
+        ("G x", math.inf),
+        ("F[3,) x", math.inf),
+        ("H x", 0),
+        ("O[1:3] G[0:5] x", 4),
+        ("H[6:7] G[0:5] x", 0),
+        ("x until[2:5] y", 5),
+        ("(G[0:3] x) until[0:5] F[0:1] y", 8),
+        ("(G[0:3] x) until[0:0] F[0:1] y", 1),
+        ("(G[0:3] x) since[2:5] F[0:7] y", 5),
+        ("(G[0:3] x) since[0:0] F[0:7] y", 7),
+        ("x unless[0:5] y", 5),
+        ("x until y", math.inf),
+        ("next next x", 2),
+        ("prev next x", 0),
+        ("prev x", 0),
+        ("rise(G[0:2] x) and fall(y)", 2),
+        ("G[0:1ms] F[0:1us] x", 0.001001),
+        ("p = G x\ny > 0", 0),
+        ("not G[0:5] x -> F[0:6] y xor next z iff z", 6),
+    ],
+)
+def test_horizon(text: str, horizon: float) -> None:
+    assert rtamt.parse(text).horizon == horizon
+
+
+def test_horizon_is_in_the_unit_of_the_specification() -> None:
+    text = "G[0:1] F[0:500us] x"
+    assert rtamt.parse(text).horizon == 1.0005
+    assert rtamt.parse(text, unit="ms").horizon == 1.5
+    assert rtamt.parse(text, unit="us").horizon == 501
+
+
+@pytest.mark.parametrize(
+    ("text", "looks_ahead", "timed"),
+    [
+        ("x > 0", False, False),
+        ("once(x > 0)", False, False),
+        ("once[0:5](x > 0)", False, True),
+        ("always(x > 0)", True, False),
+        ("next x", True, False),
+        ("p = always[0:5](x > 0)\nx > 0", False, True),
+        ("x until[0:inf] y", True, False),
+    ],
+)
+def test_what_a_specification_needs(text: str, looks_ahead: bool, timed: bool) -> None:  # noqa: FBT001
+    spec = rtamt.parse(text)
+    assert (spec.looks_ahead, spec.timed) == (looks_ahead, timed)
+
+
+def test_specifications_are_equal_if_they_say_the_same() -> None:
+    spec = rtamt.parse("p = x>0;always  p")
+    same = rtamt.parse("p = (x) > 0.0\n// so\nG(p)")
+    assert spec == same
+    assert hash(spec) == hash(same)
+    for other in ("q = x > 0\nG q", "G(x > 0)", "float x; p = x > 0; G p", "p = x > 0\nF p"):
+        assert spec != rtamt.parse(other)
+    assert rtamt.parse("G[0:5] x") != rtamt.parse("G[0:5] x", unit="ms")
+    assert spec != "p = x > 0"
+
+
+def test_specification_of_a_formula() -> None:
+    spec = Specification.of(p.until(q, 0, "5ms"))
+    assert spec.text == str(spec) == "x > 0 until[0:5ms] y > 0"
+    assert spec == rtamt.parse(spec.text) == pickle.loads(pickle.dumps(spec))
+    assert spec.variables == ("x", "y")
+    assert repr(spec) == "<Specification x > 0 until[0:5ms] y > 0>"
+
+
+def test_text_of_a_specification_uses_its_names() -> None:
+    text = """
+        specification demo
+        const float K = 0.5
+        input float x = 1
+        float y
+        @ topic(x, a/b)
+        near = x > K; also = always near; far = not near or y
+        -x > 0
+    """
+    spec = rtamt.parse(text.replace("\n        -", ";-"))
+    assert str(spec) == (
+        "specification demo\nconst float K = 0.5\ninput float x = 1\nfloat y\n@ topic(x, a/b)\n"
+        "near = x > 0.5\nalso = always(near)\nfar = not (near) or y;\n-x > 0"
+    )
+    assert rtamt.parse(str(spec)) == spec
+
+
+def test_text_of_a_specification_calls_no_variable() -> None:
+    spec = rtamt.parse("p = x > min; (x or p) and x")
+    assert str(spec) == "p = x > min;\n(x or p) and x"
+    assert rtamt.parse(str(spec)) == spec
+
+
+def test_pickles_keep_text_and_arguments() -> None:
+    class Module:
+        Twist = object
+
+    text = "from m import Twist\nTwist cmd\nG[0:T] cmd.x > K"
+    spec = rtamt.parse(text, unit="ms", constants={"T": "0.1", "K": 3}, modules={"m": Module})
+    twin = pickle.loads(pickle.dumps(spec))
+    assert twin == spec
+    assert (twin.text, twin.unit, twin.imports) == (text, "ms", {"Twist": "m"})
+    assert twin.overrides == {"T": Fraction(1, 10), "K": 3}
+    assert twin.positions == spec.positions
+
+
+def test_specifications_are_frozen() -> None:
+    spec = rtamt.parse("p = x\np > 3")
+    with pytest.raises(AttributeError):
+        spec.text = ""  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        cast("dict[str, Formula]", spec.formulas)["p"] = p
+
+
+def test_error_about_a_node_has_its_place_in_the_text() -> None:
+    spec = rtamt.parse("p = x > 0\nq = always[0:5] p\np and once q")
+    (timed,) = (n for n in spec.formula.nodes() if n.interval is not None)
+    error = spec.error(timed, "too long", "use less")
+    assert isinstance(error, ParseError)
+    assert str(error).splitlines() == [
+        "STL:2:11: too long",
+        "  q = always[0:5] p",
+        "            ^",
+        "  hint: use less",
+    ]
+    assert spec.positions[spec.formula] == (3, 3)
+    assert spec.positions[x] == (1, 5)
+
+
+def test_error_about_a_node_without_text_shows_the_node() -> None:
+    spec = Specification.of(p.always(0, 5) & q)
+    error = spec.error(p.always(0, 5), "too long", "use less")
+    assert type(error) is SpecificationError
+    assert str(error) == "too long\n  in always[0:5](x > 0)\n  hint: use less"
+    assert str(spec.error(q, "so")) == "so\n  in y > 0"
+
+
+TEXTS = (
+    "always(x > 0) and always(x < 9)",
+    "input float x; output float y; always(x > 0 implies eventually[0:2](y > 0))",
+    "a = x > 0; b = always(a) and eventually(y > 1)",
+    "a = x > 0; always(a) and a",
+    "specification s; const float c = 3; a = x > c; b = not a",
+    "a = always(x > 0); a",
+)
+
+
+def parts(spec: Specification) -> list[Formula]:
+    return [node for node in spec.formula.nodes() if isinstance(node, Formula)]
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_its_text_and_its_pickle_are_those_of_an_equal_specification(text: str) -> None:
+    spec = parse(text)
+    for part in parts(spec):
+        for other in (
+            spec.with_result(part),
+            spec.with_result(~part),
+            spec.with_result(part).always(),
+        ):
+            assert parse(other.text) == other
+            assert pickle.loads(pickle.dumps(other)) == other
+            assert other.declarations == spec.declarations
+        assert spec.with_result(part).formula is part
+
+
+def test_a_requirement_with_another_result_is_no_requirement_of_the_text() -> None:
+    spec = parse("a = always(x > 0); b = always(y > 0)").requirements["a"]
+    (part,) = spec.formula.args
+    assert isinstance(part, Formula)
+    other = spec.with_result(part)
+    assert other.variables == ("x",)
+    assert pickle.loads(pickle.dumps(other)) == other
+
+
+@given(formulas(3), st.sampled_from(["s", "ms", "us", "ns"]))
+def test_its_text_means_the_same_to_who_does_not_know_the_unit(
+    formula: rtamt.Formula, unit: str
+) -> None:
+    spec = rtamt.parse(str(formula), unit=unit)
+    read = rtamt.parse(str(spec.standalone()))
+    period = Fraction(1, {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit])
+
+    def latency(spec: Specification) -> int | None:
+        return EpisodeMonitor(spec, period=period).program.latency
+
+    assert latency(read) == latency(spec)
+    assert read.in_words() == formula.in_words(unit=unit)
+
+
+def test_seconds_stay_unsaid_and_what_is_said_stays() -> None:
+    text = "always[0:2](x < 1 implies once[0:5ms](y > 2))"
+    assert str(rtamt.parse(text).standalone()) == text
+    text = str(rtamt.parse(text, unit="us").standalone())
+    assert text == "always[0:2us](x < 1 implies once[0:5ms](y > 2))"
+
+
+FORMULAS = [
+    "always(x < 3) implies eventually[0:4](y > x + 2)",
+    "(x >= 1 and y == 2) until[0:3] (x != y or not (y <= 1))",
+    "historically[0:2](x > 0) xor (x since y < 4)",
+    "always(x * y >= 2 and abs(x) < 3 and true)",
+    "rise(x > 0) iff prev(x > 0)",
+]
+NUMBERS = st.integers(-4, 4).map(float)
+
+
+@given(
+    text=st.sampled_from(FORMULAS),
+    rows=st.lists(st.tuples(NUMBERS, NUMBERS), min_size=1, max_size=9),
+    data=st.data(),
+)
+def test_it_holds_where_the_formula_holds(
+    text: str, rows: list[tuple[float, float]], data: st.DataObject
+) -> None:
+    spec = rtamt.parse(text)
+    drawn = st.sampled_from([0.001, 0.3, 1.0, 7.0, 1000.0])
+    scales = {predicate: data.draw(drawn) for predicate in spec.predicates()}
+    first, second = np.array(rows).T
+    plain = rtamt.evaluate(spec, {"x": first, "y": second})
+    scaled = rtamt.evaluate(spec.scaled(scales), {"x": first, "y": second})
+    np.testing.assert_array_equal(np.signbit(scaled), np.signbit(plain))
+
+
+def test_each_predicate_counts_in_its_scale() -> None:
+    spec = rtamt.parse("always(x < 30 and y > 1)")
+    low, high = spec.predicates()
+    trace = {"x": [0.0, 20.0], "y": [3.0, 4.0]}
+    scaled = spec.scaled({low: 10.0})
+    assert rtamt.evaluate(spec, trace)[0] == 2.0
+    assert rtamt.evaluate(scaled, trace)[0] == 1.0
+    assert rtamt.evaluate(spec.scaled({low: 10.0, high: 4.0}), trace)[0] == 0.5
+    assert spec.scaled({}).formula is spec.formula
+    assert scaled.predicates()[1] is high
+
+
+def test_a_term_that_is_a_formula_is_divided() -> None:
+    spec = rtamt.parse("always(x) and y")
+    scales = dict.fromkeys(spec.predicates(), 2.0)
+    assert str(spec.scaled(scales)) == "always(x / 2) and y / 2"
+
+
+def test_predicates_are_listed_once_in_order() -> None:
+    spec = rtamt.parse("always(b > 1) and eventually(a < 2 or b > 1) and true")
+    assert list(map(str, spec.predicates())) == ["b > 1", "a < 2"]
+    assert rtamt.parse("true").predicates() == ()
+
+
+@pytest.mark.parametrize(
+    ("scale", "message"),
+    [
+        (0, "expected a positive scale of x > 1, got 0"),
+        (-2.5, "expected a positive scale of x > 1, got -2.5"),
+        (math.inf, "expected a finite number in a term, got inf; write true or false for +-inf"),
+        (math.nan, "expected a finite number in a term, got nan; write true or false for +-inf"),
+    ],
+)
+def test_a_scale_is_positive_and_finite(scale: float, message: str) -> None:
+    spec = rtamt.parse("always(x > 1)")
+    with pytest.raises(rtamt.SpecificationError) as caught:
+        spec.scaled({spec.predicates()[0]: scale})
+    assert str(caught.value) == message
+
+
+def test_a_scale_belongs_to_a_predicate_of_the_formula() -> None:
+    spec = rtamt.parse("always(x > 1)")
+    with pytest.raises(rtamt.SpecificationError) as caught:
+        spec.scaled({spec.formula: 2.0})
+    assert str(caught.value) == "expected scales of predicates of always(x > 1), got always(x > 1)"
