@@ -14,6 +14,7 @@ from typing import Any, Final, ParamSpec, TypeVar
 
 __all__ = [
     "ATTRIBUTES",
+    "BEHIND",
     "FUNCTIONS",
     "KEYWORDS",
     "NAMES",
@@ -114,6 +115,13 @@ FUNCTIONS: Final[Mapping[str, str]] = {
 }
 """The functions that became methods, which take the specification as an argument."""
 
+BEHIND: Final[Mapping[str, str]] = {
+    **FUNCTIONS,
+    "rtamt.evaluate": "rtamt.monitors.evaluation.evaluate_many",
+}
+"""What an old name returns where that is not its new name: the functions that became methods, and
+`evaluate_many`, which takes columns of shape (n, 1) for a batch."""
+
 ATTRIBUTES: Final[Mapping[str, Mapping[str, str]]] = {
     "rtamt.Explanation": {"circumstances": "contributions"},
     "rtamt.Judgement": {
@@ -191,7 +199,7 @@ def old_name(package: str, name: str) -> object:
     """Return what a renamed name of a package stands for, with a warning."""
     new = NAMES[package][name]
     _warn(f"{package}.{name}", f"{new}()" if new in FUNCTIONS else new, stacklevel=4)
-    return named(FUNCTIONS.get(new, new))
+    return named(BEHIND.get(new, new))
 
 
 def named(path: str) -> object:

@@ -9,7 +9,16 @@ from paths import ROOT
 
 import rtamt
 from rtamt import compat, mutants
-from rtamt.renamed import ATTRIBUTES, FUNCTIONS, KEYWORDS, NAMES, OPTIONS, named, new_options
+from rtamt.renamed import (
+    ATTRIBUTES,
+    BEHIND,
+    FUNCTIONS,
+    KEYWORDS,
+    NAMES,
+    OPTIONS,
+    named,
+    new_options,
+)
 
 NAME_ROWS = [
     pytest.param(package, old, new, id=f"{package}.{old}")
@@ -27,7 +36,7 @@ ATTRIBUTE_ROWS = [
 def test_old_name(package: str, old: str, new: str) -> None:
     with pytest.warns(DeprecationWarning, match=f"^{package}.{old} is now {new}") as caught:
         value = getattr(import_module(package), old)
-    assert value is named(FUNCTIONS.get(new, new))
+    assert value is named(BEHIND.get(new, new))
     assert caught[0].filename == __file__
     assert old not in dir(import_module(package))
 
@@ -86,3 +95,9 @@ def test_names_of_the_released_library_never_warn(name: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert getattr(rtamt, name) is getattr(compat, name)
+
+
+def test_evaluate_many_takes_traces_of_one_sample() -> None:
+    with pytest.warns(DeprecationWarning, match=r"rtamt\.evaluate_many is now rtamt\.evaluate"):
+        function = rtamt.evaluate_many
+    assert function("x > 0", {"x": [[1.0], [2.0]]}).tolist() == [[1.0], [2.0]]
