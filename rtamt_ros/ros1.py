@@ -196,7 +196,7 @@ class Ros1:
             self._fail(DISPLACED, f"{displaced}; {_NAME_IT}")
         except Refused as refused:
             self._fail(REFUSED, f"the master refuses this node: {refused}")
-        return self._master.said
+        return self._master.state
 
     def spin(self) -> int:
         self._ending.wait()

@@ -37,7 +37,7 @@ class MasterLink:
         name: The name of the node, which rospy has registered.
 
     Attributes:
-        said: The state since the first problem; None before.
+        state: The state since the first problem; None before.
     """
 
     def __init__(self, name: str) -> None:
@@ -47,7 +47,7 @@ class MasterLink:
         self._process: int | None = None  # of the master with all registrations
         self._gone = self._partly = False
         self._again = 0
-        self.said: tuple[Level, str] | None = None
+        self.state: tuple[Level, str] | None = None
 
     def look(self) -> None:
         """Check the master, and repair what is wrong.
@@ -80,7 +80,7 @@ class MasterLink:
             )
 
     def _say(self, level: Level, text: str) -> None:
-        self.said = level, text.format(self._address)
+        self.state = level, text.format(self._address)
 
     def _register(self, master: ServerProxy) -> None:
         """Repeat the registrations of rospy with a master."""

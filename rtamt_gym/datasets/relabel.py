@@ -86,23 +86,22 @@ def relabel(
     mode: Mode | None = None,
     **options: Unpack[RelabelOptions],
 ) -> Any:
-    """Adds to recorded episodes what a monitored environment would have said of them.
+    """Add robustness, costs and rewards to recorded episodes.
 
-    Every episode is judged as `StlMonitor` with ``on_violation="report"`` judges it while it runs,
-    to the last bit; with a ``mode`` `StlReward` shapes its rewards. The infos get arrays with an
-    element for every sample, the first for the reset:
+    The results equal those of `StlMonitor` with ``on_violation="report"``, to the last bit; with a
+    ``mode`` the rewards equal those of `StlReward`. The infos get arrays with an element for every
+    sample, the first for the reset:
 
     * ``robustness``, ``stl_lower``, ``stl_upper``, ``stl_violated``; with ``details=True`` also
       ``stl``, ``{spec: {"robustness", "lower", "upper"}}``
     * ``stl_progress`` of requirements in stages, as `StlMonitor` has it
     * ``cost`` with ``cost=``, and ``cost_NAME`` of each of several specifications; 0 at the reset
-    * ``stl_success``, ``stl_undecided``, ``is_success``: true at the last sample alone, if at all;
-      an ``is_success`` that is there stays
+    * ``stl_success``, ``stl_undecided``, ``is_success``: true at the last sample only, if at all;
+      an existing ``is_success`` stays
     * ``reward`` with ``mode=``: the environment's own reward; 0 at the reset
 
-    Entries of these names are replaced; the rewards of a dataset that was relabelled before are
-    taken from its ``reward``. An episode whose last step neither terminates nor truncates is read
-    as truncated. All else stays as it is.
+    Entries of these names are replaced; a relabelled dataset has its own rewards in ``reward``. An
+    episode whose last step neither terminates nor truncates counts as truncated.
 
     A dataset is read and written in parts of at most 2^18 samples or 256 MB of observations and
     actions, or one episode if that is longer. So a new dataset may be larger than memory; without a
@@ -114,32 +113,30 @@ def relabel(
             ``rewards``, ``terminations``, ``truncations`` and, if there are any, ``infos``,
             ``seed`` and ``options``.
         specs: As for `StlMonitor`.
-        signals: As for `StlMonitor`, but for the selectors that read a simulation. An ``info``
-            needs an entry for every step, and one for the reset or a default, which stands where
-            there is none for the reset, or nan. A callable gets a `Step` for every
+        signals: As for `StlMonitor`, except selectors that read a simulation. An ``info`` needs an
+            entry for every step, and for the reset or a default. A callable gets a `Step` for every
             sample, whose ``env`` is None.
         dataset_id: The name of a new dataset of Minari for the result, such as
-            ``"cart/satisfied-v0"``; None: the result is a list.
+            ``"cart/satisfied-v0"``; None returns a list.
         keep: ``"satisfied"`` keeps the episodes that satisfy all specifications; a function keeps
-            those for which it is true.
-        mode: How robustness becomes reward, as for `StlReward`; None: the rewards stay.
+            episodes for which it is true.
+        mode: The reward, as for `StlReward`; None keeps the rewards.
         **options: ``period``, ``at_termination``, ``at_truncation``, ``view``, ``nan``, ``align``,
             ``semantics``, ``inputs``, ``outputs``, ``details`` and ``cost`` of `StlMonitor`, and
             with a mode ``weight``, ``clip``, ``gamma``, ``temperature``, ``weights``,
-            ``priorities``, ``bonus`` and ``penalty`` of `StlReward`. Without a
-            period, and with a bound in a specification, the environment that the dataset names is
-            made once, to read its period.
+            ``priorities``, ``bonus`` and ``penalty`` of `StlReward`. If a bound needs a period and
+            none is set, the environment that the dataset names is made once to read it.
 
     Returns:
         The episodes kept, in their order: a list of `RelabelledEpisode`, or a dataset of Minari,
-        with the metadata of the old one and an entry ``rtamt`` that says how it was made.
+        with the metadata of the old one and an entry ``rtamt`` that describes the options.
 
     Raises:
         SpecificationError: As `StlMonitor` does.
-        InputError: As `StlMonitor` and `StlReward` do; if an episode is not whole or has not what a
-            signal reads, which a note names; if the name of the new dataset is taken or no name; if
-            no episode is left for it. Nothing is written then.
-        ModuleNotFoundError: If ``dataset_id`` is given and Minari is not installed.
+        InputError: As `StlMonitor` and `StlReward` do; if an episode is incomplete or lacks a
+            signal; if the name of the new dataset is taken or invalid; if no episode is left.
+            Nothing is written then.
+        ModuleNotFoundError: If ``dataset_id`` is set and Minari is not installed.
 
     Example:
         >>> from rtamt_gym import relabel

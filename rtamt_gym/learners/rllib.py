@@ -17,22 +17,22 @@ EPISODES: Final = "stl_episodes"
 
 
 class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no types here
-    """Adds ``result["stl"]`` to what ``train`` returns: how often requirements are satisfied.
+    """Add ``result["stl"]`` to the results of ``train``: metrics of satisfaction.
 
-    The callback for Stable-Baselines3 has the same keys, and ``cost``: over the newest ``window``
-    episodes of all env runners ``satisfied`` (all requirements), ``NAME/satisfied``,
+    The keys are those of the callback for Stable-Baselines3, and ``cost``. Over the newest
+    ``window`` episodes of all env runners: ``satisfied`` (all requirements), ``NAME/satisfied``,
     ``NAME/violated``, ``NAME/undecided`` (shares), ``NAME/robustness_p5``, ``_median``, ``_p95``,
-    ``NAME/first_violation`` (the median, in seconds; in samples, if the period is not known); and
-    since the start ``NAME/violations`` and ``episodes``. A quantile that is infinite is absent.
+    ``NAME/first_violation`` (median, in seconds, or in samples without a period). Since the start:
+    ``NAME/violations`` and ``episodes``. An infinite quantile is absent.
 
-    Where the algorithm evaluates, ``result["evaluation"]["stl"]`` and what ``evaluate`` returns
-    have the metrics of the episodes of that evaluation alone.
+    ``result["evaluation"]["stl"]`` and the result of ``evaluate`` have the metrics of the episodes
+    of that evaluation.
 
-    The env runners log the outcomes of episodes, and the algorithm makes metrics of them: quantiles
-    and medians of several env runners cannot be averaged. It is for one agent on the new API stack.
+    Env runners log the outcomes of episodes, and the algorithm computes the metrics, because
+    quantiles of several env runners cannot be averaged. It supports one agent on the new API stack.
 
     Args:
-        window: How many training episodes the shares are about. Give it to RLlib in
+        window: The number of training episodes for the shares. Set it with
             ``.callbacks(partial(SatisfactionCallback, window=200))``.
 
     Attributes:

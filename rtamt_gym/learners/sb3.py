@@ -28,65 +28,59 @@ __all__ = ["SatisfactionCallback", "as_trained"]
 
 
 class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no types here
-    """Logs how often requirements are satisfied, keeps the best model, and stops when sure.
+    """Log satisfaction, save the best model, and stop when a target is met.
 
-    **While training** it reads the last info of every episode and logs, to the logger of the model
-    and so to TensorBoard, CSV and what else that writes, over the newest ``window`` episodes:
-    ``stl/satisfied`` (all requirements), ``stl/NAME/satisfied``, ``/violated``, ``/undecided``
-    (shares), ``/robustness_p5``, ``_median``, ``_p95``, ``/first_violation`` (the median, in
-    seconds; in samples, if the period is not known), with ``cost=`` in the monitor ``stl/cost``
-    (the mean sum of ``info["cost"]`` over an episode), and since the start
-    ``stl/NAME/violations`` and ``stl/episodes``. The table in the terminal shows the shares of the
-    satisfied alone.
+    **During training** it logs metrics of the newest ``window`` episodes to the logger of the
+    model: ``stl/satisfied`` (all requirements), ``stl/NAME/satisfied``, ``/violated``,
+    ``/undecided`` (shares), ``/robustness_p5``, ``_median``, ``_p95``, ``/first_violation``
+    (median, in seconds, or in samples without a period), with ``cost=`` in the monitor ``stl/cost``
+    (mean sum per episode), and since the start ``stl/NAME/violations`` and ``stl/episodes``. The
+    terminal shows the shares of satisfaction only.
 
-    **With an environment to evaluate in**, every ``eval_freq`` steps and when training ends, it
-    runs :func:`rtamt_gym.evaluate_policy` on the same ``episodes`` seeds each time, and logs
-    ``eval_stl/rate``, ``/low``, ``/high`` (satisfaction of all requirements, its 95 % interval),
-    ``eval_stl/return``, and for each requirement ``eval_stl/NAME/rate``, ``/low``, ``/high``,
-    ``/robustness_p5``, ``_median``, ``_p95``, ``/first_violation``. The policy sees what it sees in
-    training: the wrappers `VecNormalize`, `VecFrameStack` and their like are applied with the
-    statistics as they are, and evaluating changes none. With ``deterministic=True`` training goes
-    on as it would without evaluations.
+    **With an environment to evaluate in**, every ``eval_freq`` steps and at the end it runs
+    :func:`rtamt_gym.evaluate_policy` on the same ``episodes`` seeds. It logs ``eval_stl/rate``,
+    ``/low``, ``/high`` (satisfaction of all requirements, its 95 % interval), ``eval_stl/return``,
+    and per requirement ``eval_stl/NAME/rate``, ``/low``, ``/high``, ``/robustness_p5``,
+    ``_median``, ``_p95``, ``/first_violation``. `VecNormalize`, `VecFrameStack` and similar
+    wrappers are applied with their current statistics, which an evaluation does not change. With
+    ``deterministic=True`` evaluations do not affect training.
 
-    **The best model**, by satisfaction of all requirements and of equals by return, is written to
-    ``path``: ``best_model.zip``; what it was to ``best_model.json``; the statistics of a
-    `VecNormalize`, without which it is of no use, to ``best_model_vecnormalize.pkl``. The best of
-    many evaluations looks better than it is: evaluate it on other seeds before reporting its rate.
+    **The best model**, by satisfaction of all requirements and then by return, is saved to
+    ``path``: ``best_model.zip``, its metrics to ``best_model.json``, and the statistics of a
+    `VecNormalize`, which it needs, to ``best_model_vecnormalize.pkl``. Evaluate it on other seeds
+    before you report its rate, because the best of many evaluations looks better than it is.
 
-    **With a target** training stops at a policy that is shown to meet it. An evaluation whose rate
-    is at or above the target is only the occasion: then a sequential ratio test runs on seeds that
-    no evaluation has used. Each test that may stop the training is one more chance to err, so test
-    number k takes the share 1 / (k (k + 1)) of ``alpha``, and all together ``alpha`` at most: the
-    chance that training ever stops at a policy whose rate is ``target - margin`` or less. The
-    policy that passed is the best model then.
+    **With a target** training stops at a policy that provably meets it. An evaluation at or above
+    the target starts a sequential ratio test on new seeds. `Target` explains how all tests together
+    err with probability ``alpha`` at most. The policy that passed becomes the best model.
 
     Args:
-        env: Where to evaluate, as `evaluate_policy` takes it: a function that makes an environment
-            with a monitor, such as the one given to ``make_vec_env``; an id or an environment, with
-            ``specs`` and ``signals``; a `DummyVecEnv`, of which the first environment is taken.
-            Never the one that is trained in. None evaluates nothing
+        env: The environment to evaluate in, as for `evaluate_policy`: a function that makes a
+            monitored environment, such as the one for ``make_vec_env``; an id or an environment,
+            with ``specs`` and ``signals``; a `DummyVecEnv`, of which the first environment is used.
+            It must not be a training environment. None evaluates nothing
         specs: The requirements, if the environment has no monitor
         signals: Their signals, if the environment has no monitor
-        eval_freq: Steps of training between two evaluations, over all environments together
-        episodes: How many episodes an evaluation has
-        seed: The seed of its first episode; the next ones follow. It is far from the seeds that
-            training usually has
-        deterministic: Whether the policy that is evaluated takes its most likely action
-        path: The path of the best model, with or without ``.zip``; None keeps none
+        eval_freq: Training steps between two evaluations, over all environments together
+        episodes: The episodes of an evaluation
+        seed: The seed of its first episode; the next ones follow. The default is far from usual
+            seeds
+        deterministic: Whether the evaluated policy takes its most likely action
+        path: The path of the best model, with or without ``.zip``; None saves nothing
         target: The rate of satisfying all requirements at which to stop; None trains to the end
-        alpha: The greatest chance that a stop is wrong
+        alpha: The maximum probability of a wrong stop
         margin: How far below the target a rate must be refused
-        window: How many training episodes the shares are about
+        window: The number of training episodes for the shares
         **evaluation: Further arguments of `evaluate_policy`, such as ``n_envs=`` or ``timeout=``
 
     Attributes:
         training: The episodes of training, a `Satisfaction`.
         evaluations: The steps and the `Evaluation` of each evaluation.
         best: The `Best` of them.
-        confirmed: The `RatioTest` that stopped the training; None if none did.
+        confirmed: The `RatioTest` that stopped the training; None if there was none.
 
     Raises:
-        InputError: If an argument does not fit, or an episode of training ends without outcomes and
+        InputError: If an argument does not fit, or if a training episode ends without outcomes and
             there is no environment to evaluate in.
     """
 

@@ -60,12 +60,14 @@ class Torch:
     def evaluated(
         self, evaluations: Sequence[Callable[[Tensor], Tensor]], samples: NDArray[np.float64]
     ) -> list[NDArray[np.float64]]:
-        return [each(torch.from_numpy(samples)).numpy() for each in evaluations]
+        return [evaluation(torch.from_numpy(samples)).numpy() for evaluation in evaluations]
 
     def gradients(
         self, functions: Sequence[Callable[[Tensor], Tensor]], samples: NDArray[np.float64]
     ) -> list[NDArray[np.float64]]:
-        return [torch.func.grad(each)(torch.from_numpy(samples)).numpy() for each in functions]
+        return [
+            torch.func.grad(function)(torch.from_numpy(samples)).numpy() for function in functions
+        ]
 
     def sum_of_finite(self, values: Tensor) -> Tensor:
         return torch.where(values.isfinite(), values, 0.0).sum()
@@ -265,7 +267,7 @@ def test_in_place_steps_keep_readings(made: Callable[..., ArrayMonitor], text: s
     readings.append(monitor.update_(state, nan))
     monitor.reset_(state)
     monitor.update_(state, samples[0])
-    assert [each.nan.tolist() for each in readings] == [[True] * 3] * len(readings)
+    assert [reading.nan.tolist() for reading in readings] == [[True] * 3] * len(readings)
 
 
 class Made(TorchDispatchMode):  # type: ignore[misc] # torch has no types here

@@ -17,7 +17,7 @@ import rtamt
 _ID = "rtamt/AircraftElevator-v0"
 _NORMAL = [ACTIVE, STANDBY, STANDBY, ACTIVE]
 _INNER = [OFF, ACTIVE, ACTIVE, STANDBY]
-_NAMES = [each.name for each in SCENARIO.observations]
+_NAMES = [observation.name for observation in SCENARIO.observations]
 
 
 def _fly(lanes: int = 1, /, **options: Any) -> Floats:  # noqa: ANN401 - options of reset
@@ -31,7 +31,9 @@ def _judged(seen: Floats) -> dict[str, rtamt.Judgement]:
     """The judgement of each requirement on the observations of an episode."""
     trace = dict(zip(_NAMES, seen.T, strict=True))
     return {
-        name: rtamt.judge(spec, {each: trace[each] for each in spec.variables}, period=0.01)
+        name: rtamt.judge(
+            spec, {variable: trace[variable] for variable in spec.variables}, period=0.01
+        )
         for name, spec in SCENARIO.specifications.items()
     }
 

@@ -224,7 +224,7 @@ def test_requirements_have_the_robustness_of_their_definition() -> None:
             found = rtamt.evaluate(requirement, signals, period=0.01)[0]
             assert found == expected[name], name
             verdicts.setdefault(name, set()).add(bool(rtamt.holds(found)))
-    assert all(each == {False, True} for each in verdicts.values()), verdicts
+    assert all(verdict == {False, True} for verdict in verdicts.values()), verdicts
 
 
 def test_the_picture_shows_what_was_observed_and_done() -> None:

@@ -36,12 +36,12 @@ def test_the_declaration_says_everything(name: str) -> None:
     assert found.id == f"rtamt/{name}-v0"
     assert scenario_of(name) is found
     assert round(found.duration / found.period) == SCENARIOS[name][1]
-    names = [each.name for each in found.observations]
+    names = [observation.name for observation in found.observations]
     assert len(set(names)) == len(names)
     for quantity in (*found.actions, *found.observations):
         assert quantity.low < quantity.high, quantity
-    assert all(np.isfinite([each.low, each.high]).all() for each in found.actions)
-    assert {each.name for each in found.inputs} <= {each.name for each in found.actions}
+    assert all(np.isfinite([action.low, action.high]).all() for action in found.actions)
+    assert {source.name for source in found.inputs} <= {action.name for action in found.actions}
     assert not np.isnan(found.defaults).any()
 
 
@@ -49,10 +49,12 @@ def test_the_declaration_says_everything(name: str) -> None:
 def test_requirements_read_what_is_observed(name: str) -> None:
     found = scenario_of(name)
     assert found.specifications
-    names = {each.name for each in found.observations}
+    names = {observation.name for observation in found.observations}
     for requirement in found.specifications.values():
         assert set(requirement.variables) <= names, requirement
-    alone = {each: found.specifications[each] for each in found.specifications}
+    alone = {
+        specification: found.specifications[specification] for specification in found.specifications
+    }
     assert list(alone) == list(rtamt.parse(found.requirements).requirements)
 
 

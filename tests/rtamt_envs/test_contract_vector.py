@@ -37,8 +37,8 @@ def options_of(name: str) -> Iterator[dict[str, Any]]:
     """Parameters of lanes, for scenarios that have some."""
     yield {}
     yield {
-        each.name: np.linspace(each.low, each.high, LANES + 2)[1:-1]
-        for each in scenario_of(name).parameters
+        parameter.name: np.linspace(parameter.low, parameter.high, LANES + 2)[1:-1]
+        for parameter in scenario_of(name).parameters
     }
 
 

@@ -209,7 +209,10 @@ class Played(MemoryMiddleware):
     code = 0
 
     def spin(self) -> int:
-        self.opened = [each.topic for each in self.subscriptions], self.timers[0].period
+        self.opened = (
+            [subscription.topic for subscription in self.subscriptions],
+            self.timers[0].period,
+        )
         for value in (2.0, 1.25):
             self.send("rtamt/x", message("std_msgs", "Float64", data=value))
             self.tick(self.time + self.timers[0].period)

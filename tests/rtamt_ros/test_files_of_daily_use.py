@@ -32,7 +32,7 @@ def published() -> set[str]:
     ros = MemoryMiddleware()
     node = MonitorNode(ros, [load(FOLLOWS)])
     node.start()
-    found = {ros.resolve(each.topic) for each in ros.publishers}
+    found = {ros.resolve(publisher.topic) for publisher in ros.publishers}
     node.stop()
     return found
 
@@ -78,11 +78,11 @@ def test_ros_2_launch_file_sets_known_parameters() -> None:
 
     def first_of(name: str) -> set[str]:
         return {
-            str(each.args[0].value)
-            for each in calls
-            if isinstance(each.func, ast.Name)
-            and each.func.id == name
-            and isinstance(each.args[0], ast.Constant)
+            str(call.args[0].value)
+            for call in calls
+            if isinstance(call.func, ast.Name)
+            and call.func.id == name
+            and isinstance(call.args[0], ast.Constant)
         }
 
     (parameters,) = (each for each in ast.walk(tree) if isinstance(each, ast.Dict))

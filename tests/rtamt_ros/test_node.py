@@ -44,7 +44,10 @@ def open_ends(ros: MemoryMiddleware) -> tuple[int, int, int]:
 
 def test_text_of_the_paper_runs() -> None:
     ros, _ = started(PAPER)
-    assert [each.topic for each in ros.subscriptions] == ["robot0/cmd_vel", "/robot0/odom"]
+    assert [subscription.topic for subscription in ros.subscriptions] == [
+        "robot0/cmd_vel",
+        "/robot0/odom",
+    ]
     assert topics(ros) == {
         "rtamt/near": "std_msgs",
         "rtamt/c": "rtamt_msgs",
@@ -53,7 +56,9 @@ def test_text_of_the_paper_runs() -> None:
         "rtamt/c/verdict": "std_msgs",
         "/diagnostics": "diagnostic_msgs",
     }
-    assert [each.topic for each in ros.publishers if not each.latched] == ["/diagnostics"]
+    assert [publisher.topic for publisher in ros.publishers if not publisher.latched] == [
+        "/diagnostics"
+    ]
     begin = ros.time
     drive(ros, [(1.0, 0.25), (1.0, 0.5), (1.0, 1.0), (1.0, 1.0)])
     assert ros.data("rtamt/near") == pytest.approx([-0.65, -0.4, 0.1, 0.1])
@@ -72,9 +77,12 @@ def test_topics_are_subscribed_once() -> None:
     @ topic(o, /robot0/odom)
     o.twist.twist.linear"""
     ros, node = started(PAPER, f"{other}.x < 2", f"{other}.y < 2")
-    assert [each.topic for each in ros.subscriptions] == ["robot0/cmd_vel", "/robot0/odom"]
+    assert [subscription.topic for subscription in ros.subscriptions] == [
+        "robot0/cmd_vel",
+        "/robot0/odom",
+    ]
     drive(ros, [(1.0, 0.5)])
-    assert [each.name for each in node.reports] == ["out.value", "slow", "slow_2"]
+    assert [report.name for report in node.reports] == ["out.value", "slow", "slow_2"]
     assert ros.data("rtamt/slow") == [1.5]
     assert ros.data("rtamt/slow_2") == [2.0]
 
@@ -88,7 +96,7 @@ def test_unreadable_field_affects_one_requirement(dense: bool) -> None:  # noqa:
     near = f"{scan}input LaserScan s; near = s.ranges[0] > 1; far = s.ranges[9] > 1"
     other = scan.replace("(s,", "(front,") + "input LaserScan front; last = front.ranges[1] > 1"
     ros, node = started(near, other, dense=dense)
-    assert [each.topic for each in ros.subscriptions] == ["/scan"]
+    assert [subscription.topic for subscription in ros.subscriptions] == ["/scan"]
     for _ in range(3):
         ros.send("/scan", message("sensor_msgs", "LaserScan", ranges=[2.0, 3.0]))
         ros.time += 100 * MS
@@ -96,10 +104,10 @@ def test_unreadable_field_affects_one_requirement(dense: bool) -> None:  # noqa:
     found = [set(ros.data(f"rtamt/{name}")) for name in ("near", "far", "last")]
     assert found == [{1.0}, set(), {2.0}]
     reason = "s.ranges[9] cannot be read: list index out of range"
-    assert [each.problem for each in node.reports] == ["", f"waiting for s; {reason}", ""]
-    assert [each.errors for each in node.reports] == [0, 3, 0]
+    assert [report.problem for report in node.reports] == ["", f"waiting for s; {reason}", ""]
+    assert [report.errors for report in node.reports] == [0, 3, 0]
     ros.tick(ros.time + 1000 * MS)
-    assert [each.stale for each in node.reports] == [("s",), (), ("front",)]
+    assert [report.stale for report in node.reports] == [("s",), (), ("front",)]
 
 
 @pytest.mark.parametrize(
@@ -273,7 +281,7 @@ def test_refused_replacement_changes_nothing() -> None:
 def test_replacement_has_new_topics_and_settings() -> None:
     ros, node = started("historically(x > 0)")
     node.replace(["slow = y < 3"], Settings(period=10 * MS))
-    assert [each.topic for each in ros.subscriptions] == ["rtamt/y"]
+    assert [subscription.topic for subscription in ros.subscriptions] == ["rtamt/y"]
     assert ros.timers[0].period == node.settings.period == 10 * MS
     node.replace([rtamt.parse("fast = y > 3")])
     assert node.settings.period == 10 * MS
@@ -285,7 +293,7 @@ def test_replacement_has_new_topics_and_settings() -> None:
     with pytest.raises(InputError, match="rtamt/z is refused"):
         node.replace(["z > 0"])
     assert node.running
-    assert [each.topic for each in ros.subscriptions] == ["rtamt/y"]
+    assert [subscription.topic for subscription in ros.subscriptions] == ["rtamt/y"]
     node.stop()
     node.replace(["z > 0"])
     assert not node.running

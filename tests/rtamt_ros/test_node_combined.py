@@ -32,7 +32,7 @@ TEXTS = [
 
 def rows(message: Any) -> dict[str, dict[str, str]]:  # noqa: ANN401 - the classes of ROS have no types
     """The values of each requirement in a message."""
-    return {row.name: {each.key: each.value for each in row.values} for row in message.status}
+    return {row.name: {value.key: value.value for value in row.values} for row in message.status}
 
 
 @given(
@@ -54,7 +54,7 @@ def test_combined_message_equals_monitors(
             last = ros.time
     ros.tick()
     messages = ros.on(TOPIC)
-    assert [each.header.stamp.ns for each in messages] == [
+    assert [message.header.stamp.ns for message in messages] == [
         START + number * PERIOD for number in range(len(steps))
     ]
     for at, text in enumerate(texts):
@@ -101,7 +101,9 @@ def test_combined_trigger_counts_equal_judge(text: str, steps: list[tuple[float,
         so_far = {name: [step[at] for step in steps[: number + 1]] for at, name in enumerate("xy")}
         spec = parse(f"float64 x\nfloat64 y\n{text}")
         trace = {name: so_far[name] for name in spec.variables}
-        counts = [each.samples for each in judge(spec, trace, period=0.1, end="open").triggers]
+        counts = [
+            trigger.samples for trigger in judge(spec, trace, period=0.1, end="open").triggers
+        ]
         if TEXTS.index(text) == 3:  # the second left side looks 0.2 s ahead
             lefts = evaluate(f"float64 x\nfloat64 y\n{AHEAD}", so_far, period=0.1)
             counts[1] = int(holds(lefts)[: max(0, number - 1)].sum())
@@ -158,7 +160,7 @@ def test_unknown_values_stop_trigger_counts() -> None:
 
 def test_no_combined_topic_by_default() -> None:
     ros, _ = started("bounded = always(x < 3)")
-    assert {each.topic for each in ros.publishers} == {
+    assert {publisher.topic for publisher in ros.publishers} == {
         "/diagnostics",
         *(f"rtamt/bounded{part}" for part in ("", "/lower", "/upper", "/verdict")),
     }

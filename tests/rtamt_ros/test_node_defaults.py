@@ -26,7 +26,7 @@ STEPS = st.lists(
 def said(ros: MemoryMiddleware, node: MonitorNode) -> list[str]:
     """What was published of the requirement, and what is said of it."""
     numbers = [repr(ros.data(f"rtamt/out{what}")) for what in ("", "/upper", "/verdict")]
-    return [*numbers, *(each.text for each in node.reports)]
+    return [*numbers, *(report.text for report in node.reports)]
 
 
 @pytest.mark.parametrize("dense", [False, True])

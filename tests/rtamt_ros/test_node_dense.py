@@ -60,7 +60,7 @@ def signals(
     events: dict[str, list[tuple[int, float, float]]], origin: int
 ) -> dict[str, list[tuple[float, float]]]:
     """The events of the fields of m and n, from the last before both are known."""
-    begin = max(each[0][0] for each in events.values())
+    begin = max(event[0][0] for event in events.values())
     found = {}
     for name, each in events.items():
         first = bisect.bisect_right([time for time, _, _ in each], begin) - 1
@@ -121,8 +121,8 @@ def test_dense_by_stamp_ignores_topic_order(
         time += (wait + 1) * MS
         if what != "tick":
             queues[what].append((time, a, b))
-    for each in queues.values():
-        each.append((time + 1000 * MS, 0.0, 0.0))
+    for queue in queues.values():
+        queue.append((time + 1000 * MS, 0.0, 0.0))
     ros, node = started(text, stamps=True, stale=math.inf)
     left = {name: list(each) for name, each in queues.items()}
     for name in ("m", "n"):

@@ -31,7 +31,7 @@ def test_diagnostics_rate_and_content(generation: int) -> None:
     at = "1001.500 s"
     assert first.message == (f"violated, robustness -1; violated 1 time since start, first at {at}")
     assert second.message == "waiting for y, z"
-    assert {each.key: each.value for each in first.values} == {
+    assert {value.key: value.value for value in first.values} == {
         "formula": "always(x < 3)",
         "robustness": "-1",
         "at": "1002.500 s",
@@ -107,7 +107,7 @@ def test_problems_with_others_are_logged_once() -> None:
             ros.tick(ros.time + SECOND)
         assert states(ros)[-3:] == [[("monitor: ROS", int(level), text)]] * 3
     node.stop()
-    assert [each for each in ros.lines if each in (GONE, BACK)] == [GONE, BACK]
+    assert [line for line in ros.lines if line in (GONE, BACK)] == [GONE, BACK]
 
 
 @pytest.mark.usefixtures("soon")
@@ -128,7 +128,7 @@ def test_robustness_goes_on_without_a_master() -> None:
 @pytest.mark.parametrize("other", ["", "/rtamt/oats"])
 def test_hint_excludes_own_topics(other: str) -> None:
     ros, node = started("input float64 x\n@ topic(x, rtamt/oat)\nout = x > 1")
-    ros.known = {ros.resolve(each.topic) for each in ros.publishers} | {other} - {""}
+    ros.known = {ros.resolve(publisher.topic) for publisher in ros.publishers} | {other} - {""}
     ros.tick()
     hint = other and f"; did you mean '{other}'?"
     until(lambda: (Level.WARN, f"nobody publishes /rtamt/oat{hint}") in ros.lines)

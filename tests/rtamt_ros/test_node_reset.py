@@ -112,7 +112,7 @@ def test_resets_and_restarts_are_counted_apart() -> None:
     assert (report.restarts, report.resets) == (1, 2)
     assert report.restarted_because == "x was stale"
     (status,) = ros.on("/diagnostics")[-1].status
-    values = {each.key: each.value for each in status.values}
+    values = {value.key: value.value for value in status.values}
     assert (values["restarts"], values["resets"]) == ("1", "2")
     assert values["last reset at"] == "1002.000 s"
 
@@ -167,12 +167,12 @@ def test_reset_starts_the_next_record(tmp_path: Path) -> None:
     play(ros, [2.5], START + 2 * PERIOD)
     node.stop()
     rows = [(tmp_path / name).read_text().splitlines()[1:] for name in ("run.csv", "run-2.csv")]
-    assert [len(each) for each in rows] == [2, 1]
+    assert [len(row) for row in rows] == [2, 1]
 
 
 def test_reset_service_exists_while_running() -> None:
     ros, node = started("always(x < 3)")
-    assert [each.topic for each in ros.services] == ["reset"]
+    assert [service.topic for service in ros.services] == ["reset"]
     node.stop()
     assert not ros.services
     with pytest.raises(InputError, match=r"^expected a monitor that runs; start it, or activate"):

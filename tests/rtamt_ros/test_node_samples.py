@@ -222,7 +222,7 @@ def test_what_waits_for_a_look_is_bounded(looks: bool) -> None:  # noqa: FBT001 
         # Other threads allocate too: what counts is where messages come from and where they wait.
         filters = [tracemalloc.Filter(True, f"*/{name}") for name in PASSED]  # noqa: FBT003
         kept = tracemalloc.take_snapshot().filter_traces(filters)
-        sizes.append(sum(each.size for each in kept.traces))
+        sizes.append(sum(trace.size for trace in kept.traces))
     tracemalloc.stop()
     assert sizes[2] - sizes[0] < 1000
     ros.tick()

@@ -37,14 +37,14 @@ def publishing(*publish: Callable[[int], None]) -> Iterator[None]:
             raise
 
     threads = [threading.Thread(target=run, args=(each,)) for each in publish]
-    for each in threads:
-        each.start()
+    for thread in threads:
+        thread.start()
     try:
         yield
     finally:
         done.set()
-        for each in threads:
-            each.join()
+        for thread in threads:
+            thread.join()
     assert not failed
 
 
@@ -105,8 +105,8 @@ def test_threaded_events_are_judged_in_order(
             time = round((int(minutes) * 60 + float(seconds)) * 1e9) - START
             events[row["variable"]].append((time / 1e9, float(row["value"])))
     end = (ros.time - 1 - START) / 1e9
-    for each in events.values():
-        each.append((end, each[-1][1]))
+    for event in events.values():
+        event.append((end, event[-1][1]))
     whole = [each for each in rtamt.dense.evaluate(text, events) if each[0] < end - 0.5]
     assert ros.data("rtamt/spec") == [value for _, value in whole]
     assert node.reports == ()
@@ -132,7 +132,7 @@ def test_replacement_under_load(
                 node.replace([rtamt.parse(texts[n // 4 % 2])])
         ros.tick(ros.time + PERIOD)
         ros.tick(ros.time + PERIOD)
-    assert [each.topic for each in ros.subscriptions] == ["rtamt/x"]
+    assert [subscription.topic for subscription in ros.subscriptions] == ["rtamt/x"]
     assert len(ros.timers) == 1
     assert len(ros.publishers) == 5
     assert ros.data("rtamt/low")

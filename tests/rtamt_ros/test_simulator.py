@@ -77,7 +77,7 @@ def test_odometry_says_when_it_is_and_of_what() -> None:
     assert [each.header.stamp.ns - begin for each in found] == [0, 100_000_000, 200_000_000]
     frames = {(each.header.frame_id, each.child_frame_id) for each in found}
     assert frames == {("r2/odom", "r2/base_link")}
-    assert [each.period for each in node.timers] == [100_000_000]
+    assert [timer.period for timer in node.timers] == [100_000_000]
 
 
 def test_blocked_wheels_stop() -> None:

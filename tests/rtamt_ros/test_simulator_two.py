@@ -33,7 +33,7 @@ def places(node: MemoryMiddleware) -> NDArray[np.float64]:
         [(each.pose.pose.position.x, each.pose.pose.position.y) for each in node.on(topic)]
         for topic in ("robot0/odom", "robot1/odom")
     ]
-    return np.hstack([np.array(each) for each in columns])
+    return np.hstack([np.array(column) for column in columns])
 
 
 def driven(actions: NDArray[np.float64], **options: Any) -> MemoryMiddleware:  # noqa: ANN401

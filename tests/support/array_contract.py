@@ -361,7 +361,7 @@ def _sum_of_finite(
 
 def _predicates(formula: rtamt.Formula) -> list[rtamt.Formula]:
     """The formulas at the leaves that have a variable."""
-    parts = [each for each in formula.args if isinstance(each, rtamt.Formula)]
+    parts = [arg for arg in formula.args if isinstance(arg, rtamt.Formula)]
     if not parts:
         return [formula] if formula.variables else []
     return [leaf for part in parts for leaf in _predicates(part)]

@@ -118,7 +118,7 @@ def test_door_beyond_its_target_is_kept() -> None:
     found = evaluate_policy(
         "baseline", env, specs, {**FLAG, **metaworld.signals_of(name)}, episodes=3
     )
-    counts = {each: found.requirements[each].satisfied for each in specs}
+    counts = {spec: found.requirements[spec].satisfied for spec in specs}
     # 17 samples lie in the band: 0.2 s, and the way on is 24 steps and more.
     StlMonitor(env, metaworld.done(name).always(), metaworld.signals_of(name))
     assert counts == {"any": 3, "last": 0, "held": 0, "kept": 0, "side": 3}

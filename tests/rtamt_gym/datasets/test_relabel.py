@@ -178,8 +178,8 @@ def test_nested_observations_and_infos(
 def test_nan_is_held_as_online() -> None:
     values = [[2.0, np.nan, 0.5, np.nan], [3.0, np.nan, np.nan]]
     pairs = [
-        record(monitored(Replay(each), "always(x > 1)", X, nan="hold"), 0, lambda _: np.zeros(1))
-        for each in values
+        record(monitored(Replay(value), "always(x > 1)", X, nan="hold"), 0, lambda _: np.zeros(1))
+        for value in values
     ]
     found = relabel([raw for raw, _ in pairs], "always(x > 1)", X, nan="hold")
     assert difference(found, [said for _, said in pairs]) == ""
@@ -208,7 +208,7 @@ def test_details_are_those_of_every_specification() -> None:
     (found,) = relabel([raw], SPECS, SIGNALS, period=1, details=True)
     for name in SPECS:
         for key in ("robustness", "lower", "upper"):
-            assert found.infos["stl"][name][key].tolist() == [each[name][key] for each in states]
+            assert found.infos["stl"][name][key].tolist() == [state[name][key] for state in states]
 
 
 def test_keep_filters_episodes() -> None:

@@ -61,14 +61,14 @@ def test_evaluation_metrics() -> None:
     assert found["rate"] == sum(both) / 12
     assert (found["low"], found["high"]) == clopper_pearson(sum(both), 12)
     assert found["return"] == np.mean([length for *_, length, _, _ in episodes])
-    near = [each[0] for each in episodes]
+    near = [episode[0] for episode in episodes]
     assert found["near/rate"] == sum(near) / 12
     assert (found["near/low"], found["near/high"]) == clopper_pearson(sum(near), 12)
-    heights = sorted(each[4] for each in episodes)
+    heights = sorted(episode[4] for episode in episodes)
     assert found["near/robustness_p5"] == heights[0]
     assert found["near/robustness_median"] == heights[5]
     assert found["near/robustness_p95"] == heights[11]
-    times = sorted(each[3] for each in episodes if not each[0])
+    times = sorted(episode[3] for episode in episodes if not episode[0])
     assert found["near/first_violation"] == pytest.approx(times[(len(times) - 1) // 2])
 
 
