@@ -156,8 +156,8 @@ def test_a_stop_of_one_side_alone_is_noted() -> None:
     assert compare(a, a).notes == compare(b, b).notes == ()
     (note,) = compare(a, b).notes
     assert note == (
-        "episodes of one side alone were stopped early, which leaves requirements open and "
-        "changes robustness and returns; a comparison is sound with the same stop="
+        "only one side stopped episodes early, which leaves requirements open and changes "
+        "robustness and returns; compare evaluations with the same stop="
     )
     assert compare(b, a).notes == (note,)
 
@@ -166,15 +166,14 @@ def test_notes_tell_what_a_reader_should_know_of_the_pairs() -> None:
     a = evaluation_of({"near": [1.0, FAILED, 1.0]}, seeds=[0, 1, 2])
     b = evaluation_of({"near": [1.0, 1.0]}, seeds=[1, 2], decision={"near": "meets 0.9"})
     assert compare(a, b).notes == (
-        "1 episode of A is left out: the other has no episode with such a seed",
+        "1 episode of A is left out: B has no episode with the same seed",
         (
             "1 episode of A failed, which counts as not satisfied; the first with seed 1: "
             "ValueError: no"
         ),
         (
-            "B ran until its answer was known, so its rate may lean to that answer; a comparison "
-            "is "
-            "sound of fixed numbers of episodes"
+            "B stopped once its answer was known, so its rate may be biased towards that answer; "
+            "compare fixed numbers of episodes"
         ),
         "2 pairs cannot show a difference of rates, however they end",
     )
