@@ -286,8 +286,8 @@ def test_the_bar_says_what_was_violated_and_what_stopping_has_saved(
     assert [done for done, _ in notes] == [0, 1, 1]
     assert [note for _, note in notes] == [
         "",
-        "0 violated, least robustness 1",
-        "1 violated, least robustness -0.0434, 12 s of simulation saved",
+        "0 violated, minimum robustness 1",
+        "1 violated, minimum robustness -0.0434, 12 s of simulation saved",
     ]
     notes.clear()
     with Runner(fragile, {"dry": "always(level < 2)"}, period=1) as runner:
@@ -295,7 +295,7 @@ def test_the_bar_says_what_was_violated_and_what_stopping_has_saved(
     assert [note for _, note in notes] == [
         "",
         "1 failed",
-        "0 violated, least robustness 1, 1 failed",
+        "0 violated, minimum robustness 1, 1 failed",
     ]
 
 

@@ -200,7 +200,7 @@ def test_other_requirements_keep_their_own_start(tmp_path: Path) -> None:
     }
     assert [each.late_start and each.late_start.text for each in found.values()] == [
         None,
-        "judged from 2 s on, with its first event",
+        "evaluated from 2 s on, with its first event",
     ]
 
 
@@ -262,13 +262,16 @@ def test_outputs_state_what_a_verdict_leaves_out(
     assert main(call) == 3
     text = " ".join(capsys.readouterr().out.split())
     assert (
-        "SATISFIED if judged from 2 s on, where 'b' has the first event; 2 s before it, with 2 "
-        "events, count with 'b' unknown; --start known leaves them out"
+        "SATISFIED if evaluated from 2 s on, where 'b' has its first event; the 2 s before it, "
+        "with 2 events, count with 'b' unknown; --start known leaves them out"
     ) in text
     assert "late.csv: 6 events, 0 s to 4 s" in text
     assert main([*call, "--start", "known", "--junit", str(xml)]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    said = "judged from 2 s on, where 'b' has the first event: 2 s before it are left out, with 2"
+    said = (
+        "evaluated from 2 s on, where 'b' has its first event: the 2 s before it are left out, "
+        "with 2"
+    )
     assert said in text
     root = ET.parse(xml)  # noqa: S314 - our own
     properties = {each.get("name"): each.get("value") for each in root.iter("property")}
