@@ -484,14 +484,14 @@ _ADVICE = (
     ),
     (
         r"give resolution=('.*'), of which it is one$",
-        r"write whole nanoseconds, or use rtamt.DenseMonitor with resolution=\1",
+        r"write whole nanoseconds, or use rtamt.dense.Monitor with resolution=\1",
     ),
     (
         r"; resolution=('.*') would do$",
-        r"; rtamt.DenseMonitor takes it with resolution=\1",
+        r"; rtamt.dense.Monitor takes it with resolution=\1",
     ),
     (
-        r"or use (EpisodeMonitor or evaluate|evaluate_dense)\(\)$",
+        r"or use (EpisodeMonitor or evaluate|rtamt\.dense\.evaluate)\(\)$",
         "or call evaluate() with all of it",
     ),
     (r"use evaluate\(\) with n=, or", "use StlDiscreteTimeSpecification, or"),

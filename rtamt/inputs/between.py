@@ -106,10 +106,10 @@ def out_of_order(lower: Floats, upper: Floats) -> NDArray[np.bool_]:
 
 def _arrays(lower: object, upper: object) -> tuple[Floats, Floats]:
     """Return the ends as read-only arrays of one shape."""
-    low, high = (array_of_numbers(end, "an end of Between") for end in (lower, upper))
+    low, high = (array_of_numbers(end, "an end of UncertainValue") for end in (lower, upper))
     if low.ndim and high.ndim and low.shape != high.shape:
         raise InputError(
-            f"expected two ends of Between of one shape, got {low.shape} and {high.shape}"
+            f"expected two ends of UncertainValue of one shape, got {low.shape} and {high.shape}"
         )
     low, high = (np.array(end) for end in np.broadcast_arrays(low, high))
     low.flags.writeable = high.flags.writeable = False
@@ -124,10 +124,11 @@ def _require_order(lower: Floats, upper: Floats) -> None:
     least, greatest = (float(end.ravel()[place]) for end in (lower, upper))
     where = "" if lower.ndim == 0 else f" at {', '.join(map(str, np.argwhere(wrong)[0]))}"
     expected = (
-        "numbers as ends of Between, and UncertainValue(-math.inf, math.inf) of what is not known"
+        "numbers as ends of UncertainValue, and "
+        "UncertainValue(-math.inf, math.inf) of what is not known"
     )
     if least == least and greatest == greatest:  # noqa: PLR0124 - neither is nan
-        expected = "a lower end of Between that is not above the upper one"
+        expected = "a lower end of UncertainValue that is not above the upper one"
     raise InputError(f"expected {expected}, got {least!r} and {greatest!r}{where}")
 
 

@@ -41,7 +41,7 @@ from rtamt.inputs.samples import (
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
 
 NO_DENSE_BOUNDS: Final = (
-    "DenseEpisodeMonitor and judge_dense give bounds; others give one number for each time"
+    "rtamt.dense.EpisodeMonitor and rtamt.dense.judge give bounds; others give one number a time"
 )
 """Why the others refuse uncertain events."""
 

@@ -53,7 +53,7 @@ class LaneReader:
         if others.get("upper") is not None:
             raise InputError(
                 "expected upper= beside an array; by name, values that are not known are a "
-                "Between: update(x=UncertainValue(lower, upper))"
+                "UncertainValue: update(x=UncertainValue(lower, upper))"
             )
         if not isinstance(values, tuple) or values:
             raise InputError(

@@ -20,6 +20,7 @@ from collections.abc import (
     Sized,
 )
 from dataclasses import dataclass
+from inspect import getattr_static
 from typing import Any, TypeVar, cast
 
 from rtamt.errors import InputError, InputTypeError, name_text, nearest
@@ -106,7 +107,9 @@ class Field:
         if isinstance(holder, Mapping):
             known = [name_text(key) for key in holder]
         elif not hasattr(holder, "__float__"):
-            methods = {n for n in dir(type(holder)) if callable(getattr(type(holder), n, None))}
+            methods = {
+                n for n in dir(type(holder)) if callable(getattr_static(type(holder), n, None))
+            }
             known = [n for n in dir(holder) if n not in methods and not n.startswith("_")]
         near = nearest(step, known)
         if not near and known and len(", ".join(known)) <= _LONG:

@@ -182,7 +182,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         history: Whether to keep the samples for `explain`, with 8 bytes a value, until the reset.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
             for `Monitor`; ``nan="unknown"`` takes a nan for a value of which nothing is known,
-            ``Between(-math.inf, math.inf)``.
+            ``UncertainValue(-math.inf, math.inf)``.
 
     Raises:
         SpecificationError: On text that is not a specification, bounds that are not a whole number

@@ -51,8 +51,8 @@ Raises:
 """
 _UPPER = """
     upper: The greatest values, in an array of the same shape: then ``values`` are the least, and
-        each value is known only to lie between the two (`Between`); by name, pass a `Between` of
-        two arrays instead. None: the values are known."""
+        each value is known only to lie between the two (`UncertainValue`); by name, pass an
+        `UncertainValue` of two arrays instead. None: the values are known."""
 _MEMORY = """
     SpecificationError: If samples that are not known would take more memory than
         `rtamt.limits.window_bytes`."""
@@ -198,7 +198,7 @@ class VectorEpisodeMonitor(
 
     unknown: MachineValue[NDArray[np.bool_]] = machine_value(
         "unknown",
-        "Whether each value of the last sample of each lane is not known exactly (`Between`); "
+        "Whether each value of the last sample of each lane is an `UncertainValue`; "
         "a row for each lane, a column for each variable.",
     )
 

@@ -216,8 +216,8 @@ def _cached(
 ) -> DenseProgram:
     if online:
         offline = _cached(specification, text, resolution, interface, online=False)
-        instead = Argument("dense", words="use evaluate_dense()")
-        program = offline.program.online("DenseMonitor", instead)
+        instead = Argument("dense", words="use rtamt.dense.evaluate()")
+        program = offline.program.online("rtamt.dense.Monitor", instead)
         return DenseProgram(program, resolution)
     program = DenseBuilder(specification, resolution, interface).program()
     if not program.variables:

@@ -191,7 +191,7 @@ def test_dense_resolution_errors_name_dense_monitor() -> None:
         with pytest.raises(rtamt.ParseError) as caught:
             call()
         assert caught.value.hint == (
-            "write whole nanoseconds, or use rtamt.DenseMonitor with resolution='500ps'"
+            "write whole nanoseconds, or use rtamt.dense.Monitor with resolution='500ps'"
         )
     spec.spec = "a > 1"
     spec.parse()
@@ -199,7 +199,7 @@ def test_dense_resolution_errors_name_dense_monitor() -> None:
         spec.evaluate(["a", [[0, 1], [1e20, 1]]])
     assert str(caught_input.value) == (
         "expected a time of less than 2**62 ticks of 1ns at event 1 of 'a', got 1e+20; "
-        "rtamt.DenseMonitor takes it with resolution='100s'"
+        "rtamt.dense.Monitor takes it with resolution='100s'"
     )
 
 

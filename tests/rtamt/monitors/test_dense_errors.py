@@ -338,10 +338,10 @@ def test_a_future_without_an_end_is_refused_online(backend: Backend) -> None:
         rtamt.dense.Monitor("once[0:1] always (x > 1)", backend=backend)
     assert str(error.value) == (
         "STL:1:11: 'always' without an end needs the whole future, "
-        "for which DenseMonitor cannot wait\n"
+        "for which rtamt.dense.Monitor cannot wait\n"
         "  once[0:1] always (x > 1)\n"
         "            ^\n"
-        "  hint: write an end, as in always[0:10], or use evaluate_dense()"
+        "  hint: write an end, as in always[0:10], or use rtamt.dense.evaluate()"
     )
 
 

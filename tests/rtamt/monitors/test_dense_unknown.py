@@ -343,7 +343,7 @@ def test_a_term_without_a_value_is_refused_and_changes_nothing(backend: Backend)
     monitor = rtamt.dense.EpisodeMonitor("always(sqrt(x) > -1)", nan="unknown", backend=backend)
     monitor.update(x=[(0, 4)])
     before = values(monitor)
-    with pytest.raises(InputError, match=r"'sqrt\(x\)' is not a number at time 1\.0, where x = B"):
+    with pytest.raises(InputError, match=r"'sqrt\(x\)' is not a number at time 1\.0, where x = U"):
         monitor.update(x=[(0.5, NAN), (1, UncertainValue(-3, -1)), (2, 1)])
     assert (values(monitor), monitor.settled) == (before, 0)
     monitor.update(x=[(0.5, UncertainValue(-3, 9)), (2, 1)])
@@ -366,10 +366,10 @@ def test_what_gives_one_number_refuses_what_is_not_known(
         else:
             evaluate("x > 0", {"x": x}, backend=backend, **options)
 
-    reason = "DenseEpisodeMonitor and judge_dense give bounds"
-    with pytest.raises(InputError, match=f"known at event 1 of 'x', got Between.*{reason}"):
+    reason = "rtamt.dense.EpisodeMonitor and rtamt.dense.judge give bounds"
+    with pytest.raises(InputError, match=f"known at event 1 of 'x', got UncertainValue.*{reason}"):
         of_signals([(0, 1), (1, UncertainValue(-0.0, 0.0))])
-    with pytest.raises(InputError, match=f"known at event 1 of 'x', got Between.*{reason}"):
+    with pytest.raises(InputError, match=f"known at event 1 of 'x', got UncertainValue.*{reason}"):
         of_signals(rtamt.dense.Events([0, 1], UncertainValue([0, 1], [0, 2])))
     with pytest.raises(InputError, match=r"event 1 of 'x', at time 1\.0, is nan; leave it"):
         of_signals(rtamt.dense.Events([0, 1], [0, NAN]))

@@ -120,8 +120,9 @@ def test_what_gives_one_number_says_who_takes_values_that_are_not_known(
     with pytest.raises(InputError) as caught:
         call(*CALLS[call], **option)
     assert str(caught.value) == (
-        f"{next(iter(option))}= speaks of values that are not known; DenseEpisodeMonitor and "
-        "judge_dense give bounds; others give one number for each time"
+        f"{next(iter(option))}= speaks of values that are not known; "
+        "rtamt.dense.EpisodeMonitor and rtamt.dense.judge give bounds; "
+        "others give one number a time"
     )
 
 
@@ -221,9 +222,9 @@ def test_an_argument_is_taken_or_refused_by_name(name: str) -> None:
 
 
 def test_columns_may_have_numbers_for_names() -> None:
-    assert untyped.evaluate_many("x > 0", {0: [[9]], "x": [[1]], 1: [[9]]}).tolist() == [[1.0]]
+    assert untyped.evaluate("x > 0", {0: [[9]], "x": [[1]], 1: [[9]]}).tolist() == [[1.0]]
     with pytest.raises(InputError) as caught:
-        untyped.evaluate_many("x > 0", {0: [[9]], 1: [[9]]})
+        untyped.evaluate("x > 0", {0: [[9]], 1: [[9]]})
     assert str(caught.value) == "No column 'x'. The columns are '0', '1'."
     with pytest.raises(InputError) as caught:
         untyped.Monitor("x > 0").update({0: 1.0})
@@ -232,7 +233,7 @@ def test_columns_may_have_numbers_for_names() -> None:
 
 def test_lengths_are_one_number_for_each_trace() -> None:
     with pytest.raises(InputTypeError) as caught:
-        untyped.evaluate_many(S, LANES, lengths=[[1], 2])
+        untyped.evaluate(S, LANES, lengths=[[1], 2])
     assert str(caught.value) == ("expected a whole number for each trace as lengths, got [[1], 2]")
 
 

@@ -358,7 +358,7 @@ def test_one_below_a_window_of_one_sample_is_refused(name: str, text: str, symbo
     reason, *_, hint = str(caught.value).splitlines()
     monitor, instead = "Monitor", "EpisodeMonitor or evaluate()"
     if name == "DenseMonitor":
-        monitor, instead = "DenseMonitor", "evaluate_dense()"
+        monitor, instead = "rtamt.dense.Monitor", "rtamt.dense.evaluate()"
     assert reason.partition(": ")[2] == (
         f"'{symbol}' without an end needs the whole future, for which {monitor} cannot wait"
     )

@@ -330,16 +330,24 @@ def test_an_explanation_needs_samples_that_are_known(backend: Backend) -> None:
 @pytest.mark.parametrize(
     ("lower", "upper", "message"),
     [
-        (2, 1, "expected a lower end of Between that is not above the upper one, got 2.0 and 1.0"),
-        (0.0, -0.0, "expected a lower end of Between that is not above the upper one, got 0.0 "),
+        (
+            2,
+            1,
+            "a lower end of UncertainValue that is not above the upper one, got 2.0 and 1.0",
+        ),
+        (
+            0.0,
+            -0.0,
+            "expected a lower end of UncertainValue that is not above the upper one, got 0.0 ",
+        ),
         (
             NAN,
             1,
-            "expected numbers as ends of Between, and UncertainValue(-math.inf, math.inf) of what",
+            "ends of UncertainValue, and UncertainValue(-math.inf, math.inf) of what",
         ),
-        ([1, 2], [1, NAN], "expected numbers as ends of Between"),
+        ([1, 2], [1, NAN], "expected numbers as ends of UncertainValue"),
         ([1, 2], [1, 0], "is not above the upper one, got 2.0 and 0.0 at 1"),
-        ([1, 2], [1, 2, 3], "expected two ends of Between of one shape, got (2,) and (3,)"),
+        ([1, 2], [1, 2, 3], "expected two ends of UncertainValue of one shape, got (2,) and (3,)"),
     ],
 )
 def test_ends_that_are_none(lower: Any, upper: Any, message: str) -> None:  # noqa: ANN401
@@ -420,5 +428,5 @@ def test_a_judgement_says_what_is_not_known(backend: Backend) -> None:
             {"x": [1, NAN], "y": UncertainValue([1, 1], [2, 2])},
             backend=backend,
         )
-    with pytest.raises(InputError, match=r"^'sqrt\(x\)' is not a number at sample 1, where x = B"):
+    with pytest.raises(InputError, match=r"^'sqrt\(x\)' is not a number at sample 1, where x = U"):
         judge("always(sqrt(x) > 1)", {"x": UncertainValue([1, -2], [2, -1])}, backend=backend)
