@@ -132,8 +132,8 @@ _WORD_ENDS = re.compile(r"(?<=[a-zß-ÿ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 def read_name(column: str) -> ColumnName:
     """Return the words and the unit in a column's name."""
-    found = _BRACKETS.fullmatch(column)
-    bare, unit = (found["name"], found["unit"]) if found and found["name"] else (column, None)
+    match = _BRACKETS.fullmatch(column)
+    bare, unit = (match["name"], match["unit"]) if match and match["name"] else (column, None)
     if unit is not None and unit.lower() in _ZONES:
         unit = None
     split = unicodedata.normalize("NFKD", _WORD_ENDS.sub(" ", bare.replace("µ", "u")))
@@ -160,10 +160,10 @@ def has_plain_time_name(column: str) -> bool:
 
 
 def _unit_of_plain(column: str) -> str | None:
-    found = _PLAIN.fullmatch(column)
-    if found is None or column.lower() == "ts" or column == "T":  # rather names of quantities
+    match = _PLAIN.fullmatch(column)
+    if match is None or column.lower() == "ts" or column == "T":  # rather names of quantities
         return None
-    inside, behind = found["inside"], found["behind"]
+    inside, behind = match["inside"], match["behind"]
     if inside is not None:
         if inside.lower() in _ZONES:
             return ""

@@ -140,8 +140,8 @@ class EventReader:
         for name in named:
             if name not in self.variables:
                 raise unknown_variable(name, self.variables, self._messages)
-        given = [_read(named[v], v) if v in named else _NONE for v in self.variables]
-        return self.counted(given, last, dated, heard)
+        columns = [_read(named[v], v) if v in named else _NONE for v in self.variables]
+        return self.counted(columns, last, dated, heard)
 
     def whole(self, events: Mapping[str, EventsLike]) -> list[Given]:
         """Return all events of every variable, as they were passed; other names are ignored.
@@ -238,8 +238,8 @@ class EventReader:
         """
         columns = []
         own = heard or [False] * len(last)
-        for name, its, after, heard_before in zip(self.variables, given, last, own, strict=True):
-            times, values, declared = Given(*its)
+        for name, events, after, heard_before in zip(self.variables, given, last, own, strict=True):
+            times, values, declared = Given(*events)
             of_name = f" of '{name}'"
             if len(times):
                 dates = are_dates(times)
@@ -442,8 +442,8 @@ def _started(column: Given, default: float, given: Sequence[Times]) -> Given:
         given: The times of every variable with events.
     """
     times, values, _ = column
-    alike = [each for each in given if are_dates(each) == are_dates(given[0])]
-    first, last = min(each[0] for each in alike), max(each[-1] for each in alike)
+    alike = [line for line in given if are_dates(line) == are_dates(given[0])]
+    first, last = min(line[0] for line in alike), max(line[-1] for line in alike)
     if not len(times):
         ends = [first] if first == last else [first, last]
         return Given(np.array(ends), np.full(len(ends), default), len(ends))
@@ -513,17 +513,21 @@ def _refuse_kind(time: object, i: int, of_name: str) -> NoReturn:
     )
 
 
-def _messages(given: object, name: str) -> list[list[object]]:
+def _messages(events: object, name: str) -> list[list[object]]:
     """Return the events of a message, as pairs of time and message."""
-    events = _listed(given, f"events of '{name}' as a sequence of (time, message)")
+    events = _listed(events, f"events of '{name}' as a sequence of (time, message)")
     return [_pair(event, "message", i, name) for i, event in enumerate(events)]
 
 
-def _listed(given: object, forms: str) -> list[object]:
+def _listed(argument: object, forms: str) -> list[object]:
     # An object with keys iterates over the keys, or over values without times (a pandas column).
-    if isinstance(given, str | bytes) or hasattr(given, "keys") or not isinstance(given, Iterable):
-        raise InputTypeError(f"expected {forms}, got {kind_of(given)}")
-    return list(given)
+    if (
+        isinstance(argument, str | bytes)
+        or hasattr(argument, "keys")
+        or not isinstance(argument, Iterable)
+    ):
+        raise InputTypeError(f"expected {forms}, got {kind_of(argument)}")
+    return list(argument)
 
 
 def _pair(event: object, what: str, i: int, name: str) -> list[object]:

@@ -127,8 +127,8 @@ class Events(Sequence[tuple[float, Any]]):
     def __eq__(self, other: object) -> bool:
         if isinstance(other, Events):
             return np.array_equal(self.times, other.times) and all(
-                np.array_equal(mine, its, equal_nan=True)
-                for mine, its in ((self.values, other.values), (self.upper, other.upper))
+                np.array_equal(mine, theirs, equal_nan=True)
+                for mine, theirs in ((self.values, other.values), (self.upper, other.upper))
             )
         if isinstance(other, str | bytes) or not isinstance(other, Sequence | np.ndarray):
             return NotImplemented

@@ -223,7 +223,7 @@ class LaneReader:
         if self._nan == "unknown":
             missing = np.isnan(table)
             return np.where(missing, -np.inf, table), np.where(missing, np.inf, table)
-        least, greatest = (self.without_nan(table, chosen, samples, each) for each in inputs)
+        least, greatest = (self.without_nan(table, chosen, samples, last) for last in inputs)
         return least, greatest
 
     def _require_order(

@@ -215,8 +215,8 @@ def traced(spec: Specification) -> Specification:
     from rtamt.language.grammar.reader import TextReader
 
     reader = TextReader(spec.text, spec.overrides, chains=spec.chains, traced=True)
-    whole = reader.specification(spec.unit)
-    return whole if spec.requirement is None else whole.requirements[spec.requirement]
+    text = reader.specification(spec.unit)
+    return text if spec.requirement is None else text.requirements[spec.requirement]
 
 
 # A pickle is the text: it is short, and equal trees stay one object. It is registered here because

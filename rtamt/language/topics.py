@@ -136,7 +136,7 @@ def publications(
 
 
 def _publication(spec: Specification, formula: str, name: str) -> Publication:
-    variable = next((each for each in lineage(formula) if _message_class(spec, each)), None)
+    variable = next((key for key in lineage(formula) if _message_class(spec, key)), None)
     package, message = (variable and _message_class(spec, variable)) or ("std_msgs", "Float64")
     path = tuple(formula.split(".")[variable.count(".") + 1 :]) if variable else ()
     if not path and package == "std_msgs":

@@ -325,14 +325,14 @@ class _Writer:
         name = term.op.name if term.op else ""
         if term in self._names or name not in FUNCTIONS:
             return self._notation(term)
-        operands = [self._notation(each) for each in term.args]
+        operands = [self._notation(arg) for arg in term.args]
         begin, *rest = FUNCTIONS[name].split("{}")
         if term.op and term.op.arity[1] is None:
             operands = [("(", *_joined(operands, ", "), ")")]
         else:
             operands = [
-                pieces if each.op is None or each in self._names else ("(", *pieces, ")")
-                for each, pieces in zip(term.args, operands, strict=True)
+                pieces if arg.op is None or arg in self._names else ("(", *pieces, ")")
+                for arg, pieces in zip(term.args, operands, strict=True)
             ]
         parts = zip(operands, rest, strict=True)
         return (begin, *(piece for operand, text in parts for piece in (*operand, text)))
@@ -354,7 +354,7 @@ class _Writer:
             return self._negated(name, node.args[0], first=first and name == "not")
         if name in INFIX:
             before, between, behind = INFIX[name]
-            parts = [self._closed(each, first=first) for each in node.args]
+            parts = [self._closed(arg, first=first) for arg in node.args]
             pieces = _joined([part.pieces for part in parts], between)
             bracketed = any(part.bracketed for part in parts)
             return _Clause((before, *pieces, behind), alone=False, bracketed=bracketed)
@@ -379,9 +379,9 @@ class _Writer:
             rest = when.removeprefix("at all times").strip()
             return _Clause((*self._predicate(negated, NEVER[name]), f" {rest}" if rest else ""))
         if of_many and inner == "implies" and name == "always":
-            whole = first and not bounds.begin and bounds.end is None
+            everywhere = first and not bounds.begin and bounds.end is None
             rule = self._conditional("always implies", operand, first=False)
-            return rule if whole else _Clause((when, ", ", *rule.pieces), *rule[1:])
+            return rule if everywhere else _Clause((when, ", ", *rule.pieces), *rule[1:])
         return self._after((when, ", "), operand)
 
     def _moment(self, name: str, node: Formula, *, first: bool) -> _Clause:
@@ -434,7 +434,7 @@ class _Writer:
 
     def _bracketed(self, node: Node, clause: _Clause, holding: str) -> _Clause:
         """Return a clause in brackets; numbered, with its verb, if it is long or has brackets."""
-        length = sum(len(each) if isinstance(each, str) else 4 for each in clause.pieces)
+        length = sum(len(piece) if isinstance(piece, str) else 4 for piece in clause.pieces)
         if clause.bracketed or length > _LONGEST:
             return _Clause((node, holding))
         return _Clause(("(", *clause.pieces, ")"), bracketed=True)
@@ -446,7 +446,7 @@ class _Writer:
         return (_name(node),) if _name(node) in CONSTANTS else ()
 
     def _predicate(self, node: Node, verb: str) -> _Pieces:
-        left, *right = (self.term(each) for each in node.args)
+        left, *right = (self.term(arg) for arg in node.args)
         behind = (" ", *right[0]) if right else ()
         return (*left, f" {verb} {ADJECTIVES[_name(node)]}", *behind)
 
@@ -467,10 +467,10 @@ def _name(node: Node) -> str:
 
 
 def _joined(parts: Iterable[_Pieces], between: str) -> _Pieces:
-    found: list[str | _Named | Node] = []
+    pieces: list[str | _Named | Node] = []
     for i, part in enumerate(parts):
-        found += [between, *part] if i else part
-    return tuple(found)
+        pieces += [between, *part] if i else part
+    return tuple(pieces)
 
 
 def _quoted(name: str) -> str:

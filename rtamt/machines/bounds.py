@@ -31,9 +31,9 @@ class Flags(NamedTuple):
 
     def first(self, begin: int, end: int) -> int | None:
         """Return the first time from begin to end at which it is true."""
-        found = np.flatnonzero(self.values[begin : max(0, end + 1)])
-        if len(found):
-            return begin + int(found[0])
+        times = np.flatnonzero(self.values[begin : max(0, end + 1)])
+        if len(times):
+            return begin + int(times[0])
         last = len(self.values) - 1
         return max(begin, last) if end > last and self.values[-1] else None
 
@@ -98,11 +98,11 @@ class TraceBounds:
         least: list[Keys] = []
         greatest = least
         if terms.outputs and upper is not lower:
-            found = machines.term_ranges(terms, reader, observed, lower, upper, n)
-            least, greatest = ([to_keys(column[:needed]) for column in end] for end in found)
+            ranges = machines.term_ranges(terms, reader, observed, lower, upper, n)
+            least, greatest = ([to_keys(column[:needed]) for column in end] for end in ranges)
         elif terms.outputs:
-            made = machines.discrete_machine(terms, SampleReader(terms), observed)
-            values = without_nan(reader, lower, lambda known: made.evaluate(known, n))
+            machine = machines.discrete_machine(terms, SampleReader(terms), observed)
+            values = without_nan(reader, lower, lambda known: machine.evaluate(known, n))
             least = greatest = [to_keys(column[:needed]) for column in values]
         return cls(worst, best, least, greatest, needed, machines.fold_pairs)
 

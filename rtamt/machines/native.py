@@ -148,7 +148,8 @@ def dense_episode_machine(
     if reader.unknown:  # the machine in C++ takes numbers
         return dense_episode_on_regions(program, reader)
     readings = [
-        (encoded_terms(each), encoded_regions(place(each))) for each in variants_of(program.program)
+        (encoded_terms(variant), encoded_regions(place(variant)))
+        for variant in variants_of(program.program)
     ]
     variables, clock = program.program.variables, clock_of(dense_of(program).tick)
     declared = declared_of(program.program).before
@@ -193,10 +194,10 @@ def term_columns(
     columns: Sequence[Floats],
     refuse: Callable[[list[float], int], NoReturn],
 ) -> list[Floats]:
-    found, fine = _native.term_columns(encoded_terms(program), columns)
+    terms, fine = _native.term_columns(encoded_terms(program), columns)
     if fine < len(columns[0]):
         refuse([float(column[fine]) for column in columns], fine)
-    return found
+    return terms
 
 
 def term_ranges(

@@ -68,8 +68,8 @@ class StateFields:
             if isinstance(value, StateFields):
                 value.restore(saved)
             elif value and isinstance(value[0], StateFields):
-                for part, its in zip(value, saved, strict=True):
-                    part.restore(its)
+                for part, part_state in zip(value, saved, strict=True):
+                    part.restore(part_state)
             else:
                 setattr(self, name, _copied(saved))
 

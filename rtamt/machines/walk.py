@@ -204,9 +204,9 @@ class Walk:
     def _of_complete(self, register: int) -> Keys:
         """Return the values at all times of a complete trace."""
         if register not in self._complete:
-            for each in _needed(self._program, register):
-                if each not in self._complete:
-                    self._complete[each] = self._made_complete(each)
+            for operand in _needed(self._program, register):
+                if operand not in self._complete:
+                    self._complete[operand] = self._made_complete(operand)
         return self._complete[register]
 
     def _made_complete(self, register: int) -> Keys:
@@ -220,18 +220,18 @@ class Walk:
             case Window(fold, _, None, args):
                 return self._suffixes(FOLDS[fold], [self._complete[a] for a in args])
             case Window(fold, None, hi, args):
-                found = self._prefixes(FOLDS[fold], [self._complete[a] for a in args])
+                folds = self._prefixes(FOLDS[fold], [self._complete[a] for a in args])
                 late = min(-(hi or 0), self._n)
-                return np.concatenate([np.full(late, _NOTHING[fold][-1]), found[: self._n - late]])
+                return np.concatenate([np.full(late, _NOTHING[fold][-1]), folds[: self._n - late]])
             case Window() as window:
                 return self._sliding(window, TraceEnd("complete", best=False), 0, self._n, self._n)
 
     def _tail(self, register: int, ending: TraceEnd) -> _Tail:
         """Return the values in one ending that is not complete."""
         if (register, ending) not in self._tails:
-            for each in _needed(self._program, register):
-                if (each, ending) not in self._tails:
-                    self._tails[each, ending] = self._made_tail(each, ending)
+            for operand in _needed(self._program, register):
+                if (operand, ending) not in self._tails:
+                    self._tails[operand, ending] = self._made_tail(operand, ending)
         return self._tails[register, ending]
 
     def _made_tail(self, register: int, ending: TraceEnd) -> _Tail:
@@ -254,20 +254,20 @@ class Walk:
             case Window(fold, lo, hi, args) as window:
                 settled = min(n, max(0, known - (hi or 0)))
                 if ending.end == "open" and window.skips(best=ending.best):
-                    found = self._sliding(window, ending, settled, n, n)
+                    folds = self._sliding(window, ending, settled, n, n)
                     later = np.array(_NOTHING[fold][-1:])
                     if not lo:  # of an unseen time, which is there if it is read
                         later = self._between(args[-1], ending, n, last + 1)
-                    return _Tail(settled, np.concatenate([found, later]))
+                    return _Tail(settled, np.concatenate([folds, later]))
                 end = max(n, last - (lo or 0)) + 1
-                found = self._sliding(window, ending, settled, end, None)
+                folds = self._sliding(window, ending, settled, end, None)
                 if ending.end == "cut" and window.endless:
                     at = max(settled, n - window.begin)
                     opened = TraceEnd("open", ending.best)
                     end = max(n, self._tail(register, opened).last) + 1
                     later = self._between(register, opened, at, end)
-                    found = np.concatenate([found[: at - settled], later])
-                return _Tail(settled, found)
+                    folds = np.concatenate([folds[: at - settled], later])
+                return _Tail(settled, folds)
 
     def _future(self, register: int, window: Window, ending: TraceEnd, known: int) -> _Tail:
         """Return a window without an end that starts now."""
@@ -301,16 +301,16 @@ class Walk:
             before = int(self._of_complete(register)[settled - 1])
             older = (*nothing[:-1], before)
             columns = [np.concatenate([[e], c]) for e, c in zip(older, columns, strict=True)]
-        found = self._prefixes(fold, columns)[1 if folded else 0 :]
-        early = np.full(end - settled - len(found), nothing[-1])  # before the first element
-        return _Tail(settled, np.concatenate([early, found]))
+        folds = self._prefixes(fold, columns)[1 if folded else 0 :]
+        early = np.full(end - settled - len(folds), nothing[-1])  # before the first element
+        return _Tail(settled, np.concatenate([early, folds]))
 
     def _sliding(
         self, window: Window, ending: TraceEnd, begin: int, end: int, limit: int | None
     ) -> Keys:
         """Return a window with both bounds at times from begin to before end."""
         lo, hi = window.lo or 0, window.hi or 0
-        fold, found = FOLDS[window.fold], np.empty(end - begin, np.int64)
+        fold, folds = FOLDS[window.fold], np.empty(end - begin, np.int64)
         step = max(_BLOCK, hi - lo)
         for first in range(begin, end, step):
             after = min(first + step, end)
@@ -325,8 +325,8 @@ class Walk:
                     before, behind = (np.full(count, nothing) for count in missing)
                     column = np.concatenate([before, column, behind])
                 columns.append(column)
-            found[first - begin : after - begin] = _slid(fold, columns, hi - lo + 1)
-        return found
+            folds[first - begin : after - begin] = _slid(fold, columns, hi - lo + 1)
+        return folds
 
     def _total(self, fold: LatticeFold, columns: Sequence[Keys]) -> tuple[int, ...]:
         """Return the fold of one element or more."""

@@ -275,8 +275,8 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
         self.update = self._machine.update
 
     def _arguments(self) -> dict[str, Any]:
-        its = {"resolution": self.resolution, "nan": self.nan, "max_gap": self.max_gap}
-        return super()._arguments() | its
+        options = {"resolution": self.resolution, "nan": self.nan, "max_gap": self.max_gap}
+        return super()._arguments() | options
 
     @property
     def resolution(self) -> Fraction:

@@ -191,7 +191,7 @@ class Judgement:
 
     def __str__(self) -> str:
         lines = [f"{self.verdict.name}: {self.formula}", *self._lines()]
-        return "\n".join(line for each in lines for line in _wrapped(each))
+        return "\n".join(part for line in lines for part in _wrapped(line))
 
     def _repr_html_(self) -> str:
         """Return the text for notebooks, with a coloured verdict."""

@@ -344,8 +344,8 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         if self._history is None:
             super().__setstate__(state)
             return
-        state, kept = state
-        history, before = array("d", kept), self._machine.state()
+        state, samples_before = state
+        history, before = array("d", samples_before), self._machine.state()
         super().__setstate__(state)
         samples = self.samples
         if len(history) != samples * len(self.variables):

@@ -54,11 +54,11 @@ class VerdictBook:
 
     def __init__(self, monitors: Iterable[VectorEpisodeMonitor]) -> None:
         self.monitors = tuple(monitors)
-        for each in self.monitors:
-            if not isinstance(each, VectorEpisodeMonitor):
-                msg = f"expected monitors of the class VectorEpisodeMonitor, got {each!r}"
+        for monitor in self.monitors:
+            if not isinstance(monitor, VectorEpisodeMonitor):
+                msg = f"expected monitors of the class VectorEpisodeMonitor, got {monitor!r}"
                 raise InputTypeError(msg)
-        lanes = sorted({each.num for each in self.monitors})
+        lanes = sorted({monitor.num for monitor in self.monitors})
         if len(lanes) != 1:
             got = f"monitors of {' and '.join(map(str, lanes))}" if lanes else "no monitor"
             raise InputError(f"expected one or more monitors of as many lanes, got {got}")

@@ -129,8 +129,8 @@ def _ways(name: str, operands: int, bounds: Bounds) -> tuple[_Way, ...]:
         return ()
     builder = _Ways(operands)
     arguments = range(operands)
-    found = row.meaning(builder, *((bounds, *arguments) if row.timed else arguments))
-    ways = dict.fromkeys(builder.registers[found])
+    result = row.meaning(builder, *((bounds, *arguments) if row.timed else arguments))
+    ways = dict.fromkeys(builder.registers[result])
     signs = {(way.operand, way.positive) for way in ways}
     return tuple(way for way in ways if (way.operand, not way.positive) not in signs)
 
@@ -157,7 +157,7 @@ def implications(formula: Formula) -> tuple[Formula, ...]:
         >>> implications(parse("always(a > 0 implies b > 0) and not (a implies b)").formula)
         (<Formula a > 0 implies b > 0>,)
     """
-    found: dict[Formula, None] = {}
+    counted: dict[Formula, None] = {}
     seen: set[tuple[Node, bool]] = set()
     stack: list[tuple[Node, bool]] = [(formula, True)]
     while stack:
@@ -166,10 +166,10 @@ def implications(formula: Formula) -> tuple[Formula, ...]:
             continue
         seen.add(place)
         if positive and _counts(node):
-            found[cast("Formula", node)] = None
+            counted[cast("Formula", node)] = None
         below = sorted(_operands(node).items(), reverse=True)
         stack += [(node.args[i], positive == same) for i, same in below]
-    return tuple(found)
+    return tuple(counted)
 
 
 def signs(formula: Formula) -> Mapping[Formula, frozenset[bool]]:
@@ -181,16 +181,16 @@ def signs(formula: Formula) -> Mapping[Formula, frozenset[bool]]:
         >>> {str(part): sorted(both) for part, both in parts.items() if not part.args[0].op}
         {'b > 0': [False, True], 'c > 0': [False, True], 'a > 0': [False]}
     """
-    found: dict[Formula, set[bool]] = {formula: {True}}
+    parts: dict[Formula, set[bool]] = {formula: {True}}
     for node in reversed([*formula.nodes()]):
-        if not isinstance(node, Formula) or node.op is None or node not in found:
+        if not isinstance(node, Formula) or node.op is None or node not in parts:
             continue
         same = _operands(node)
         for i, arg in enumerate(node.args):
             if isinstance(arg, Formula):
-                below = {True, False} if i not in same else {s == same[i] for s in found[node]}
-                found.setdefault(arg, set()).update(below)
-    return {node: frozenset(both) for node, both in found.items()}
+                below = {True, False} if i not in same else {s == same[i] for s in parts[node]}
+                parts.setdefault(arg, set()).update(below)
+    return {node: frozenset(both) for node, both in parts.items()}
 
 
 def _counts(node: Node) -> bool:
@@ -260,9 +260,9 @@ class Routes:
                 legs.append((place, goes))
         self._legs, self._places = legs, count
         self._ends: list[tuple[Formula, int | None, int | None]] = []
-        for each in implications(formula):
-            at = places.get(each, {})
-            self._ends.append((each, at.get((True, True)), at.get((True, False))))
+        for implication in implications(formula):
+            at = places.get(implication, {})
+            self._ends.append((implication, at.get((True, True)), at.get((True, False))))
 
     def reads(self, trace: TraceSpan) -> Mapping[Formula, Reads]:
         """Return the instants of a trace at which the formula reads its implications."""
@@ -272,12 +272,12 @@ class Routes:
             known = _merged(runs[place])
             for below, steps in goes:
                 runs[below] += trace.along(steps, known)
-        found = {}
-        for each, needed, others in self._ends:
-            its = () if needed is None else _merged(runs[needed])
-            every = its if others is None else _merged([*its, *runs[others]])
-            found[each] = Reads(every, its)
-        return found
+        reads = {}
+        for implication, needed, others in self._ends:
+            alone = () if needed is None else _merged(runs[needed])
+            every = alone if others is None else _merged([*alone, *runs[others]])
+            reads[implication] = Reads(every, alone)
+        return reads
 
 
 class TraceSpan(NamedTuple):
@@ -337,10 +337,10 @@ def _merged(runs: Iterable[tuple[int, float]]) -> InstantRuns:
     known = sorted(runs)
     if len(known) < 2:
         return tuple(known)
-    found: list[tuple[int, float]] = []
+    merged: list[tuple[int, float]] = []
     for first, last in known:
-        if found and first <= found[-1][1] + 1:
-            found[-1] = found[-1][0], max(found[-1][1], last)
+        if merged and first <= merged[-1][1] + 1:
+            merged[-1] = merged[-1][0], max(merged[-1][1], last)
         else:
-            found.append((first, last))
-    return tuple(found)
+            merged.append((first, last))
+    return tuple(merged)

@@ -140,8 +140,8 @@ def as_interface(
         raise InputError(msg)
     if semantics in _MEANINGS:
         role, _ = _MEANINGS[semantics]
-        said, found = (inputs, reads) if role == "input" else (outputs, sets)
-        if said is None and not found:
+        names, roles = (inputs, reads) if role == "input" else (outputs, sets)
+        if names is None and not roles:
             some = next((v for v in spec.variables if v not in (*reads, *sets)), "x")
             raise InputError(
                 Argument("semantics", str(semantics)),
@@ -158,18 +158,18 @@ def _declared(spec: Specification, role: Role) -> tuple[str, ...]:
 
 
 def _checked(spec: Specification, argument: str, names: Names) -> tuple[str, ...]:
-    given: object = names
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        msg = f"expected names of variables as {argument}, got {brief(given)}"
-        hint = f"; write {argument}=('{given}',)" if isinstance(given, str) else ""
+    value: object = names
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        msg = f"expected names of variables as {argument}, got {brief(value)}"
+        hint = f"; write {argument}=('{value}',)" if isinstance(value, str) else ""
         raise InputTypeError(msg + hint)
     known = {n for v in spec.variables for n in lineage(v)}
     known |= spec.declarations.keys() - spec.formulas.keys()
     try:
-        checked = tuple(given)
+        checked = tuple(value)
     except TypeError:  # an array without an axis
         raise InputTypeError(
-            f"expected names of variables as {argument}, got {brief(given)}"
+            f"expected names of variables as {argument}, got {brief(value)}"
         ) from None
     for name in checked:
         if not isinstance(name, str):

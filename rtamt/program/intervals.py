@@ -74,8 +74,8 @@ def monotone(directions: str, *, least: float = -INF, wider: bool = False) -> In
             ends = _greatest((operand.lower, least)), operand.upper
             low.append(ends[direction == "-"])
             high.append(ends[direction == "+"])
-        found = _hull((apply(*low), apply(*high)))
-        return _outward(found) if wider else found
+        hull = _hull((apply(*low), apply(*high)))
+        return _outward(hull) if wider else hull
 
     return rule
 
@@ -174,8 +174,8 @@ def logarithm(ln: Callable[[float], float], div: Callable[[float, float], float]
 
 def _hull(values: Iterable[float]) -> Ends:
     """Return the smallest and the largest of some numbers; everything if one is nan."""
-    found = list(values)
-    return EVERYTHING if any(map(math.isnan, found)) else (_least(found), _greatest(found))
+    numbers = list(values)
+    return EVERYTHING if any(map(math.isnan, numbers)) else (_least(numbers), _greatest(numbers))
 
 
 def _outward(ends: Ends) -> Ends:

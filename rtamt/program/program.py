@@ -197,7 +197,7 @@ class Program:
             window = self.instructions[register]
             if not isinstance(window, Window) or window.hi is not None:
                 return register
-            if not (any(formula is each for each in formulas) and self._is_running(formula)):
+            if not (any(formula is other for other in formulas) and self._is_running(formula)):
                 return register
             if register not in folds:
                 folds[register] = len(instructions)
@@ -242,12 +242,14 @@ class Program:
     def read_first(self) -> frozenset[str]:
         """Return the variables whose value at sample 0 can affect the result."""
         times: dict[int, set[tuple[int, float]]] = {self.result: {(0, 0)}}
-        found = set[str]()
+        variables = set[str]()
         for register in range(len(self.instructions) - 1, -1, -1):
             spans = times.pop(register, set())
             match self.instructions[register]:
                 case Load(variable) if any(b <= (variable in self.rates) <= e for b, e in spans):
-                    found.add(self.rates.get(variable, variable))  # a rate reads it one sample late
+                    variables.add(
+                        self.rates.get(variable, variable)
+                    )  # a rate reads it one sample late
                 case Map(_, args):
                     for a in args:
                         times.setdefault(a, set()).update(spans)
@@ -260,7 +262,7 @@ class Program:
                                 times.setdefault(a, set()).add((first, last))
                 case _:
                     pass
-        return frozenset(found)
+        return frozenset(variables)
 
     def needed(self, *registers: int) -> set[int]:
         """Return these registers and all that they are computed from."""

@@ -293,11 +293,11 @@ class TextReader:
         token, label, link = statement.variable, statement.label, statement.link
         if label is None:
             raise no_id(self._text, cast("Span", statement.location).start)
-        name, whole = token.text, self._statements.name
-        if name not in self._formulas and whole is not None and name == whole.text:
+        name, title = token.text, self._statements.name
+        if name not in self._formulas and title is not None and name == title.text:
             name = self._name_of_whole(token)
         elif name not in self._formulas:
-            known = [*self._formulas, *([] if whole is None else [whole.text])]
+            known = [*self._formulas, *([] if title is None else [title.text])]
             otherwise = f"an id belongs to a formula with a name: {name} = ..."
             raise self._fail(token, f"unknown formula '{name}'", similar(name, known, otherwise))
         if name in self._ids:

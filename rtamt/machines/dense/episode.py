@@ -132,7 +132,7 @@ class Regions(StateFields):
         return values[self.program.result]
 
     def _at_zero(
-        self, register: int, found: dict[int, list[float]], worlds: Sequence[int]
+        self, register: int, values: dict[int, list[float]], worlds: Sequence[int]
     ) -> list[float]:
         instruction = self.program.instructions[register]
         if isinstance(instruction, Const):
@@ -146,7 +146,7 @@ class Regions(StateFields):
             return [fold.value(world, self.t, self.unknowns) for world in worlds]
         function, args = cast("Map", instruction).function, cast("Map", instruction).args
         choose = FUNCTIONS[function].apply
-        return [choose(*x) for x in zip(*(found[a] for a in args), strict=True)]
+        return [choose(*x) for x in zip(*(values[a] for a in args), strict=True)]
 
     def seen(self, register: int, world: int) -> Runs:
         """Return all runs of a stream in a world, if nothing has settled."""
@@ -310,7 +310,7 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         if length >= MAX_TICKS:
             self.reader.refuse_length(length)
         positions = 2 * (trace.ticks - begin)
-        return [RegionRows(positions, each) for each in terms]
+        return [RegionRows(positions, columns) for columns in terms]
 
     def _twin(self) -> RegionRegisters:
         return self._make(place(self._programs[-1]))
@@ -342,8 +342,8 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
             reading.restore(state)
 
     def _go(self, rows: Sequence[RegionRows], known: int, ticks: int) -> None:
-        for reading, its in zip(self._all(), rows, strict=True):
-            reading.advance(its.between(2 * known, 2 * ticks), 2 * ticks)
+        for reading, terms in zip(self._all(), rows, strict=True):
+            reading.advance(terms.between(2 * known, 2 * ticks), 2 * ticks)
         self._conclude()
 
     def _conclude(self) -> None:
@@ -361,8 +361,8 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         if end == "complete":
             self.lower, self.upper = self.complete()
         elif end == "cut":
-            found = [reading.look((*WORLDS, *CUT)) for reading in self._all()]
-            self.lower, self.upper = found[0][3], found[-1][4]
+            values = [reading.look((*WORLDS, *CUT)) for reading in self._all()]
+            self.lower, self.upper = values[0][3], values[-1][4]
             self.robustness = moved(self.robustness, self.lower, self.upper)
         self.finished = True
         return self.robustness

@@ -51,7 +51,7 @@ def recorded(
     ends = [(programs[0], rows[0], low)]
     if len(rows) > 1 or low != high:
         ends.append((programs[-1], rows[-1], high))
-    bounds = [_seen(each, its, last, worlds, world) for each, its, world in ends]
+    bounds = [_seen(variant, terms, last, worlds, world) for variant, terms, world in ends]
     return bounds[0], bounds[-1]
 
 
@@ -93,10 +93,10 @@ class DenseOutlook:
         self._readings = []
         programs = variants_of(program)
         greatest = programs[-1:] * (len(rows) - len(programs))
-        for each, its in zip((*programs, *greatest), rows, strict=True):
-            self.program = each
-            regions = Regions(everywhere(each))
-            regions.unfold(its, last, (*WORLDS, *CUT) if cut else WORLDS)
+        for variant, terms in zip((*programs, *greatest), rows, strict=True):
+            self.program = variant
+            regions = Regions(everywhere(variant))
+            regions.unfold(terms, last, (*WORLDS, *CUT) if cut else WORLDS)
             self._readings.append(regions)
 
     def undecided(self, register: int) -> Places:

@@ -124,7 +124,7 @@ class Waiting(StateFields):
 
 def _concatenated(values: Sequence[Floats]) -> Floats:
     """Return values one after the other: pairs of ends, if some are."""
-    if len({each.ndim for each in values}) > 1:
+    if len({column.ndim for column in values}) > 1:
         values = [v if v.ndim > 1 else np.column_stack([v, v]) for v in values]
     return np.concatenate(values)
 
@@ -224,7 +224,7 @@ def rows_between(
         at_ticks = [values_at(ticks, waiting.upto(last)) for waiting in events]
     values = TraceValues(ticks, at_ticks, dated)
     tables = terms_of(variants_of(regions.program), terms, reader, values)
-    return [RegionRows(2 * (values.ticks - begin), each) for each in tables]
+    return [RegionRows(2 * (values.ticks - begin), table) for table in tables]
 
 
 def unknown_of(given: Sequence[Given], reader: EventReader) -> tuple[str, ...]:

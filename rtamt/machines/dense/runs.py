@@ -87,8 +87,8 @@ def joint(signals: Sequence[Runs]) -> Runs:
     """Return signals with a common start as one, whose elements have all their numbers."""
     if len(signals) == 1:
         return signals[0]
-    starts = distinct(*(each.starts for each in signals))
-    return Runs(starts, tuple(each.last[..., each.places(starts)] for each in signals))
+    starts = distinct(*(signal.starts for signal in signals))
+    return Runs(starts, tuple(signal.last[..., signal.places(starts)] for signal in signals))
 
 
 def paired(name: str, runs: Runs, end: int | None) -> Runs:

@@ -62,7 +62,7 @@ class PythonEpisodeVariants(Retiring, StateFields):
         self.reader = reader
         self._programs = variants_of(program)
         self._neutral = neutral_registers(program)
-        self._known = [PythonEpisodeMachine(each, reader) for each in self._programs]
+        self._known = [PythonEpisodeMachine(variant, reader) for variant in self._programs]
         self._result = self._known[-1]
         self._readout: Readout | None = None
         self.reset()
