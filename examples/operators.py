@@ -42,9 +42,8 @@ def draw(ax: Any, formula: str, *, dense: bool) -> None:
             ax.plot(values, colour, linewidth=0.8, drawstyle="steps-post" if dense else "default")
             ax.text(-0.5, values[0], name, color=colour, fontsize=7, ha="right", va="center")
     if dense:
-        found = rtamt.dense.evaluate(
-            formula, {n: rtamt.dense.Events(range(10), x) for n, x in NAMED}
-        )
+        signals = {name: rtamt.dense.Events(range(10), x) for name, x in NAMED}
+        found = rtamt.dense.evaluate(formula, signals)
         ends = [*found.times[1:], 9]
         for begin, end, value in zip(found.times, ends, found.values, strict=True):
             colour = "C2" if rtamt.holds(value) else "C1"

@@ -78,7 +78,7 @@ def check(
         >>> found = rtamt.check("always(x > 1 and (x > 0 or y > 2))")
         >>> str(found.requirements["spec"].satisfiable), found.answer
         ('yes, in 1 sample', 'no')
-        >>> print(*found.requirements["spec"].idle)
+        >>> print(*found.requirements["spec"].redundant)
         x > 0 or y > 2 demands nothing more (on traces of up to 16 samples)
         >>> rtamt.check({"low": "always(x < 3)", "high": "eventually(x > 5)"}).conflict
         ('low', 'high')

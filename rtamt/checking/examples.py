@@ -177,7 +177,7 @@ def examples(
         ...     print(f"{each.robustness:g}, {each.why}")
         1, triggered and answered
         -1, the shortest violation; triggered and not answered
-        3, never asked
+        3, never triggered
         1, gnt >= 3 comes at the last moment of eventually[0:5]
         -1, gnt >= 3 comes one sample too late for eventually[0:5]
     """

@@ -38,6 +38,7 @@ class Questions:
         reading: The evaluation options, with the period.
 
     Example:
+        >>> import rtamt
         >>> specs = {"answered": rtamt.parse("always(req > 3 implies gnt > 3)")}
         >>> questions = Questions(specs, EvaluationOptions())
         >>> verdicts = {"answered": rtamt.Verdict.SATISFIED}
@@ -103,6 +104,7 @@ class Judge:
         reading: The evaluation options, with the period of the samples.
 
     Example:
+        >>> import rtamt
         >>> judge = Judge({"near": rtamt.parse("always(x < 1)")}, EvaluationOptions())
         >>> panel = judge.begin()
         >>> panel.feeder(judge.variables)([2.0])

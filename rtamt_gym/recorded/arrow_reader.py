@@ -20,7 +20,7 @@ from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.arrow_columns import is_number, is_time, raw_times_of, values_of
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import refusing
-from rtamt_gym.recorded.recording import Recording, RowFilter, Rows, Wanted
+from rtamt_gym.recorded.recording import Recording, RowFilter, RowNumbers, Rows, Wanted
 
 _LONGEST_LIST = 1000
 """The most elements of a list that are columns."""
@@ -163,6 +163,11 @@ class ArrowRecording(Recording):
             kind = table[name].type
             if not (is_number(kind) or _is_text(kind)):
                 raise InputError(f"{self.source}, column '{name}': expected numbers, got {kind}")
+        for name in wanted.texts:
+            if len(table[name]) and not _is_text(table[name].type):
+                place = RowNumbers(self.source)(0)
+                value = table[name][0].as_py()
+                raise InputError(f"{place}, column '{name}': expected a name, got {value!r}")
         for name in times if not part else ():
             self._check_countable(name, table[name])
         arrays = {name: values_of(column) for name, column in table.items()}

@@ -30,8 +30,8 @@ def test_evaluate_holds_signals_to_the_last_time(
 ) -> None:
     spec = declared(formula, language=LANGUAGES[backend])
     same_end = held(relevant(whole, formula.variables))
-    expected = [list(step) for step in rtamt.dense.evaluate(formula, same_end, backend="python")]
-    assert spec.evaluate(*call(whole)) == expected
+    steps = by_value(rtamt.dense.evaluate(formula, same_end, backend="python"))
+    assert spec.evaluate(*call(whole)) == [list(step) for step in steps]
 
 
 @settings(max_examples=examples(50))

@@ -38,8 +38,8 @@ def said(code: str, *, without: str = "") -> str:
 
 
 OF_INPUTS = {"Case", "Parameter", "Signal", "Space", "Waveform"}
-OF_TRACES = {"Mined", "Reading", "Record", "RequirementResult", "mine"}
-OF_MUJOCO = {"Snapshot", "StepMonitor", "evaluate_rollouts"}
+OF_TRACES = {"EvaluationOptions", "mine"}
+OF_MUJOCO = {"StepMonitor"}
 
 
 @pytest.mark.slow(keep=1)

@@ -91,14 +91,16 @@ def test_what_a_pool_cannot_do_at_a_reset_is_refused() -> None:
 
 @pytest.mark.parametrize("wrapper", [StlMonitor, functools.partial(StlReward, mode="add")])
 def test_wrappers_of_one_environment_refuse_a_pool(wrapper: Any) -> None:
-    with pytest.raises(InputTypeError, match="VectorStlMonitor and VectorStlReward are for many"):
+    with pytest.raises(
+        InputTypeError, match="VectorStlReward for many environments"
+    ):
         wrapper(pool(2), SAFE, ANGLE)
 
 
 def test_what_is_no_vector_environment_is_refused_with_the_ways_to_make_one() -> None:
     with pytest.raises(InputTypeError, match=r"gym\.make_vec, envpool\.make_gymnasium or puffer"):
         as_vector_env(3)
-    with pytest.raises(InputTypeError, match="StlMonitor and StlReward are for one"):
+    with pytest.raises(InputTypeError, match="use StlMonitor or StlReward for one environment"):
         as_vector_env(gym.make("CartPole-v1"))
     with pytest.raises(ValueError, match="final_obs"):
         as_vector_env(native(2), final_obs="lost")  # type: ignore[arg-type]

@@ -219,7 +219,10 @@ def test_a_video_shows_every_frame(tmp_path: Path) -> None:
 def test_what_cannot_be_recorded_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pytest.raises(InputError, match=r"^RecordViolations shows what a StlMonitor or a S"):
+    with pytest.raises(
+        InputError,
+        match=r"^RecordViolations needs an StlMonitor or StlReward",
+    ):
         RecordViolations(Painted(BAD), str(tmp_path))
     with pytest.raises(InputError, match=r"^RecordViolations needs pictures, got render_mode='r"):
         made(gym.wrappers.RenderCollection(Painted(BAD)), tmp_path)
