@@ -91,9 +91,7 @@ def test_what_a_pool_cannot_do_at_a_reset_is_refused() -> None:
 
 @pytest.mark.parametrize("wrapper", [StlMonitor, functools.partial(StlReward, mode="add")])
 def test_wrappers_of_one_environment_refuse_a_pool(wrapper: Any) -> None:
-    with pytest.raises(
-        InputTypeError, match="VectorStlReward for many environments"
-    ):
+    with pytest.raises(InputTypeError, match="VectorStlReward for many environments"):
         wrapper(pool(2), SAFE, ANGLE)
 
 
