@@ -1,8 +1,7 @@
-"""A controller that looks ahead: it chooses the future with the greatest robustness.
+"""A controller that looks ahead: it chooses the future with the largest robustness.
 
-A cart balances a pole in a corridor that bends. Feedback that steers to the middle of the corridor
-reacts too late. The controller that looks ahead continues the simulation and its monitors from a
-snapshot towards several places, and goes where the least robustness of the next second is greatest.
+A cart balances a pole in a corridor that bends, where feedback reacts too late. The controller runs
+the simulation on from a snapshot to several places, and goes where the minimum robustness is best.
 
 Run: python examples/lookahead.py --plot lookahead.png
 """

@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from rtamt import InputError, Verdict
 from rtamt_gym.inputs.case import Case
@@ -107,6 +105,9 @@ _KEY = b"rtamt.run"
 
 def save_run(run: RunRecord, path: Path) -> None:
     """Write a run: its columns, and everything else as metadata."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     if path.suffix.lower() != ".parquet":
         raise InputError(
             f"cannot write {path}: expected a name that ends in .parquet, the format that holds "
@@ -120,6 +121,9 @@ def save_run(run: RunRecord, path: Path) -> None:
 
 def load_run(path: Path) -> dict[str, Any]:
     """Read the fields of a run that `save_run` has written."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     try:
         table = pq.read_table(path)
     except pa.ArrowInvalid as error:

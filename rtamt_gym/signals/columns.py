@@ -372,7 +372,7 @@ class _EachRead:
             return
         raise InputError(
             f"{signal.raised(error)}; the function is called for each environment, and for the "
-            f"batch of all it gives {num} numbers: mark it, rtamt_gym.batched({signal})"
+            f"batch of all it gives {num} numbers: mark it, rtamt_gym.wrappers.batched({signal})"
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""Reads the sentences of `rtamt.in_words` back to formulas; shares no table with it."""
+"""Reads the sentences of `Specification.in_words` back to formulas; shares no table with it."""
 
 from __future__ import annotations
 

@@ -109,10 +109,9 @@ def falsify(
     ``numpy.random.Generator``. ``evaluate(points)`` takes points of the unit cube, shape
     (k, dimension), and returns k numbers to minimize: the least robustness over the requirements.
 
-    A robustness over several units is decided by the one with the least numbers: of speed and rpm
-    by the speed. Where predicates read different variables, optimizers therefore get it in units of
-    scales, by `rtamt.scaled`. Verdicts and `Falsification.robustness` belong to the requirement
-    itself.
+    In a robustness over several units, the unit with the smallest numbers decides: for speed and
+    rpm, the speed. If predicates read different variables, optimizers get the robustness in units
+    of scales (`Specification.scaled`). Verdicts and `Falsification.robustness` are not scaled.
 
     The search ends with a further simulation for each input, in which this input alone is at the
     other end of its range. `Falsification.effects` lists the inputs that did not change the

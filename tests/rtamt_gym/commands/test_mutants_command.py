@@ -210,7 +210,7 @@ def test_lines_have_80_columns_and_say_the_change_and_its_place(trace: str, caps
     main(["monitor", "--mutants", ANSWERED, trace])
     told = capsys.readouterr().out
     assert max(len(line) for line in told.splitlines() if trace not in line) <= 80
-    assert "\nspec: the trace misses\n" in told
+    assert "\nspec: survived the trace\n" in told
     assert "  1:12  req >= 3 -> req > 3 " in told
     assert "  1:38  [0:1] -> [0:2] " in told
 

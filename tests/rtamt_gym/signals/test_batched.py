@@ -190,7 +190,7 @@ def test_a_function_of_the_batch_that_is_not_marked_is_told_of_batched(
         VectorStlMonitor(native(), SPEC, {"x": read}).reset(seed=3)
     assert str(caught.value).endswith(
         "; the function is called for each environment, and for the batch of all it gives 4 "
-        f"numbers: mark it, rtamt_gym.batched({read.__qualname__})"
+        f"numbers: mark it, rtamt_gym.wrappers.batched({read.__qualname__})"
     )
 
 
