@@ -14,7 +14,8 @@ from playwright.sync_api import Browser, Page
 from report_example import EXAMPLE
 
 from rtamt.errors import shown
-from rtamt_gym.reports.model import Counts, Figure, Report, Section, Text
+from rtamt_gym.reports.figures import trial_figures
+from rtamt_gym.reports.model import Counts, Figure, Report, Requirement, Section, Text
 
 EVALUATION = EXAMPLE.sections[0]
 UPRIGHT = EVALUATION.requirements[0]
@@ -241,7 +242,7 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
         "edges",
         "rtamt",
         (
-            replace(EVALUATION, requirements=(none, infinite, single)),
+            replace(EVALUATION, requirements=tuple(map(_drawn, (none, infinite, single)))),
             Section("evaluation", "thirty", requirements=many),
             Section("sweep", "nothing"),
         ),
@@ -255,6 +256,12 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
         assert page.locator("[data-chart]").count() == 4 + 1 + 2 * 30
         assert page.locator("#evaluation-none .rate").inner_text() == "nothing evaluated"
         assert beyond(page) <= 0
+
+
+def _drawn(requirement: Requirement) -> Requirement:
+    """Draw the figures of a changed requirement again."""
+    figures = trial_figures(requirement, "episode", EVALUATION.unit)
+    return replace(requirement, figures=tuple(figures))
 
 
 def _first(episode: Any) -> dict[str, Any]:  # noqa: ANN401 - an episode of one sample
