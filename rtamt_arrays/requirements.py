@@ -161,7 +161,7 @@ class StepJudge:
             self._shaping.weights,
             self._shaping.clip,
             self._monitors.latencies,
-            whole=self._shaping.mode == "terminal",
+            whole=self._shaping.pays_episode,
         )
 
     @property
@@ -307,10 +307,10 @@ class StepJudge:
         return {"robustness": o.where(over, robustness, zero), "is_success": success, **costs}
 
     def _potential(self, values: MonitorValues[Any]) -> Tensor:
-        if self._shaping.mode == "progress":
+        if self._shaping.pays_bounds:
             return self._shaping.middle(values.lower, values.upper)
-        terminal = self._shaping.mode == "terminal"
-        return self._shaping.robustness(values.judged if terminal else values.robustness)
+        paying = values.judged if self._shaping.pays_episode else values.robustness
+        return self._shaping.robustness(paying)
 
     def _features(self, values: MonitorValues[Any]) -> Tensor:
         return self._o.stack(self.features.rows(values)).swapaxes(0, 1)

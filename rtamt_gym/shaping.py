@@ -37,8 +37,9 @@ Functions that take several specifications take a sequence with an element for e
 arrays of shape (lanes,), of NumPy, of JAX or of torch. Flags (``ended``, ``terminated``) are 1 or
 0, or True and False where they are no arrays.
 
-To add a mode: its name in `Mode`, one function, one case of `Shaping` and a row of the table above.
-Describe it in the docstring of `StlReward`.
+To add a mode: its name in `Mode`, one function, one case of `Shaping.reward` and a row of the table
+above; if it depends on the episode or on bounds, also `pays_episode` or `pays_bounds`. Describe it
+in the docstring of `StlReward`.
 """
 
 from __future__ import annotations
@@ -382,6 +383,16 @@ class Shaping:
     def settles(self) -> bool:
         """Whether a bonus or a penalty is paid."""
         return self.bonus > 0.0 or self.penalty > 0.0
+
+    @property
+    def pays_episode(self) -> bool:
+        """Whether the reward depends on the robustness of the whole episode, not of an instant."""
+        return self.mode == "terminal"
+
+    @property
+    def pays_bounds(self) -> bool:
+        """Whether the reward depends on the `middle` of the bounds, not on the robustness."""
+        return self.mode == "progress"
 
     @property
     def pays_robustness(self) -> bool:

@@ -19,9 +19,16 @@ every kind of instruction and names its changing fields in ``STATE``, and a fiel
 `rtamt.machines.backend`.
 
 To add an end mode, such as ``end="cut"``: add its name to `End`, and decide in
-`rtamt.program.instructions.Window` how windows read unseen samples. Then follow an existing name
-through `rtamt.machines` (``bounds``, ``walk``, ``episode`` and ``dense``), ``rtamt/native``
-(``core/end.hpp`` and ``python/encoding.cpp`` first) and the options of `rtamt_gym`.
+`rtamt.program.instructions.Window` how windows read unseen samples. Then give it a meaning in
+
+- `rtamt.machines`: ``bounds``, ``walk``, ``episode/machine``, ``episode/variants``,
+  ``dense/episode`` and ``dense/outlook``;
+- ``rtamt/native``: ``core/end.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
+  ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``lockstep/columns.cpp`` and
+  ``lockstep/variants.cpp``;
+- `rtamt.monitors`: ``sample_trace``, ``dense_trace`` and ``judgement``;
+- `rtamt.checking.search` and `rtamt.checking.encoding`; `rtamt_arrays.monitor_set`.
+
 ``tests/support/end_oracle.py`` defines every end mode again.
 """
 

@@ -1,4 +1,9 @@
-"""The options that monitors and evaluations share, and the programs that they compile."""
+"""The options that monitors and evaluations share, and the programs that they compile.
+
+To add an option of every monitor: add its type to `Options` and its row to `OPTIONS`, and use it
+where monitors compile programs. If wrappers, commands and nodes should take it too, follow `Align`
+through `rtamt_gym.options.evaluation` and `rtamt_ros.parameters`.
+"""
 
 from __future__ import annotations
 

@@ -21,6 +21,8 @@ HSCC 2019; Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors from STL",
 
 Under the semantics ``boolean`` every predicate is +inf or -inf, whatever its variables are.
 
+Averages over time (AGM robustness) are not a semantics of predicates: see `rtamt.program.algebra`.
+
 To add a semantics, add its name to `SemanticsName` and the value of its predicates to `Interface`,
 and a row to the table in ``docs/interface.md``. ``tests/support/interface_oracle.py`` defines each
 semantics again.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from rtamt import InputError
 from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
-from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.end_notes import noted_ends
 from rtamt_gym.commands.specs import files_of, requirements_of
 from rtamt_gym.commands.success import (
     SUCCESS,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtamt_gym.commands.arguments import check_outputs, read_signals
-from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.end_notes import noted_ends
 from rtamt_gym.commands.specs import files_of, requirements_of, told_apart
 from rtamt_gym.commands.systems import opened_system, read_varied
 from rtamt_gym.options.command_line import (

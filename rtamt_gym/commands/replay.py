@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rtamt.errors import shown, shown_lines
 from rtamt_gym.commands.arguments import check_outputs
-from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.end_notes import noted_ends
 from rtamt_gym.options.command_line import ALTHOUGH_CHANGED, Option, add_options, shared
 from rtamt_gym.results.warnings import (
     Required,

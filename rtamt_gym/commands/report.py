@@ -12,7 +12,7 @@ from pathlib import Path
 from rtamt import InputError, RtamtError
 from rtamt.errors import shown
 from rtamt_gym.commands.arguments import check_outputs
-from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.end_notes import noted_ends
 from rtamt_gym.options.command_line import Option, add_options
 from rtamt_gym.results.warnings import (
     VerdictWarning,

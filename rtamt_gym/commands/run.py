@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rtamt import SpecificationError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
-from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.end_notes import noted_ends
 from rtamt_gym.commands.specs import requirements_of
 from rtamt_gym.options.command_line import Option, add_options, positive, read_evaluation_options
 from rtamt_gym.play.summaries import run_table, runs_json

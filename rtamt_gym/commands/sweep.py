@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rtamt import InputError, Verdict
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_signals
-from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.commands.end_notes import noted_ends
 from rtamt_gym.commands.errors import options_of, refusal
 from rtamt_gym.commands.specs import files_of, requirements_of, told_apart
 from rtamt_gym.commands.systems import opened_system, read_varied

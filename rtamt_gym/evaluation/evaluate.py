@@ -27,7 +27,7 @@ from rtamt_gym.evaluation.repeating import (
     warn_of_difference,
 )
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
-from rtamt_gym.judging.ends import warn_of_open_end
+from rtamt_gym.judging.end_warnings import warn_of_open_end
 from rtamt_gym.options.evaluation import (
     EvaluationKeywords,
     checked_options,

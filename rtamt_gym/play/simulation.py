@@ -21,7 +21,7 @@ from rtamt_gym.checks.arguments import check_choice, check_known, check_number
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.ends import assumed, warn_of_open_end
+from rtamt_gym.judging.end_warnings import assumed, warn_of_open_end
 from rtamt_gym.judging.judge import Judge, Questions
 from rtamt_gym.judging.specs import (
     SpecsLike,

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, StateError
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.judging.batch_infos import autoreset_mode, final_infos, final_observations
 from rtamt_gym.judging.specs import own_requirements, with_unknown_start
-from rtamt_gym.judging.vector_infos import autoreset_mode, final_infos, final_observations
 from rtamt_gym.options.evaluation import (
     AtTermination,
     EvaluationOptions,

@@ -1,7 +1,8 @@
 """`write_report`: results, or the files of results, as one page of HTML.
 
 To add a section about a kind of file, see `rtamt_gym.results.codec`. A section about an object
-needs a function in `rtamt_gym.reports` and a case of `section_of`.
+needs a function in `rtamt_gym.reports` and a case of `section_of`. A new kind of section also needs
+its name in `SectionKind` and its noun in `NOUNS`, both in `rtamt_gym.reports.model`.
 """
 
 from __future__ import annotations

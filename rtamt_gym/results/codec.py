@@ -52,9 +52,6 @@ KINDS: Final[Mapping[str, str]] = {
 }
 """The kinds of results, and what writes them."""
 
-_RATES: Final = ("rate", "interval")
-"""The statistics of trials that differ by chance alone."""
-
 _VERSION_1: Final = re.compile("rtamt (evaluation|comparison|record|search|case|outcomes) 1")
 """The formats of files that rtamt 0.5 wrote."""
 
@@ -136,7 +133,7 @@ def plain_trial(trial: Trial) -> dict[str, Any]:
 
 def plain_result(result: RequirementResult, *, rates: bool = True) -> dict[str, Any]:
     """Return the statistics of a requirement; rates where trials differ by chance alone."""
-    statistics = [each for each in STATISTICS if rates or each.key not in _RATES]
+    statistics = [row for row in STATISTICS if rates or row.where != "rates"]
     stored = {statistic.key: statistic.of(result) for statistic in statistics}
     stored |= {"interval_kind": result.kind} if rates else {}
     stored["quantiles"] = {str(share): value for share, value in result.quantiles.items()}

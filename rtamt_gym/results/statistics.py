@@ -1,7 +1,7 @@
 """`RequirementResult`: a requirement over many trials, and the table of statistics of it.
 
-A row of `STATISTICS` is a column on the terminal, a key in JSON, in Parquet and in data frames, and
-a line on the page.
+A row of `STATISTICS` is a column on the terminal and a key in JSON, in Parquet and in data frames;
+with ``robustness=True`` it is also a line on the page.
 
 To add a statistic of a requirement over many trials, add a row to `STATISTICS`.
 """

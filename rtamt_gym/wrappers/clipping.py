@@ -134,7 +134,7 @@ class ClipWatch(_Watch):
         )
 
     def _count(self, values: Sequence[Floats], *, last: bool) -> None:
-        if last is (self._shaping.mode == "terminal"):
+        if last is self._shaping.pays_episode:
             self._extent.add(self._shaping.deciding(values))
 
 

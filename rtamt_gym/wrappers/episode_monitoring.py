@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 
 from rtamt import Explanation, Specification, StateError
-from rtamt_gym.judging.ends import assumed
+from rtamt_gym.judging.end_warnings import assumed
 from rtamt_gym.judging.infos import last_info, present, record
 from rtamt_gym.judging.monitors import chosen, titled
 from rtamt_gym.judging.panel import Assessment, Feed, Monitors, Panel

@@ -17,7 +17,7 @@ from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.arguments import check_choice, check_known
 from rtamt_gym.checks.callers import caller_level, wrappers_around
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import UnseenEndWarning, warn_of_open_end
+from rtamt_gym.judging.end_warnings import UnseenEndWarning, warn_of_open_end
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.monitors import MonitorValues
 from rtamt_gym.judging.obligations import Obligation

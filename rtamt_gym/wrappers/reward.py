@@ -65,7 +65,6 @@ class Rewarding(Observing):
     ) -> None:
         monitors = self._monitor.monitors
         self._shaping = shaping = Shaping.of(list(monitors), **options)
-        self._whole = shaping.mode == "terminal"
         self._settles = shaping.settles
         self._set_up_observations(
             env,
@@ -74,7 +73,7 @@ class Rewarding(Observing):
             monitors,
             self._monitor.track_obligations,
             shaping.weights,
-            whole=self._whole,
+            whole=shaping.pays_episode,
         )
         self._clip_watch = ClipWatch(shaping, num) if shaping.pays_robustness else None
         self._followed = self._monitor.constant_changes
@@ -127,11 +126,11 @@ class Rewarding(Observing):
 
     def _paying(self, values: MonitorValues[Numeric]) -> list[Numeric]:
         """Return the robustness of each specification that the reward depends on."""
-        return values.judged if self._whole else values.robustness
+        return values.judged if self._shaping.pays_episode else values.robustness
 
     def _potential_of(self, values: MonitorValues[Numeric]) -> Numeric:
         """Return the number whose values before and after a step set its reward."""
-        if self._shaping.mode == "progress":
+        if self._shaping.pays_bounds:
             return self._shaping.middle(values.lower, values.upper)
         return self._shaping.robustness(self._paying(values))
 
@@ -324,7 +323,9 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         self._payers = self._find_payers()
         self._fresh = env is self._monitor  # whose infos are new at every step
         self._factor = self._shaping.factor
-        if not self._fresh or (self._whole and self._monitor.judging.reading.view == "step"):
+        if not self._fresh or (
+            self._shaping.pays_episode and self._monitor.judging.reading.view == "step"
+        ):
             self._factor = None  # another may have changed the info, or it is of an instant
         self._robustness = self._outcome = self._return = 0.0
         self._counters = EpisodeCounters(env)
@@ -390,7 +391,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     def _find_payers(self) -> list[Any]:
         """Return the monitors whose robustness the reward depends on, one per specification."""
         pairs = self._monitor.monitors.values()
-        return [judge if self._whole else source for source, judge in pairs]
+        return [judge if self._shaping.pays_episode else source for source, judge in pairs]
 
     def _robustness_of_each(self) -> list[float]:
         return [payer.robustness for payer in self._payers]
@@ -399,11 +400,11 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         """Return `_potential_of` the newest sample, from the info where it has the numbers."""
         shaping, factor = self._shaping, self._factor
         if factor is None:
-            if shaping.mode != "progress":
+            if not shaping.pays_bounds:
                 return shaping.robustness(self._robustness_of_each())
             values: MonitorValues[float] = self._monitor.values()
             return self._potential_of(values)
-        if shaping.mode != "progress":
+        if not shaping.pays_bounds:
             return clip(factor * float(info["robustness"]), shaping.clip)
         lower = clip(factor * float(info["stl_lower"]), shaping.clip)
         upper = clip(factor * float(info["stl_upper"]), shaping.clip)

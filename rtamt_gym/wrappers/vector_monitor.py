@@ -13,12 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError, Specification, StateError
-from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import assumed
-from rtamt_gym.judging.infos import EpisodeRecords, last_info, record, step_info
-from rtamt_gym.judging.monitors import MonitorValues
-from rtamt_gym.judging.specs import ConstantValue, SpecsLike, recordable
-from rtamt_gym.judging.vector_infos import (
+from rtamt_gym.judging.batch_infos import (
     autoreset_mode,
     checked_mask,
     final_infos,
@@ -27,6 +22,11 @@ from rtamt_gym.judging.vector_infos import (
     put,
     put_last,
 )
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.end_warnings import assumed
+from rtamt_gym.judging.infos import EpisodeRecords, last_info, record, step_info
+from rtamt_gym.judging.monitors import MonitorValues
+from rtamt_gym.judging.specs import ConstantValue, SpecsLike, recordable
 from rtamt_gym.judging.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns

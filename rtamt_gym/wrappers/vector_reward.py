@@ -10,8 +10,8 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorWrapper
 from numpy.typing import NDArray
 
+from rtamt_gym.judging.batch_infos import put
 from rtamt_gym.judging.specs import SpecsLike
-from rtamt_gym.judging.vector_infos import put
 from rtamt_gym.shaping import Mode, Priority, least, outcome, settle
 from rtamt_gym.signals.columns import Batch, Floats
 from rtamt_gym.signals.signals import SignalLike

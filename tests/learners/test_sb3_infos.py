@@ -13,7 +13,7 @@ from environments import CASES, Env
 
 from rtamt import InputError
 from rtamt_gym import StlMonitor, StlReward
-from rtamt_gym.judging.ends import UnseenEndWarning
+from rtamt_gym.judging.end_warnings import UnseenEndWarning
 from rtamt_gym.systems.policies import policy_of
 
 KEYS = ("robustness", "stl_lower", "stl_upper", "stl_violated", "cost", "reward")
@@ -171,7 +171,7 @@ def limited(*, outside: bool) -> Any:  # noqa: ANN401
     return Monitor(gym.wrappers.TimeLimit(env, 9) if outside else env)
 
 
-@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
+@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.OpenEndWarning")
 def test_successes_of_unseen_ends_are_missing_and_the_monitor_warns() -> None:
     from stable_baselines3 import PPO
     from stable_baselines3.common.vec_env import DummyVecEnv
@@ -190,7 +190,7 @@ def test_successes_of_unseen_ends_are_missing_and_the_monitor_warns() -> None:
     assert (episodes, successes, len(told)) == (7, 0, 1)
 
 
-@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.UnseenEndWarning")
+@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.UnseenEndWarning")
 def test_constants_change_by_the_calls_of_the_page() -> None:
     from stable_baselines3.common.vec_env import DummyVecEnv
 

@@ -149,7 +149,7 @@ def test_the_table_in_the_terminal_takes_names_of_any_length(
     assert {f"stl/{name}/satisfied" for name in names} < row.keys()
 
 
-@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.UnseenEndWarning")
+@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.UnseenEndWarning")
 def test_episodes_without_outcomes_are_refused_unless_others_are_evaluated(tmp_path: Path) -> None:
     reason = (
         "expected 'stl_episode' in the last info of an episode, which StlMonitor and StlReward "

@@ -21,7 +21,7 @@ from walks import SIGNALS, SPECS, Model, Walk, by_hand
 from rtamt import InputError, InputTypeError, StateError, Verdict
 from rtamt_gym import compare, evaluate_policy
 from rtamt_gym.evaluation.sequential import RatioTest, Width
-from rtamt_gym.judging.ends import OpenEndWarning
+from rtamt_gym.judging.end_warnings import OpenEndWarning
 from rtamt_gym.results import Evaluation
 from rtamt_gym.results.intervals import IntervalKind, clopper_pearson, promise, wilson
 

@@ -16,7 +16,7 @@ from rtamt_gym.systems.policies import policy_of
 
 SPEC, SIGNALS = "always(abs(x) < 0.2)", {"x": "obs[0]"}
 
-pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.OpenEndWarning")
 
 
 class Alternating:

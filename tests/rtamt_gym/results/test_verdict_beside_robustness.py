@@ -320,7 +320,7 @@ CURVES = ("last info", "last infos", "overlay", "data frame")
 
 
 @pytest.mark.slow(keep=30)
-@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
+@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.OpenEndWarning")
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 @pytest.mark.parametrize("name", OUTPUTS)
 def test_a_verdict_stands_beside_a_robustness_of_its_sign_or_it_is_said_why(

@@ -30,7 +30,7 @@ from rtamt_gym import (
 )
 from rtamt_gym.wrappers import batched
 
-pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.OpenEndWarning")
 
 SPEC = "always[0:1](x < 1)"
 FOUR = 4

@@ -18,7 +18,7 @@ from replay import Replay, X
 from vector_environments import MODES, sync
 
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
-from rtamt_gym.judging.ends import UnseenEndWarning
+from rtamt_gym.judging.end_warnings import UnseenEndWarning
 from rtamt_gym.shaping import Shaping
 
 ACTION = np.array([0.5])

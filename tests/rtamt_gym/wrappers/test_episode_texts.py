@@ -256,7 +256,7 @@ def test_a_monitor_around_a_monitor_is_refused() -> None:
 # ---- time limits outside ----
 
 
-@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.UnseenEndWarning")
+@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.UnseenEndWarning")
 def test_a_time_limit_outside_is_seen_at_the_next_reset_and_at_the_close() -> None:
     inner = StlMonitor(Replay([3, 3, 3, 3, 0]), INVARIANT, X)
     env = gym.wrappers.TimeLimit(inner, 2)

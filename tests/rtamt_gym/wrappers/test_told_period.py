@@ -29,11 +29,11 @@ from rtamt_gym import (
     evaluate_policy,
     simulate,
 )
-from rtamt_gym.judging.ends import OpenEndWarning
+from rtamt_gym.judging.end_warnings import OpenEndWarning
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.signals.periods import why_no_period
 
-pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.OpenEndWarning")
 
 
 TIMED, UNTIMED = "always(eventually[0:3](x < 1))", "always(x < 9)"

@@ -20,7 +20,7 @@ from rtamt import InputError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, evaluate_policy, relabel, simulate
 from rtamt_gym.commands.arguments import read_signals
 
-pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.OpenEndWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.OpenEndWarning")
 
 
 UNKNOWN: dict[str, Any] = {"u": ("action[0]", None)}

@@ -16,7 +16,7 @@ from replay import Replay, X
 from vector_environments import sync, trajectory
 
 from rtamt_gym import CostEnv, ParallelStlMonitor, StlMonitor, StlReward, VectorStlMonitor
-from rtamt_gym.judging.ends import UnseenEndWarning
+from rtamt_gym.judging.end_warnings import UnseenEndWarning
 from rtamt_gym.wrappers.parallel import ParallelWrapper
 
 SPEC = "always(x > 0)"
@@ -147,7 +147,7 @@ def test_environments_of_a_vector_warn_each_once(mode: AutoresetMode) -> None:
     assert len(told) == 2
 
 
-@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.ends.UnseenEndWarning")
+@pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.UnseenEndWarning")
 def test_processes_record_unseen_ends() -> None:
     envs = AsyncVectorEnv([limited_monitor] * 2)
     trajectory(envs, 7)

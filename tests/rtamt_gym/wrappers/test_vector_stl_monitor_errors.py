@@ -16,7 +16,7 @@ from vector_environments import Envs, native, sync
 
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, StateError
 from rtamt_gym import VectorStlMonitor, VectorStlReward
-from rtamt_gym.judging.vector_infos import autoreset_mode
+from rtamt_gym.judging.batch_infos import autoreset_mode
 from rtamt_gym.wrappers import batched
 
 ANGLE = {"theta": "obs[2]"}

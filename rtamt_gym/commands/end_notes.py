@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from rtamt_gym.judging.ends import CutWindowWarning, OpenEndWarning
+from rtamt_gym.judging.end_warnings import CutWindowWarning, OpenEndWarning
 
 
 @contextmanager
