@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 
 class Level(IntEnum):
@@ -18,6 +18,18 @@ class Level(IntEnum):
     WARN = 1
     ERROR = 2
     STALE = 3
+
+
+class TopicPublisher(NamedTuple):
+    """A publisher of a topic.
+
+    Attributes:
+        node: The full name of its node.
+        keeps: Whether it gives its last message to late subscribers.
+    """
+
+    node: str
+    keeps: bool
 
 
 class Handle(Protocol):
@@ -68,6 +80,10 @@ class Middleware(Protocol):
         """Return the time of the clock of ROS; 0 before the first tick of a simulated clock."""
         ...
 
+    def steady(self) -> int:
+        """Return the nanoseconds of a steady clock of the computer, which never jumps."""
+        ...
+
     def is_simulated(self) -> bool:
         """Return whether the clock is simulated, so that it may stand still."""
         ...
@@ -82,6 +98,21 @@ class Middleware(Protocol):
 
     def published_topics(self) -> Collection[str] | None:
         """Return the full names of published topics; None if ROS does not answer."""
+        ...
+
+    def publishers_of(self, topic: str) -> Sequence[TopicPublisher]:
+        """Return the publishers of a subscribed topic, without waiting for an answer.
+
+        On ROS 2 these are the publishers in the graph, where one that was killed stays for up to
+        20 s; on ROS 1 the connected ones.
+        """
+        ...
+
+    def may_keep(self, topic: str) -> bool | None:
+        """Return whether a publisher of a topic may keep its last message; None while unknown.
+
+        On ROS 1 any publisher may, because only a connection shows whether it does.
+        """
         ...
 
     def stamp(self, message: Any) -> int | None:  # noqa: ANN401

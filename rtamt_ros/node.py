@@ -8,22 +8,21 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from rtamt import InputError, Specification, parse
+from rtamt import InputError, Specification
 from rtamt.errors import nearest
-from rtamt_ros.core.inputs import Input
-from rtamt_ros.core.judges import Judges
 from rtamt_ros.core.publishing import BOUNDS, Combined, Diagnostics, Publishing
 from rtamt_ros.core.report import RequirementReport, counted, seconds
-from rtamt_ros.core.requirements import bound_topics, outputs_of
 from rtamt_ros.core.settings import Settings
-from rtamt_ros.messages import check_input, check_output
+from rtamt_ros.core.subscriptions import OpenSubscription, Subscriptions
 from rtamt_ros.middleware import Handle, Level, Middleware
+from rtamt_ros.plan import COMBINED, Plan, class_of
 
 __all__ = ["MonitorNode", "RequirementReport", "Settings"]
 
-_COMBINED = ("diagnostic_msgs", "DiagnosticArray")
 SOON = 3.0
 """Seconds of the wall clock after which a publisher that runs was found."""
+FOLLOW = 250_000_000
+"""Nanoseconds of a steady clock between looks at the publishers of the topics."""
 AROUND = 2.0
 """Seconds of the wall clock between looks at how the node stands among others."""
 STANDS = 2.0
@@ -62,7 +61,8 @@ class MonitorNode:
     ) -> None:
         self._middleware = middleware
         self._lock = threading.RLock()
-        self._plan = _Plan(middleware, specifications, settings or Settings())
+        self._plan = Plan(middleware, specifications, settings or Settings())
+        self._subscriptions = Subscriptions(middleware)
         self._running: _Running | None = None
 
     @property
@@ -112,9 +112,11 @@ class MonitorNode:
         """
         with self._lock:
             if self._running is None:
-                running = _Running(self._middleware, self._plan)
-                running.open()
-                self._running = running
+                try:
+                    self._run()
+                except InputError:
+                    self._subscriptions.close()
+                    raise
 
     def stop(self) -> None:
         """Close every subscription, publisher and timer; the record is complete."""
@@ -122,11 +124,21 @@ class MonitorNode:
             running, self._running = self._running, None
         if running is not None:
             running.close()
+            self._subscriptions.close()
+
+    def _run(self) -> None:
+        """Start the monitors of the plan, on the subscriptions that are open already."""
+        running = _Running(self._middleware, self._plan, self._subscriptions)
+        running.open()
+        self._running = running
 
     def replace(
         self, specifications: Sequence[str | Specification], settings: Settings | None = None
     ) -> None:
         """Monitor other specifications; a running node keeps running.
+
+        The runs start again at this moment, as after `reset`. Subscriptions to topics that keep
+        their message class stay open with their last message.
 
         Args:
             specifications: As for the class.
@@ -138,75 +150,29 @@ class MonitorNode:
                 again with its old specifications.
         """
         with self._lock:
-            before, was_running = self._plan, self.running
-            plan = _Plan(self._middleware, specifications, settings or before.settings)
-            self.stop()
+            before, running = self._plan, self._running
+            plan = Plan(self._middleware, specifications, settings or before.settings)
             self._plan = plan
-            if was_running:
-                try:
-                    self.start()
-                except InputError:
-                    self._plan = before
-                    self.start()
-                    raise
-
-
-class _Plan:
-    """Everything that a node needs before it starts, checked."""
-
-    def __init__(
-        self,
-        middleware: Middleware,
-        specifications: Sequence[str | Specification],
-        settings: Settings,
-    ) -> None:
-        self.settings = settings
-        self.specifications = tuple(
-            parse(specification) if isinstance(specification, str) else specification
-            for specification in specifications
-        )
-        if not self.specifications:
-            raise InputError("expected a specification or more, got none")
-        judges = self.judges()
-        self.outputs = outputs_of(judges.requirements, dense=self.settings.dense)
-        self.lateness = judges.lateness
-        self.bounds = bound_topics(self.outputs)
-        self.formulas = {
-            requirement.name: str(requirement.specification.formula)
-            for requirement in judges.requirements
-        }
-        wanted = {("std_msgs", message) for message in BOUNDS.values()}
-        wanted |= {(each.package, each.message) for each in self.outputs}
-        wanted |= {_class(each) for each in judges.inputs}
-        wanted |= {_COMBINED} if self.settings.combined else set()
-        self.classes = {each: middleware.message_class(*each) for each in sorted(wanted)}
-        for source in judges.inputs:
-            for field in source.fields:
-                name = "/".join(_class(source))
-                check_input(self.of(source), name, field.variable, field.path)
-        for output in self.outputs:
-            key = output.package, output.message
-            for path in output.formulas.values():
-                check_output(self.classes[key], "/".join(key), path)
-
-    def judges(self) -> Judges:
-        """Return new judges."""
-        return Judges(self.specifications, self.settings)
-
-    def of(self, source: Input) -> type:
-        """Return the message class of an input."""
-        return self.classes[_class(source)]
-
-
-def _class(source: Input) -> tuple[str, str]:
-    return source.package or "", source.message or ""
+            if running is None:
+                return
+            self._running = None
+            running.close()
+            try:
+                self._run()
+            except InputError:
+                self._plan = before
+                self._run()
+                raise
+            finally:
+                self._subscriptions.close([*self._plan.topics])
 
 
 class _Running:
     """A running node: its judges, and everything that it has open."""
 
-    def __init__(self, middleware: Middleware, plan: _Plan) -> None:
+    def __init__(self, middleware: Middleware, plan: Plan, subscriptions: Subscriptions) -> None:
         self.judges = plan.judges()
+        self._subscriptions = subscriptions
         self._middleware = middleware
         self._plan = plan
         self._lock = threading.RLock()  # protects publishing, and judges in dense time
@@ -219,12 +185,14 @@ class _Running:
         self._ended = threading.Event()
         self._begin = time.monotonic()
         self._searched = self._watching = False
+        self._follows_at = 0
+        self._defaults_wait = True
         self._threads: list[threading.Thread] = []
 
     def open(self) -> None:
         plan, middleware = self._plan, self._middleware
         try:
-            self._refuse_two_types()
+            plan.refuse_two_types(middleware)
             publishing = Publishing(
                 middleware, plan.outputs, plan.bounds, plan.classes, plan.lateness
             )
@@ -235,9 +203,7 @@ class _Running:
                 self._handles.append(self._combined)
             self._diagnostics = Diagnostics(middleware, plan.formulas)
             self._handles.append(self._diagnostics)
-            for topic, (source, *_) in self.judges.topics.items():
-                callback = self._callback(topic)
-                self._handles.append(middleware.subscribe(topic, plan.of(source), callback))
+            self._subscribe()
             self._offer_reset()
             self._tell_topics()
             self._handles.append(middleware.every(plan.settings.period, self._look))
@@ -248,8 +214,11 @@ class _Running:
             self._look(0)
 
     def close(self) -> None:
+        self._subscriptions.detach()
         with self._lock:
             self._closed = True
+            latest = {name: topic.latest() for name, topic in self.judges.topics.items()}
+        self._subscriptions.keep(latest)
         self._ended.set()
         # Without the lock: a handle may wait for a callback that waits for the lock.
         while self._handles:
@@ -273,6 +242,47 @@ class _Running:
         self._middleware.log(Level.WARN, text)
         return text
 
+    def _subscribe(self) -> None:
+        """Subscribe to topics; those that are open already start with their last messages."""
+        kept: dict[str, OpenSubscription] = {}
+        for name, topic in self.judges.topics.items():
+            message, callback = self._plan.of(topic.inputs[0]), self._callback(name)
+            known = self._subscriptions.kept(name, message)
+            if known is not None:
+                kept[name] = known
+            else:
+                known = self._subscriptions.open(name, message, callback)
+            topic.subscribed = known.subscribed
+        if kept:
+            with self._lock, self._arrivals:
+                arrivals = {
+                    name: [
+                        (message, self._time(message, came), came)
+                        for message, came in subscription.stored()
+                    ]
+                    for name, subscription in kept.items()
+                }
+                self._follow_publishers()
+                self.judges.resume(arrivals, self._middleware.now())
+                for name, subscription in kept.items():
+                    subscription.attach(self._callback(name))
+
+    def _time(self, message: Any, came: int) -> int:  # noqa: ANN401 - the classes of ROS have no types
+        """Return the time of a message: its stamp or its arrival."""
+        stamp = self._middleware.stamp(message) if self._plan.settings.stamps else None
+        return stamp or came
+
+    def _follow_publishers(self) -> None:
+        """Read the publishers of all topics, which decide about defaults and stale inputs."""
+        steady = self._middleware.steady()
+        for name, topic in self.judges.topics.items():
+            topic.follow(self._middleware.publishers_of(name))
+            if topic.needs_answer(steady):
+                topic.may_keep = self._middleware.may_keep(name)
+            topic.look(steady)
+        self._follows_at = steady + FOLLOW
+        self._defaults_wait = any(topic.waits for topic in self.judges.topics.values())
+
     def _offer_reset(self) -> None:
         try:
             self._handles.append(self._middleware.trigger("reset", self.reset))
@@ -282,38 +292,15 @@ class _Running:
     def _tell_topics(self) -> None:
         """Log the topics of the node, and the files of its record."""
         tell, whole = partial(self._middleware.log, Level.OK), self._middleware.resolve
-        for topic, sources in self.judges.topics.items():
-            names = ", ".join(dict.fromkeys(source.name for source in sources))
-            tell(f"hears {whole(topic)} ({'/'.join(_class(sources[0]))}) as {names}")
+        for name, topic in self.judges.topics.items():
+            names = ", ".join(dict.fromkeys(source.name for source in topic.inputs))
+            tell(f"hears {whole(name)} ({'/'.join(class_of(topic.inputs[0]))}) as {names}")
         for output in self._plan.outputs:
             tell(f"publishes {whole(output.topic)} ({output.package}/{output.message})")
         if self._plan.settings.combined:
-            tell(f"publishes {whole(self._plan.settings.combined)} ({'/'.join(_COMBINED)})")
+            tell(f"publishes {whole(self._plan.settings.combined)} ({'/'.join(COMBINED)})")
         for path in self.judges.files:
             tell(f"records {path}")
-
-    def _refuse_two_types(self) -> None:
-        """Refuse topics that remappings join if their message classes differ."""
-        known: dict[str, tuple[str, str]] = {}
-        topics = [(topic, _class(sources[0])) for topic, sources in self.judges.topics.items()]
-        topics += [
-            (output.topic, (output.package, output.message)) for output in self._plan.outputs
-        ]
-        if combined := self._plan.settings.combined:
-            topics.append((combined, _COMBINED))
-            if self._middleware.resolve(combined) == "/diagnostics":
-                raise InputError(
-                    "combined: expected a topic of its own, got /diagnostics, where all nodes say "
-                    "their states; write another, such as rtamt/all"
-                )
-        for topic, kind in topics:
-            full = self._middleware.resolve(topic)
-            other = known.setdefault(full, kind)
-            if other != kind:
-                raise InputError(
-                    f"expected one type of messages on {full}, got {'/'.join(other)} and "
-                    f"{'/'.join(kind)}"
-                )
 
     def _in_thread(self, task: Callable[[], None]) -> None:
         """Run a slow task in a thread, so that it does not delay looks."""
@@ -330,34 +317,34 @@ class _Running:
         own |= {self._plan.settings.combined} - {""}
         own |= {f"{topic}/{what}" for topic in self._plan.bounds.values() for what in BOUNDS}
         others = set(published) - {self._middleware.resolve(topic) for topic in own}
-        for topic, sources in self.judges.topics.items():
-            full = self._middleware.resolve(topic)
-            needed = any(source.default is None for source in sources)
+        for name, topic in self.judges.topics.items():
+            full = self._middleware.resolve(name)
+            needed = any(source.default is None for source in topic.inputs)
             if needed and full not in published:
                 hint = nearest(full, others)
                 self._middleware.log(Level.WARN, f"nobody publishes {full}{hint}")
 
     def _callback(self, topic: str) -> Callable[[Any], None]:
         """Return the callback for messages of a topic, which passes them to the judges."""
-        settings, now, stamp = self._plan.settings, self._middleware.now, self._middleware.stamp
-        take = self.judges.take
+        now, time, take = self._middleware.now, self._time, self.judges.take
 
         def sampled(message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
             with self._arrivals:
                 came = now()
-                take(topic, message, (settings.stamps and stamp(message)) or came, came)
+                take(topic, message, time(message, came), came)
 
         def dense(message: Any) -> None:  # noqa: ANN401
             with self._arrivals:
                 if not self._closed:
                     came = now()
-                    time = (settings.stamps and stamp(message)) or came
-                    for report in take(topic, message, time, came):
+                    for report in take(topic, message, time(message, came), came):
                         self._publish(report)
 
-        return dense if settings.dense else sampled
+        return dense if self._plan.settings.dense else sampled
 
     def _look(self, due: int) -> None:
+        if self._defaults_wait or self._middleware.steady() >= self._follows_at:
+            self._follow_publishers()
         self._say(lambda now: self.judges.look(due, now))
         if not self._searched and time.monotonic() >= self._begin + SOON:
             self._searched = True

@@ -7,7 +7,9 @@ node per process, so a process creates one `Ros1`.
 from __future__ import annotations
 
 import logging
+import math
 import re
+import threading
 import time
 import xmlrpc.client
 from collections.abc import Callable, Sequence
@@ -28,7 +30,7 @@ from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_ros.callbacks import Callback, GridTimer, answered
 from rtamt_ros.messages import installed
-from rtamt_ros.middleware import Handle, Level, Publisher
+from rtamt_ros.middleware import Handle, Level, Publisher, TopicPublisher
 from rtamt_ros.packed import Made, Packed
 from rtamt_ros.process import Ending
 from rtamt_ros.ros1_master import Displaced, MasterLink, Refused
@@ -89,6 +91,7 @@ class Ros1:
         parameters.set(_TOPICS_OF_LOG, rospy.get_param_cached(_TOPICS_OF_LOG, False))  # noqa: FBT003
         self.name: str = rospy.get_name()
         self._timers: list[GridTimer] = []
+        self._published = _Published(self.published_topics)
         self._ending = Ending()
         self._code = 0
         rospy.core.add_preshutdown_hook(self._end)  # the public hook has no reason
@@ -113,6 +116,9 @@ class Ros1:
 
     def now(self) -> int:
         return _now()
+
+    def steady(self) -> int:
+        return time.monotonic_ns()
 
     def is_simulated(self) -> bool:
         return not rospy.rostime.is_wallclock()
@@ -145,6 +151,21 @@ class Ros1:
             rospy.ROSException,
         ):  # no master answers
             return None
+
+    def publishers_of(self, topic: str) -> list[TopicPublisher]:
+        implementation = rospy.topics.get_topic_manager().get_subscriber_impl(self.resolve(topic))
+        connections = [] if implementation is None else list(implementation.connections or ())
+        return [
+            TopicPublisher(str(each.callerid_pub), bool(each.is_latched))
+            for each in connections
+            if each.callerid_pub not in (None, "unknown")
+        ]
+
+    def may_keep(self, topic: str) -> bool | None:
+        if self.publishers_of(topic):
+            return True
+        published = self._published.ask()
+        return None if published is None else self.resolve(topic) in published
 
     def stamp(self, message: Any) -> int | None:
         stamp = getattr(getattr(message, "header", None), "stamp", None)
@@ -219,6 +240,29 @@ class Ros1:
         self.log(Level.ERROR, why)
         self._code = self._code or code
         self._ending.ask()
+
+
+class _Published:
+    """The topics that the master knows, asked in a thread so that nobody waits for the answer."""
+
+    def __init__(self, ask: Callable[[], set[str] | None]) -> None:
+        self._ask = ask
+        self._answer: set[str] | None = None
+        self._asked = -math.inf
+        self._thread: threading.Thread | None = None
+
+    def ask(self) -> set[str] | None:
+        """Return an answer of the last second; None if there is none yet."""
+        now = time.monotonic()
+        running = self._thread is not None and self._thread.is_alive()
+        if now - self._asked > 1.0 and not running:
+            self._answer, self._asked = None, now
+            self._thread = threading.Thread(target=self._run, daemon=True)
+            self._thread.start()
+        return self._answer
+
+    def _run(self) -> None:
+        self._answer = self._ask()
 
 
 def legal_name(name: str) -> str:

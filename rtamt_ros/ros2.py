@@ -32,11 +32,11 @@ from rclpy.utilities import remove_ros_args
 from rtamt import InputError
 from rtamt_ros.callbacks import Callback, GridTimer, answered
 from rtamt_ros.messages import installed
-from rtamt_ros.middleware import Handle, Level, Publisher
+from rtamt_ros.middleware import Handle, Level, Publisher, TopicPublisher
 from rtamt_ros.packed import Made, Packed
 from rtamt_ros.parameters import DEPTH, Qos
 from rtamt_ros.process import Ending
-from rtamt_ros.ros2_subscription import Hearing, Ros2Subscription
+from rtamt_ros.ros2_subscription import Hearing, Ros2Subscription, keeps
 
 _SECOND = 1_000_000_000
 
@@ -120,6 +120,9 @@ class Ros2:
         nanoseconds: int = self._clock.now().nanoseconds
         return nanoseconds
 
+    def steady(self) -> int:
+        return time.monotonic_ns()
+
     def is_simulated(self) -> bool:
         return bool(self._clock.ros_time_is_active)
 
@@ -134,6 +137,18 @@ class Ros2:
     def published_topics(self) -> set[str]:
         topics = (name for name, _ in self.node.get_topic_names_and_types())
         return {name for name in topics if self.node.count_publishers(name)}
+
+    def publishers_of(self, topic: str) -> list[TopicPublisher]:
+        known = self.node.get_publishers_info_by_topic(self.resolve(topic))
+        return [
+            TopicPublisher(
+                f"{each.node_namespace.rstrip('/')}/{each.node_name}", keeps(each.qos_profile)
+            )
+            for each in known
+        ]
+
+    def may_keep(self, topic: str) -> bool:
+        return any(publisher.keeps for publisher in self.publishers_of(topic))
 
     def around(self) -> tuple[Level, str] | None:
         nodes = self.node.get_node_names_and_namespaces()

@@ -145,6 +145,12 @@ _QOS: dict[Qos, ReliabilityPolicy] = {
 }
 
 
+_LOOK = 0.1
+"""Seconds between checks of the publishers of a topic in its first seconds."""
+_OFTEN = 25
+"""The number of these checks: a kept message must arrive while a default waits for it."""
+
+
 class Ros2Subscription:
     """A subscription that receives new messages, and those that publishers have kept.
 
@@ -199,9 +205,10 @@ class Ros2Subscription:
         self._others: list[str] = []
         self._open_live()
         self._whole_name = self._readers["live"].topic_name
-        # The wall clock: a simulated clock may stand still while publishers appear.
+        # A steady clock: a simulated clock may stand still while publishers appear.
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._watch: Any = node.create_timer(1.0, self._look, clock=clock)
+        self._looks = 0
+        self._watch: Any = node.create_timer(_LOOK, self._tick, clock=clock)
 
     def close(self) -> None:
         """End the subscription."""
@@ -254,8 +261,14 @@ class Ros2Subscription:
             self._compared -= not watched
         self._callback(message)
 
+    def _tick(self) -> None:
+        """Check the publishers until one reader stays; at first often, then once a second."""
+        self._looks += 1
+        if self._looks <= _OFTEN or self._looks % round(1 / _LOOK) == 0:
+            self._look()
+
     def _look(self) -> None:
-        """Check the publishers once a second, until one reader stays; DDS reports few changes."""
+        """Open or close readers as the publishers need; DDS reports few changes of them."""
         publishers = self._node.get_publishers_info_by_topic(self._whole_name)
         wanted = f"{self._message.__module__.partition('.')[0]}/msg/{self._message.__name__}"
         others = sorted({publisher.topic_type for publisher in publishers} - {wanted})
@@ -266,12 +279,12 @@ class Ros2Subscription:
                 f"a publisher of {self._whole_name} sends {', '.join(others)} instead of {wanted}: "
                 "none of its messages come",
             )
-        keeps = any(
-            publisher.topic_type == wanted and _keeps(publisher.qos_profile)
+        kept = any(
+            publisher.topic_type == wanted and keeps(publisher.qos_profile)
             for publisher in publishers
         )
         with self._lock:
-            if keeps and not self._closed and "late" not in self._readers:
+            if kept and not self._closed and "late" not in self._readers:
                 self._open_late()
             elif self._came:
                 self._end_watch()
@@ -299,7 +312,7 @@ class Ros2Subscription:
                 self._close("late")
 
 
-def _keeps(qos: QoSProfile) -> bool:
+def keeps(qos: QoSProfile) -> bool:
     """Return whether a publisher gives its last messages to late subscribers."""
     return (
         qos.durability is DurabilityPolicy.TRANSIENT_LOCAL

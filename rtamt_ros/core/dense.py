@@ -104,8 +104,12 @@ class DenseJudge:
         With stamps the next run starts at the oldest held message, as after a restart.
         """
         self.stop("")
-        self._since = now if self._silence else 0
+        self.resume(now)
         return self.account.reset(now)
+
+    def resume(self, now: int) -> None:
+        """Let held values count from now on in the next run."""
+        self._since = now if self._silence else 0
 
     def event(self, source: Input, now: int) -> Sequence[RequirementReport]:
         """Return the reports that a new message causes."""

@@ -25,6 +25,9 @@ class Input:
 
     Attributes:
         default: The value before the first message; None if the input waits for one.
+        waits: Whether the default does not count yet, because a kept message may still arrive.
+        stale_after: The nanoseconds without a message after which the input is stale.
+        latest: The last accepted message, and its arrival; None before the first.
         package: The package of the message class.
         message: The name of the message class.
         fields: The fields that are read, in the order of `values`.
@@ -62,6 +65,8 @@ class Input:
         self._settled: int | None = None
         self._lock = threading.Lock()
         self.default = default
+        self.waits = False
+        self.latest: tuple[Any, int] | None = None
         self.values: list[float] = []
         self.time: int | None = None
         self.came = 0
@@ -102,6 +107,7 @@ class Input:
                 arrived.popleft()
             self.taken += 1
             self.error = ""
+            self.latest = message, came
         return True
 
     def gather(self) -> None:
@@ -145,19 +151,25 @@ class Input:
         return self.age(now) > self.stale_after
 
     def is_awaited(self) -> bool:
-        """Return whether there is neither a message nor a default."""
-        return self.time is None and self.default is None
+        """Return whether there is neither a message nor a default that counts."""
+        return self.time is None and (self.default is None or self.waits)
+
+    def is_default(self) -> bool:
+        """Return whether the default counts."""
+        return self.time is None and self.default is not None and not self.waits
 
     def is_gone(self, now: int) -> bool:
         """Return whether there is no current value: it is awaited or stale."""
         time = self.time
         if time is None:
-            return self.default is None
+            return self.default is None or self.waits
         return now - min(time, self.came) > self.stale_after
 
     def forget_after(self, now: int) -> None:
         """Drop messages that arrived after ``now``, to which the clock went back."""
         with self._lock:
+            if self.latest is not None and self.latest[1] > now:
+                self.latest = None
             if self.time is not None and self.came > now:
                 self.time = None
                 self.values = self._defaults()

@@ -9,19 +9,19 @@ To add a number or a note about a requirement: a field of `RequirementReport`, a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import repeat, starmap
 from pathlib import Path
 from typing import Any
 
 from rtamt import Specification
 from rtamt_ros.core.dense import DenseJudge
-from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
 from rtamt_ros.core.report import RequirementReport, seconds
 from rtamt_ros.core.requirements import SubscribedRequirement, requirements_of
 from rtamt_ros.core.sampled import SampledJudge
 from rtamt_ros.core.settings import Settings
+from rtamt_ros.core.topics import Topic
 
 
 class Judges:
@@ -33,7 +33,7 @@ class Judges:
 
     Attributes:
         inputs: The inputs of all requirements.
-        topics: The inputs by topic.
+        topics: The topics of the inputs, by name.
         requirements: The requirements.
         settings: The settings.
         lateness: For each requirement and formula, the nanoseconds by which the time of its value
@@ -45,9 +45,11 @@ class Judges:
         self.requirements = requirements_of(specifications, settings)
         read = (source for requirement in self.requirements for source in requirement.inputs)
         self.inputs = list(dict.fromkeys(read))
-        self.topics: dict[str, list[Input]] = {}
+        self.topics: dict[str, Topic] = {}
         for source in self.inputs:
-            self.topics.setdefault(source.topic, []).append(source)
+            if source.topic not in self.topics:
+                self.topics[source.topic] = Topic(source.topic, settings)
+            self.topics[source.topic].add(source)
         self._records = [self._record(requirement) for requirement in self.requirements]
         recorded = zip(self.requirements, repeat(settings), self._records, strict=False)
         self._sampled = [] if settings.dense else list(starmap(SampledJudge, recorded))
@@ -77,7 +79,7 @@ class Judges:
         dense = self.settings.dense
         if dense and now > 0:
             self._follow_clock(now, now)
-        taken = {source for source in self.topics[topic] if source.take(message, time, now)}
+        taken = {source for source in self.topics[topic].inputs if source.take(message, time, now)}
         reports: list[RequirementReport] = []
         if dense:
             for source in taken:
@@ -133,6 +135,24 @@ class Judges:
         if self._point is not None and now > self._point:
             self._point = now - (now - self._point) % self.settings.period
         return [judge.reset(now) for judge in self._judges]
+
+    def resume(self, arrivals: Mapping[str, Sequence[tuple[Any, int, int]]], now: int) -> None:
+        """Take the messages that an earlier node held; the runs start at ``now``.
+
+        Args:
+            arrivals: For each topic messages, their times and their arrivals.
+            now: The time of the clock.
+        """
+        for topic, messages in arrivals.items():
+            for message, time, came in messages:
+                for source in self.topics[topic].inputs:
+                    source.take(message, time, came)
+        if self.settings.dense:
+            for source in self.inputs:
+                source.gather()
+                source.settle(now)
+            for judge in self._dense:
+                judge.resume(now)
 
     def standing(self) -> Sequence[RequirementReport]:
         """Return the reports while a simulated clock stands still."""

@@ -338,6 +338,7 @@ def _numbers(report: RequirementReport, formula: str) -> dict[str, str]:
         "violations": str(report.violations),
         "first violation at": _time(report.violated_at),
         "waiting for": ", ".join(report.waiting),
+        "defaults": ", ".join(report.defaults),
         "stale inputs": ", ".join(report.stale),
         "late samples": str(report.missed),
         "messages out of order": str(report.out_of_order),

@@ -38,7 +38,8 @@ class RequirementReport(NamedTuple):
         worst: The minimum robustness since the start or reset of the node; None before the first.
         worst_time: The time of `worst`.
         stale: The stale inputs.
-        waiting: The inputs without a message.
+        waiting: The inputs without a message, or whose default does not count yet.
+        defaults: The inputs whose default counts, with its value: ``limit = 0.5``.
         violations: The number of runs since the start or reset with a certain violation.
         violated_at: The time of the first of them.
         missed: The number of samples judged after the next was due; their values are right.
@@ -66,6 +67,7 @@ class RequirementReport(NamedTuple):
     worst_time: int | None = None
     stale: tuple[str, ...] = ()
     waiting: tuple[str, ...] = ()
+    defaults: tuple[str, ...] = ()
     violations: int = 0
     violated_at: int | None = None
     missed: int = 0
@@ -81,6 +83,8 @@ class RequirementReport(NamedTuple):
     def text(self) -> str:
         """The report in one line: ``"holds so far, robustness 0.5"``, ``"odom stale 0.4 s"``."""
         parts = [self._robustness_text(), self.problem]
+        if self.defaults:
+            parts.append(f"by default {', '.join(self.defaults)}")
         if self.violations:
             times, at = counted(self.violations, "time"), seconds(self.violated_at or 0, 3)
             since = "start" if self.reset_at is None else "the reset"
@@ -292,7 +296,10 @@ class Account:
     ) -> RequirementReport:
         """Return a report; ``found`` has its fields from `robustness` to `asked`."""
         out_of_order = errors = 0
+        defaults: tuple[str, ...] = ()
         for source in self.inputs:
+            if source.time is None and source.is_default():
+                defaults += (f"{source.name} = {source.default:g}",)
             out_of_order += source.out_of_order
             errors += source.errors
         unrecorded = "" if self._record is None else self._record.error
@@ -308,6 +315,7 @@ class Account:
                 self._worst_time,
                 stale,
                 waiting,
+                defaults,
                 self._violations,
                 self._violated_at,
                 self.missed,

@@ -116,6 +116,23 @@ def test_specifications_are_exchanged_while_the_monitor_runs(tools: Client) -> N
     assert heard.next(lambda each: each.data > 0).data == 2.0
 
 
+def test_parameters_leave_a_kept_limit(tools: Client) -> None:
+    text = "input float64 x\ninput float64 limit = 4.0\n@ topic(x, x)\n@ topic(limit, limit)\n"
+    limit = tools.middleware.node.create_publisher(Float64, "kept_limit/limit", LATCHED)
+    limit.publish(Float64(data=2.0))
+    tools.source("kept_limit/x", 3.0)
+    heard = tools.hear("kept_limit/rtamt/out", Float64)
+    monitor = tools.monitor("kept_limit", spec=f"{text}out = x < limit", period=20)
+    assert heard.next(bool).data == -1.0
+    before = len(heard.all())
+    for period in (10, 20, 10, 20):
+        assert monitor.set(period=period) == ""
+        heard.all(len(heard.all()) + 20)
+    numbers = [each.data for each in heard.all()[before:]]
+    assert set(numbers) == {-1.0}
+    assert len(numbers) >= 80
+
+
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [

@@ -43,6 +43,7 @@ def test_diagnostics_rate_and_content(generation: int) -> None:
         "violations": "1",
         "first violation at": at,
         "waiting for": "",
+        "defaults": "",
         "stale inputs": "",
         "late samples": "0",
         "messages out of order": "0",

@@ -12,7 +12,7 @@ import numpy as np
 
 from rtamt import InputError
 from rtamt_ros.callbacks import answered
-from rtamt_ros.middleware import Handle, Level, Publisher
+from rtamt_ros.middleware import Handle, Level, Publisher, TopicPublisher
 from rtamt_ros.packed import Made
 
 __all__ = ["CLASSES", "MemoryMiddleware", "message"]
@@ -121,6 +121,8 @@ class MemoryMiddleware:
         missing: Packages that are not installed.
         refused: Topics that it refuses.
         simulated: Whether its clock is a simulated one.
+        later: The nanoseconds by which the steady clock is ahead of `time`.
+        publishing: The publishers of topics.
         known: What `published_topics` gives.
         standing: What `around` gives.
         remapped: Whole names of topics, instead of those that they would have.
@@ -134,6 +136,8 @@ class MemoryMiddleware:
     missing: set[str] = field(default_factory=set)
     refused: set[str] = field(default_factory=set)
     simulated: bool = False
+    later: int = 0
+    publishing: dict[str, list[TopicPublisher]] = field(default_factory=dict)
     known: set[str] | None = None
     standing: tuple[Level, str] | None = None
     remapped: dict[str, str] = field(default_factory=dict)
@@ -149,6 +153,15 @@ class MemoryMiddleware:
 
     def now(self) -> int:
         return self.time
+
+    def steady(self) -> int:
+        return self.time + self.later
+
+    def publishers_of(self, topic: str) -> list[TopicPublisher]:
+        return self.publishing.get(topic, [])
+
+    def may_keep(self, topic: str) -> bool:
+        return any(each.keeps for each in self.publishing.get(topic, ()))
 
     def is_simulated(self) -> bool:
         return self.simulated

@@ -10,7 +10,7 @@ from memory_middleware import CLASSES, SECOND, MemoryMiddleware, message
 
 from rtamt_ros.node import MonitorNode, Settings
 
-__all__ = ["MS", "send", "started", "topics", "until"]
+__all__ = ["MS", "let_defaults_count", "send", "started", "topics", "until"]
 
 MS = 1_000_000
 
@@ -23,6 +23,12 @@ def started(
     node = MonitorNode(ros, list(texts), Settings(**cast("Any", settings)))
     node.start()
     return ros, node
+
+
+def let_defaults_count(ros: MemoryMiddleware) -> None:
+    """Let two seconds of the steady clock pass, after which no default waits."""
+    ros.later += 2 * SECOND
+    ros.tick()
 
 
 def send(ros: MemoryMiddleware, name: str, value: float) -> None:

@@ -1,0 +1,90 @@
+"""The safety of a monitor among robots, on real processes of ROS 1 and ROS 2.
+
+A test file of a generation subclasses `RobotContract` and gives it a `World`. To add a claim about
+messages that are late, lost or from two robots, add a test here.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import Protocol
+
+import pytest
+from ros_contract import FLOAT
+from ros_processes import Process
+from ros_world import World
+
+__all__ = ["LIMITED", "RobotContract"]
+
+LIMITED = """
+input float64 x
+input float64 limit = 0.8
+@ topic(x, {0}/x)
+@ topic(limit, {0}/limit)
+@ topic(out, {0}/out)
+out = x < limit
+"""
+
+
+class Starter(Protocol):
+    """Starts a monitor on a text, with options; it ends with the test."""
+
+    def __call__(self, text: str, *options: str) -> Process:
+        """Return the process."""
+        ...
+
+
+class RobotContract:
+    """The properties; a subclass has a fixture `world`."""
+
+    @pytest.fixture
+    def topic(self, request: pytest.FixtureRequest) -> str:
+        """A namespace of the test's own."""
+        return f"/robots/{request.node.originalname}"
+
+    @pytest.fixture
+    def started(self, world: World) -> Iterator[Starter]:
+        """Start a monitor on a text with options; it ends with the test."""
+        processes: list[Process] = []
+
+        def start(text: str, *options: str) -> Process:
+            words = ["-m", "rtamt_ros", "--spec", text, "--period", "50", "--unit", "ms", *options]
+            processes.append(world.ros.start(*words, name=f"monitor{len(processes)}"))
+            return processes[-1]
+
+        yield start
+        for process in processes:
+            process.ask_to_end()
+            process.ended()
+
+    def publish(self, world: World, key: str, value: float, seconds: float) -> None:
+        """Publish a number 20 times a second."""
+        for _ in range(round(seconds * 20)):
+            world.talker.ask("publish", key, {"data": value})
+            threading.Event().wait(0.05)
+
+    def test_default_never_replaces_a_kept_limit(
+        self, world: World, topic: str, started: Starter
+    ) -> None:
+        for name, latched in (("limit", True), ("x", False)):
+            world.talker.ask(
+                "publisher", f"{topic}/{name}", f"{topic}/{name}", *FLOAT, latched=latched
+            )
+        world.talker.ask("publish", f"{topic}/limit", {"data": 0.3})
+        world.listener.ask("subscribe", topic, f"{topic}/out", *FLOAT, ["data"])
+        monitor = started(LIMITED.format(topic))
+        self.publish(world, f"{topic}/x", 0.6, 6.0)
+        numbers = [value for _, value in world.listener.ask("kept", topic, 20)]
+        assert {*numbers} == {0.3 - 0.6}, monitor.output
+
+    def test_default_counts_where_nothing_is_kept(
+        self, world: World, topic: str, started: Starter
+    ) -> None:
+        world.talker.ask("publisher", f"{topic}/x", f"{topic}/x", *FLOAT)
+        world.listener.ask("subscribe", topic, f"{topic}/out", *FLOAT, ["data"])
+        monitor = started(LIMITED.format(topic))
+        self.publish(world, f"{topic}/x", 0.6, 6.0)
+        numbers = [value for _, value in world.listener.ask("kept", topic, 20)]
+        assert {*numbers} == {0.8 - 0.6}, monitor.output
+        assert "; by default limit = 0.8" in monitor.output
