@@ -48,6 +48,7 @@ FLOORS = {
     "rtamt_ros": (
         ("middleware",),
         ("core", "messages", "packed", "callbacks", "process"),
+        ("plan",),
         ("node", "parameters"),
         ("ros1_master",),
         ("ros2_subscription",),
