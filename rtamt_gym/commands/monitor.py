@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from rtamt_gym.recorded.columns import Columns
     from rtamt_gym.results.matrix import Matrix
     from rtamt_gym.results.mutation import MutationScore
+    from rtamt_gym.results.trial import Trial
 
 _OVER_TIME = ("--out", "--plot", "--write-mcap")
 """The options that write what becomes of one trace over time."""
@@ -100,6 +101,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "and PlotJuggler",
             read=Path,
         ),
+        Option(
+            "--violated-episodes FILE",
+            "write the indices of the violated episodes of one LeRobot data set as a list, as "
+            "lerobot-edit-dataset takes it in --operation.episode_indices",
+            read=Path,
+        ),
         Option("--plot FILE", "draw the signals and the robustness of one trace", read=Path),
         Option("--all", "draw all requirements, where --plot draws the worst of many"),
         trial="trace",
@@ -153,11 +160,15 @@ def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
     """Refuse output files that cannot be written."""
     inputs = [word for word in (*options.specs, *paths) if word != SEPARATOR]
     outputs = options.junit, options.markdown, options.out, options.write_mcap
-    check_outputs(*outputs, picture=options.plot, inputs=inputs)
+    check_outputs(*outputs, options.violated_episodes, picture=options.plot, inputs=inputs)
     if options.out:
         from rtamt_gym.recorded.output import check_output
 
         check_output(options.out)
+    if options.violated_episodes:
+        from rtamt_gym.recorded.episodes import data_set_of
+
+        data_set_of(paths)
     if options.write_mcap and len(paths) == 1:
         from rtamt_gym.recorded import bag_output
 
@@ -223,6 +234,7 @@ def run(options: argparse.Namespace) -> int:
         print(*_mutants(scores, matrix), sep="\n", end="")
     undecided = [undecided_cells(matrix)] if options.undecided == "fail" else []
     messages = _write(options, asked, matrix, judged, [*undecided, *warnings])
+    messages += _list_episodes(options, rows, paths)
     if options.write_killing_traces is not None:
         messages.append(write_apart(scores, asked, matrix, options.write_killing_traces))
     print(*messages, sep="", end="", file=sys.stderr if options.json else sys.stdout)
@@ -231,6 +243,19 @@ def run(options: argparse.Namespace) -> int:
     if failed := failure_lines(matrix):
         print(*failed, sep="", end="", file=sys.stderr)
     return code
+
+
+def _list_episodes(
+    options: argparse.Namespace, rows: Sequence[Trial], paths: Sequence[str]
+) -> list[str]:
+    """Write the violated episodes if a file is asked for; return a line about it."""
+    if not options.violated_episodes:
+        return []
+    from rtamt_gym.recorded.episodes import violated_episodes
+
+    text, summary = violated_episodes(rows, paths)
+    options.violated_episodes.write_text(text, encoding="utf-8")
+    return [f"violated episodes: {options.violated_episodes}, {summary}\n"]
 
 
 def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:

@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the page; return 0, or 3 if a case could not be replayed."""
-    from rtamt_gym.recorded.readers import extensions, is_bag_folder
+    from rtamt_gym.recorded.readers import extensions, folder_format
     from rtamt_gym.reports.html import render
     from rtamt_gym.reports.write import Access, check_page, report_of
 
@@ -77,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     traces = tuple(extension for extension in extensions() if extension != ".parquet")
     paths, names = _named(options.results)
     for result in paths:
-        if result.lower().endswith(traces) or is_bag_folder(result):
+        if result.lower().endswith(traces) or folder_format(result):
             raise InputError(
                 f"expected a result, got the trace {result}; judge it first: "
                 f"rtamt monitor --json SPEC {shlex.quote(result)} > outcomes.json"

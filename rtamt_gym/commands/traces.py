@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from glob import glob
@@ -36,7 +36,8 @@ from rtamt_gym.recorded.columns import (
     read_seconds,
 )
 from rtamt_gym.recorded.dates import DateOrder
-from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
+from rtamt_gym.recorded.parts import file_of
+from rtamt_gym.recorded.readers import extensions, folder_format, is_bag, traces_in
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
@@ -97,8 +98,8 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         Option("SPEC", specs, nargs="+", dest="specs"),
         Option(
             "TRACE",
-            f"the path of a {', '.join(others)} or {last} file or of the folder of a bag, or - "
-            "for CSV on stdin; after -- also several, folders and patterns",
+            f"the path of a {', '.join(others)} or {last} file or of the folder of a bag or a "
+            "LeRobot data set, or - for CSV on stdin; after -- also several, folders and patterns",
         ),
         "--only",
         "--constant",
@@ -147,6 +148,14 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
             "--where COLUMN=VALUE",
             "read only the rows of a table with this text in the column, such as vehicle_id=3",
             repeat=True,
+        ),
+        Option(
+            "--as",
+            "how to read a folder with meta/info.json: lerobot, a data set with a trace per "
+            "episode; files, a folder of files",
+            default="lerobot",
+            choices=("lerobot", "files"),
+            dest="folders",
         ),
         Option(
             "--one-trace",
@@ -232,7 +241,8 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     from rtamt_gym.recorded.names import starts_of
 
     specs, traces = _divided([*options.specs, options.trace])
-    paths, ignored = _found(traces)
+    as_files = options.folders == "files"
+    paths, ignored = _found(traces, as_files=as_files)
     texts = [p for word in specs for p in _files(word, [".stl"], [], pattern=word.endswith(".stl"))]
     constants = read_constants(options.constant)
     every = read_requirements(texts, constants)
@@ -249,6 +259,8 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         defaults=tuple(dict.fromkeys(options.default)),
         **{name: getattr(options, name) for name in same},
     )
+    if not as_files:
+        paths = [name for path in paths for name in traces_in(path, columns.where)]
     if options.start == "known" and not reading.dense and not any(map(is_bag, paths)):
         raise InputError(
             "expected --start known with --dense or with a bag, where variables start at times of "
@@ -365,7 +377,7 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
             raise InputError(
                 f"expected a trace, got the specification {word}; specifications stand first"
             )
-    as_traces = [word for word in specs if word.lower().endswith(_SURE) or is_bag_folder(word)]
+    as_traces = [word for word in specs if word.lower().endswith(_SURE) or folder_format(word)]
     if as_traces:
         shown = " ".join(word for word in specs if word not in as_traces) or "SPEC..."
         several = [*dict.fromkeys((*as_traces, *traces))]
@@ -377,14 +389,20 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
     return specs, traces
 
 
-def _found(words: Sequence[str]) -> tuple[list[str], list[str]]:
+def _found(words: Sequence[str], *, as_files: bool) -> tuple[list[str], list[str]]:
     """Return the paths of the traces, each once, and a text for each folder with other files.
 
-    A word is the path of a file, a folder or a pattern.
+    A word is the path of a file, a folder or a pattern. A folder with a format of its own counts
+    as one file, unless it holds several traces and ``as_files`` is set.
     """
     ends, ignored = extensions(), list[str]()
+
+    def alone(path: str | Path) -> bool:
+        row = folder_format(path)
+        return row is not None and not (row.several and as_files)
+
     paths = [
-        path for word in words for path in _files(word, ends, ignored, pattern=True, bags=True)
+        path for word in words for path in _files(word, ends, ignored, pattern=True, alone=alone)
     ]
     if "-" in paths and len(paths) > 1:
         raise InputError("expected - as the only trace, which is read from standard input")
@@ -395,23 +413,28 @@ def _found(words: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _files(
-    word: str, ends: Sequence[str], ignored: list[str], *, pattern: bool, bags: bool = False
+    word: str,
+    ends: Sequence[str],
+    ignored: list[str],
+    *,
+    pattern: bool,
+    alone: Callable[[str | Path], bool] = lambda _: False,
 ) -> list[str]:
     """Return the word itself, or the files in the folder or pattern that it names."""
     paths = [word]
-    if pattern and re.search(r"[*?\[]", word) and not os.path.exists(word):  # noqa: PTH110 - "./"
+    exists = os.path.exists(file_of(word))  # noqa: PTH110 - "./"
+    if pattern and re.search(r"[*?\[]", word) and not exists:
         paths = sorted(glob(word, recursive=True))  # noqa: PTH207 - stays as it was written
         if not paths:
             raise InputError(f"no file has a name like {word}")
     files = []
     for path in paths:
-        alone = bags and is_bag_folder(path)
-        if alone or not os.path.isdir(path):  # noqa: PTH112 - a formula may be longer than a name
+        if alone(path) or not os.path.isdir(path):  # noqa: PTH112 - a formula may be longer than a name
             files.append(path)
             continue
         others, inside = list[Path](), list[Path]()
         for entry in sorted(Path(path).iterdir()):
-            read = entry.name.lower().endswith(tuple(ends)) or (bags and is_bag_folder(entry))
+            read = entry.name.lower().endswith(tuple(ends)) or alone(entry)
             (inside if read else others).append(entry)
         if not inside:
             raise InputError(

@@ -42,7 +42,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
                     with refusing(path, "a whole Parquet file"):
                         return file.read(columns=wanted)
 
-                lists = [field.name for field in fields if _is_list(field.type)]
+                lists = [field.name for field in fields if is_list(field.type)]
                 lengths = {}
                 if lists and file.metadata.num_rows:
                     with refusing(path, "a whole Parquet file"):
@@ -77,30 +77,30 @@ def _flat(table: pa.Table) -> pa.Table:
     return table
 
 
-def _is_text(kind: pa.DataType) -> bool:
+def is_text(kind: pa.DataType) -> bool:
     """Return whether a type holds texts, also if they are stored by number."""
     if pa.types.is_dictionary(kind):
         kind = kind.value_type
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
-def _is_list(kind: pa.DataType) -> bool:
+def is_list(kind: pa.DataType) -> bool:
     """Return whether the elements of a list are columns."""
     lists = pa.types.is_list(kind) or pa.types.is_large_list(kind)
     return bool((lists or pa.types.is_fixed_size_list(kind)) and is_number(kind.value_type))
 
 
-def _is_scalar(kind: pa.DataType) -> bool:
+def is_scalar(kind: pa.DataType) -> bool:
     """Return whether a cell is a number, a date or a text, and not a list or an image."""
     other = pa.types.is_dictionary(kind) or pa.types.is_time(kind)
-    return bool(is_number(kind) or is_time(kind) or _is_text(kind) or other)
+    return bool(is_number(kind) or is_time(kind) or is_text(kind) or other)
 
 
 def _lengths(table: pa.Table) -> dict[str, int]:
     """Return the number of elements in the first cell of each column of lists of numbers."""
     lengths = {}
     for field in table.schema:
-        if _is_list(field.type) and table.num_rows:
+        if is_list(field.type) and table.num_rows:
             first = table[field.name][0].as_py() or ()
             if 0 < len(first) <= _LONGEST_LIST:
                 lengths[field.name] = len(first)
@@ -146,12 +146,12 @@ class ArrowRecording(Recording):
         self.names: Sequence[str] = names
         self.dates = [n for n, kind in kinds if pa.types.is_timestamp(kind) or _is_day(kind)]
         self.days = [name for name, kind in kinds if _is_day(kind)]
-        self.texts = [name for name, kind in kinds if _is_text(kind)]
+        self.texts = [name for name, kind in kinds if is_text(kind)]
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted columns; nan counts as an empty cell."""
         RowFilter(wanted.where, self.names, self.source)
-        cells = [name for name in wanted.cells if _is_scalar(self._places[name][1])]
+        cells = [name for name in wanted.cells if is_scalar(self._places[name][1])]
         times = [] if wanted.time is None else [wanted.time]
         part = [] if wanted.part is None else [wanted.part.column]
         names = [*wanted.numbers, *wanted.texts, *cells, *wanted.where, *times, *part]
@@ -161,10 +161,10 @@ class ArrowRecording(Recording):
         table = self._table(names)
         for name in wanted.numbers:
             kind = table[name].type
-            if not (is_number(kind) or _is_text(kind)):
+            if not (is_number(kind) or is_text(kind)):
                 raise InputError(f"{self.source}, column '{name}': expected numbers, got {kind}")
         for name in wanted.texts:
-            if len(table[name]) and not _is_text(table[name].type):
+            if len(table[name]) and not is_text(table[name].type):
                 place = RowNumbers(self.source)(0)
                 value = table[name][0].as_py()
                 raise InputError(f"{place}, column '{name}': expected a name, got {value!r}")

@@ -14,7 +14,7 @@ To add a format:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -26,6 +26,7 @@ from rtamt.errors import shown
 from rtamt_gym.checks.plugins import plugins
 from rtamt_gym.recorded import contained
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.parts import choose, file_of, is_folder_with, part_of
 from rtamt_gym.recorded.recording import Recording
 from rtamt_gym.tables import shorten
 
@@ -44,6 +45,10 @@ class Format:
             damaged file. Rows then come with `RowNumbers`.
         table: Whether a file is one table, whose rows ``--where`` selects and whose columns the
             reader also returns as they are.
+        marker: The file in a folder that makes the folder one of this format; empty for none.
+        several: Whether a file holds several traces. The module then has
+            ``traces_in(path)``, which returns the column that tells them apart and its text for
+            each trace, as `parts.choose` takes them; ``open_file`` takes a `parts.part_name`.
     """
 
     name: str
@@ -52,6 +57,8 @@ class Format:
     bag: bool = False
     contained: bool = False
     table: bool = False
+    marker: str = ""
+    several: bool = False
 
 
 FORMATS = [
@@ -63,8 +70,17 @@ FORMATS = [
     Format("MATLAB", (".mat",), "rtamt_gym.recorded.arrays", contained=True, table=True),
     Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader", contained=True),
     Format("ULog", (".ulg",), "rtamt_gym.recorded.ulog_reader"),
-    Format("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace", bag=True),
+    Format(
+        *("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace"),
+        bag=True,
+        marker="metadata.yaml",
+    ),
     Format("ROS 1 bag", (".bag",), "rtamt_gym.recorded.bag_trace", bag=True),
+    Format(
+        *("LeRobot data set", (), "rtamt_gym.recorded.lerobot_reader"),
+        marker="meta/info.json",
+        several=True,
+    ),
 ]
 """A row for each format; the first reads files without an extension, and standard input."""
 
@@ -96,20 +112,21 @@ def extensions() -> list[str]:
     return [extension for row in formats() for extension in row.extensions]
 
 
-def is_bag_folder(path: str | Path) -> bool:
-    """Return whether a folder is a bag of rosbag2, which counts as one trace."""
-    try:
-        return (Path(path) / "metadata.yaml").is_file()
-    except OSError:  # a formula may be longer than a name
-        return False
+def folder_format(path: str | Path) -> Format | None:
+    """Return the format of a folder that counts as one file, such as a bag of rosbag2, or None."""
+    rows = (row for row in formats() if row.marker and is_folder_with(path, row.marker))
+    return next(rows, None)
 
 
 def format_of(path: str) -> Format:
-    """Return the format of a file by the end of its name, or of the folder of a bag.
+    """Return the format of a file by the end of its name, or of the folder of a bag or data set.
 
     It is CSV for standard input, and for a name without an extension.
     """
-    name = ".db3" if is_bag_folder(path) else Path(path).name.lower()
+    path = file_of(path)
+    if (folder := folder_format(path)) is not None:
+        return folder
+    name = Path(path).name.lower()
     for row in formats():
         if name.endswith(row.extensions):
             return row
@@ -119,6 +136,27 @@ def format_of(path: str) -> Format:
             f"{extensions()[-1]}"
         )
     return FORMATS[0]
+
+
+def traces_in(path: str, where: Mapping[str, str]) -> list[str]:
+    """Return the names of the traces in a file: its path, unless the format holds several.
+
+    Args:
+        path: The path of a file or folder.
+        where: The text of each column that ``--where`` names.
+
+    Returns:
+        The names. A file that cannot be read is its own name, because the error is reported where
+        its traces are judged.
+    """
+    try:
+        row = format_of(path)
+        if not row.several or part_of(path) is not None:
+            return [path]
+        key, values = import_module(row.module).traces_in(path)
+    except (InputError, ImportError, OSError):
+        return [path]
+    return choose(path, key, values, where) if values else [path]
 
 
 def is_bag(path: str) -> bool:

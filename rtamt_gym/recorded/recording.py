@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from types import MappingProxyType
 from typing import Any
 
@@ -83,6 +84,9 @@ class Rows:
         sparse: Whether columns come at their own pace, so that a cell is empty where none came.
         invalid: Of columns of numbers the cells that hold no number though there is a record, such
             as samples that a measurement marks as not valid: nan, where others are empty.
+        cells: The columns that are read as they are.
+        step: The distance of all neighbouring times in seconds, where the format states it and the
+            times agree; else None.
     """
 
     numbers: Mapping[str, Floats]
@@ -96,6 +100,7 @@ class Rows:
     sparse: bool = False
     invalid: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     cells: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    step: Fraction | None = None
 
 
 @dataclass(frozen=True, slots=True)

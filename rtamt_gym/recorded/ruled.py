@@ -16,6 +16,7 @@ from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.names import are_long, check_recorded, starts_of
+from rtamt_gym.recorded.parts import part_of
 from rtamt_gym.recorded.readers import format_of, open_recording
 from rtamt_gym.recorded.roles import has_time_bounds
 from rtamt_gym.recorded.sample_rows import read_trace
@@ -31,7 +32,10 @@ def read_ruled(
 ) -> tuple[Trace | EventTrace, Fraction | None]:
     """Read a trace and its period: the stated one, the one of its samples, or None."""
     row = format_of(path)
-    if columns.where and not row.table:
+    if (part := part_of(path)) is not None:
+        others = {name: text for name, text in columns.where.items() if name != part.key}
+        columns = replace(columns, where=others)
+    if columns.where and not (row.table or row.several):
         raise InputError(
             f"{shown(path)}: expected a table for --where, which selects rows, got {row.name}"
         )

@@ -282,7 +282,7 @@ class TimeAxis:
         ulp = math.ulp(most) if raw.dtype.kind == "f" else 0.0
         start = float(_scaled(raw[:1], unit)[0])
         precision = max(ulp * unit / 1e9, math.ulp(float(np.abs(since).max())))
-        step = None if raw.dtype.kind == "f" else _step(raw, unit)
+        step = rows.step or (None if raw.dtype.kind == "f" else _step(raw, unit))
         certain = bool(unit_name)
         return TimeAxis(column, since, start, precision, certain, step, decided, readings, absurd)
 

@@ -1,0 +1,107 @@
+"""Files that hold several traces, and the names of these traces: ``data[episode_index=3]``."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Final, NamedTuple
+from urllib.parse import quote, unquote
+
+from rtamt import InputError
+from rtamt.errors import nearest, shown
+from rtamt_gym.checks.names import listed
+
+_PLAIN: Final = " !#$&'()*+-./:;<>?@^_`{|}~\""
+"""The marks in a value that the name of a trace shows as they are."""
+
+
+class TracePart(NamedTuple):
+    """One of the traces in a file.
+
+    Attributes:
+        file: The path of the file or folder.
+        key: The name of the column that tells the traces apart.
+        value: Its text for this trace.
+    """
+
+    file: str
+    key: str
+    value: str
+
+
+_NAME = re.compile(r"(?P<file>.+)\[(?P<key>[^\[\]=]+)=(?P<value>[^\[\]]*)\]", re.DOTALL)
+
+
+def part_name(file: str, key: str, value: str) -> str:
+    """Return the name of a trace in a file; brackets, commas and the like are percent-escaped.
+
+    Example:
+        >>> part_name("runs.hdf5", "demo", "demo_0"), part_name("runs.hdf5", "demo", "a,b")
+        ('runs.hdf5[demo=demo_0]', 'runs.hdf5[demo=a%2Cb]')
+    """
+    return f"{file}[{quote(key, safe=_PLAIN)}={quote(value, safe=_PLAIN)}]"
+
+
+def part_of(path: str) -> TracePart | None:
+    """Return the file and the trace that a name states; None if it is the name of a file.
+
+    Example:
+        >>> part_of("runs.hdf5[demo=a%2Cb]")
+        TracePart(file='runs.hdf5', key='demo', value='a,b')
+        >>> part_of("runs.hdf5") is None
+        True
+    """
+    match = _NAME.fullmatch(path)
+    if match is None or os.path.exists(path) or not os.path.exists(match["file"]):  # noqa: PTH110 - a formula may be longer than a name
+        return None
+    return TracePart(match["file"], unquote(match["key"]), unquote(match["value"]))
+
+
+def file_of(path: str) -> str:
+    """Return the file of a trace: the path itself unless the trace is one of several in a file."""
+    part = part_of(path)
+    return path if part is None else part.file
+
+
+def choose(
+    file: str,
+    key: str,
+    values: Mapping[str, Mapping[str, Collection[str]]],
+    where: Mapping[str, str],
+) -> list[str]:
+    """Return the names of the traces in a file that ``--where`` selects; without it, of all.
+
+    Args:
+        file: The path of the file or folder.
+        key: The name of the column that tells the traces apart.
+        values: Its text for each trace, with the texts that other columns have in the trace.
+        where: The text of each column that ``--where`` names.
+
+    Raises:
+        InputError: If no trace has the texts.
+    """
+    chosen = [*values]
+    for name, wanted in where.items():
+        known = {
+            value: (value,) if name == key else texts.get(name) for value, texts in values.items()
+        }
+        chosen = [v for v in chosen if (texts := known[v]) is None or wanted in texts]
+        if not chosen:
+            every = [*dict.fromkeys(text for texts in known.values() for text in texts or ())]
+            selection = " and ".join(f"{column}={text}" for column, text in where.items())
+            raise InputError(
+                f"{shown(file)}: no trace with {selection}, which --where selects; the values of "
+                f"'{name}' are {listed(every, wanted)}"
+                f"{nearest(wanted, every)}"
+            )
+    return [part_name(file, key, value) for value in chosen]
+
+
+def is_folder_with(path: str | Path, marker: str) -> bool:
+    """Return whether a path is a folder that holds a file."""
+    try:
+        return (Path(path) / marker).is_file()
+    except (OSError, ValueError):  # a formula may be longer than a name
+        return False
