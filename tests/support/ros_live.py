@@ -111,13 +111,13 @@ def judge(run: Run, bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Lets `rtamt monitor` judge a bag; its verdicts are those of the run."""
     line = ["monitor", str(run.folder / "whole.stl"), str(bag), "--period", "100ms", "--json"]
     assert main(line) == 1
-    (judged,) = json.loads(capsys.readouterr().out)["traces"]
+    (judged,) = json.loads(capsys.readouterr().out)["trials"]
     words = {-1: "VIOLATED", 0: "UNDECIDED", 1: "SATISFIED"}
     end = run.heard[ODOM][-1].time
     for topic, verdict in ((KEEPS, "VIOLATED"), (MOVES, "SATISFIED")):
         live = [each for each in run.heard[f"{topic}/verdict"] if each.time <= end]
         assert words[live[-1].message.data] == verdict
-        assert judged["requirements"][topic.removeprefix("rtamt/")]["verdict"] == verdict
+        assert judged["outcomes"][topic.removeprefix("rtamt/")]["verdict"] == verdict
 
 
 class LiveScenario:
