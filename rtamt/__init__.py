@@ -4,8 +4,9 @@ The text of a specification becomes a formula, the formula becomes a program of 
 and a machine in C++ or Python runs the program. `Monitor` takes samples as they come,
 `EpisodeMonitor` also bounds the robustness of an episode from its first sample on, `VectorMonitor`
 and `VectorEpisodeMonitor` update a batch of monitors in one call. `evaluate` and `judge` take
-recorded traces, and `explain` returns the samples that decided a verdict. The names with ``dense``
-do the same for events over dense time. `holds` reads a verdict from a robustness.
+recorded traces, `judge_many` takes many of them in one call, and `explain` returns the samples that
+decided a verdict. The names with ``dense`` do the same for events over dense time. `holds` reads a
+verdict from a robustness.
 
 Names are imported when they are first used, so that ``import rtamt`` loads no machine.
 """
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from rtamt.monitors.explainer import explain
     from rtamt.monitors.explanation import Explanation
     from rtamt.monitors.judgement import Judgement, judge
+    from rtamt.monitors.many import judge_many
     from rtamt.monitors.monitor import EpisodeMonitor, Monitor
     from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
     from rtamt.monitors.verdict import Verdict, holds
@@ -145,6 +147,7 @@ __all__ = [
     "explain",
     "holds",
     "judge",
+    "judge_many",
     "limits",
     "load",
     "mutants",
@@ -183,6 +186,7 @@ _MODULES = {
     "explain": "rtamt.monitors.explainer",
     "holds": "rtamt.monitors.verdict",
     "judge": "rtamt.monitors.judgement",
+    "judge_many": "rtamt.monitors.many",
     "load": "rtamt.language.parser",
     "mutants": "rtamt.mutation.mutants",
     "number": "rtamt.language.formula",

@@ -42,6 +42,39 @@ def fold_pairs(
     is_max: bool,
     backwards: bool,
 ) -> NDArray[np.int64]: ...
+def judge_traces(
+    terms: Sequence[tuple[object, ...]],
+    formulas: Sequence[tuple[object, ...]],
+    initial: Sequence[int],
+    streams: Sequence[int],
+    variables: int,
+    columns: Sequence[NDArray[np.float64]],
+    begins: NDArray[np.int64],
+    lengths: NDArray[np.int64],
+    end: End,
+    threads: int,
+) -> tuple[
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.int64],
+    NDArray[np.bool_],
+]: ...
+def count_failures(
+    rows: Sequence[tuple[object, ...]],
+    terms: int,
+    variables: int,
+    result: int,
+    columns: Sequence[NDArray[np.float64]],
+    begins: NDArray[np.int64],
+    lengths: NDArray[np.int64],
+    class_of: NDArray[np.int64],
+    ends: NDArray[np.int64],
+    first: NDArray[np.int64],
+    last: NDArray[np.int64],
+    threads: int,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]: ...
 def feed_banks(
     banks: Sequence[protocols.EpisodeBank],
     columns: Sequence[tuple[int, ...]],

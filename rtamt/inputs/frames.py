@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -80,6 +80,18 @@ def check_roles(data: object, variables: Sequence[str], *, timed: bool) -> None:
     _check_objects(frame, ignored, variables, names[0])
     if timed:
         _check_times(frame, ignored, names[0])
+
+
+def check_times(data: object, others: Collection[str]) -> None:
+    """Check that a frame has no times that the bounds of a formula would ignore.
+
+    Args:
+        data: The values; only frames are checked.
+        others: The columns that have a role, such as the variables of the formula.
+    """
+    names = _names(data)
+    if names is not None:
+        _check_times(data, [name for name in names if str(name) not in others], names[0])
 
 
 def _check_objects(

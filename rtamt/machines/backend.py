@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import MemberDescriptorType
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rtamt.errors import InputError, alternatives, brief, is_one_of
 from rtamt.inputs.arrays import Floats
@@ -38,6 +41,9 @@ from rtamt.machines.protocols import (
     EpisodeBank,
     EpisodeMachine,
     EpisodeRun,
+    EpisodeRuns,
+    SampleRuns,
+    TraceSet,
 )
 from rtamt.machines.terms import FindRanges, FindTerms, term_columns, term_ranges
 from rtamt.machines.walk import FoldPairs
@@ -47,6 +53,21 @@ from rtamt.program.program import Program
 
 BackendName = Literal["native", "python"]
 Backend = Literal["auto", BackendName]
+
+
+class TraceFunctions(NamedTuple):
+    """The functions of a back-end on many traces: see `rtamt.machines.native`.
+
+    Attributes:
+        judge: ``(program, traces, end, threads)``.
+        count_failures: ``(program, traces, runs, threads)``.
+    """
+
+    judge: Callable[[Program, TraceSet, End, int], EpisodeRuns]
+    count_failures: Callable[
+        [Program, TraceSet, SampleRuns, int],
+        tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]],
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +93,7 @@ class Factories:
             `rtamt.monitors.monitor_sets`; None without one, or for these machines.
         episode_run: ``(program, columns, n, end)``; None if columns are always faster.
         fold_pairs: See `rtamt.machines.walk.FoldPairs`; None if NumPy folds pairs.
+        trace_runs: Judge and count many traces in one call; None if each is judged alone.
     """
 
     discrete_machine: Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
@@ -90,6 +112,7 @@ class Factories:
     episode_panel: Callable[..., Any] | None = None
     episode_run: Callable[[Program, Sequence[Floats], int, End], EpisodeRun | None] | None = None
     fold_pairs: FoldPairs | None = None
+    trace_runs: TraceFunctions | None = None
 
 
 BACKENDS: Final[dict[BackendName, Factories]] = {
@@ -136,6 +159,7 @@ else:
         native.episode_panel,
         native.episode_run,
         native.fold_pairs,
+        TraceFunctions(native.judge_traces, native.count_failures),
     )
     read_only = native.read_only
     _own_books, _are_own = native.BOOKS, native.are_own

@@ -22,7 +22,15 @@ from rtamt.machines.clocks import OperatorClock
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.outlook import PythonDenseSigns, everywhere
 from rtamt.machines.dense.rows import RegionRows, declared_of, dense_of
-from rtamt.machines.protocols import DenseSigns, End, EpisodeBank, EpisodeRun
+from rtamt.machines.protocols import (
+    DenseSigns,
+    End,
+    EpisodeBank,
+    EpisodeRun,
+    EpisodeRuns,
+    SampleRuns,
+    TraceSet,
+)
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import RefusesRanges
 from rtamt.program.dense_lowering import DenseProgram
@@ -61,6 +69,38 @@ def episode_run(program: Program, columns: Sequence[Floats], n: int, end: End) -
     """Judge a trace of known samples; None if a value or a term is nan."""
     run = _judging_machine(program).judge(columns, n, end)
     return None if run is None else EpisodeRun(*run)
+
+
+def judge_traces(program: Program, traces: TraceSet, end: End, threads: int) -> EpisodeRuns:
+    """Judge many traces of known samples in several threads, without the interpreter's lock."""
+    terms, formulas, initial, streams, variables = encoded_episode(program)
+    return EpisodeRuns(
+        *_native.judge_traces(
+            *(terms, formulas, initial, streams, len(variables), *traces, end, threads)
+        )
+    )
+
+
+def count_failures(
+    program: Program, traces: TraceSet, runs: SampleRuns, threads: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Count in each trace the samples of its runs at which a program fails.
+
+    Args:
+        program: A program without latency.
+        traces: The traces.
+        runs: The samples to count in each trace.
+        threads: The number of threads.
+
+    Returns:
+        The number of samples, which is -1 if a value or a term of the trace is nan, the number of
+        starts, and the first sample or -1.
+    """
+    rows, terms, variables, result = encoded_discrete(program)
+    ends, first, last, class_of = runs
+    return _native.count_failures(
+        *(rows, terms, len(variables), result, *traces, class_of, ends, first, last, threads)
+    )
 
 
 @functools.lru_cache(maxsize=64)  # programs are cached, and differ by identity

@@ -146,6 +146,61 @@ class EpisodeRun(NamedTuple):
     decided_at: int | None
 
 
+class TraceSet(NamedTuple):
+    """Traces of unequal length in shared columns.
+
+    Attributes:
+        columns: The contiguous values of every variable, of all traces.
+        begins: The place of the first sample of each trace, as int64.
+        lengths: The number of samples of each trace, as int64.
+    """
+
+    columns: Sequence[NDArray[np.float64]]
+    begins: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+
+    def select(self, traces: NDArray[np.intp]) -> TraceSet:
+        """Return some of the traces, in the same columns."""
+        return TraceSet(self.columns, self.begins[traces], self.lengths[traces])
+
+
+class EpisodeRuns(NamedTuple):
+    """The results of an episode machine for many traces: `EpisodeRun` with arrays.
+
+    Attributes:
+        robustness: The robustness of each trace.
+        complete: The robustness of each complete trace.
+        lower: The lower bounds.
+        upper: The upper bounds.
+        decided_at: The first samples that decide; -1 for never.
+        refused: Whether the machine refuses a trace, because a value or a term is nan; the other
+            attributes then have no meaning.
+    """
+
+    robustness: NDArray[np.float64]
+    complete: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    decided_at: NDArray[np.int64]
+    refused: NDArray[np.bool_]
+
+
+class SampleRuns(NamedTuple):
+    """Runs of samples for several classes of traces, all as int64.
+
+    Attributes:
+        ends: Class c has the runs ``ends[c]`` to ``ends[c + 1] - 1``.
+        first: The first sample of each run.
+        last: The last sample of each run.
+        class_of: The class of each trace.
+    """
+
+    ends: NDArray[np.int64]
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    class_of: NDArray[np.int64]
+
+
 class DenseMachine(Stateful, Protocol):
     """Runs a program on events, each variable at its own pace.
 

@@ -7,10 +7,19 @@ from rtamt.lazy import lazy_names
 if TYPE_CHECKING:
     from rtamt.monitors.explanation import Contribution
     from rtamt.monitors.implications import Implications
+    from rtamt.monitors.judgements import Judgements, TriggerColumns
     from rtamt.monitors.triggers import Evidence, TriggerCount
     from rtamt.monitors.unrecorded import Unrecorded
 
-__all__ = ["Contribution", "Evidence", "Implications", "TriggerCount", "Unrecorded"]
+__all__ = [
+    "Contribution",
+    "Evidence",
+    "Implications",
+    "Judgements",
+    "TriggerColumns",
+    "TriggerCount",
+    "Unrecorded",
+]
 
 if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__ = lazy_names(
@@ -20,6 +29,8 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "Contribution": "rtamt.monitors.explanation.Contribution",
             "Evidence": "rtamt.monitors.triggers.Evidence",
             "Implications": "rtamt.monitors.implications.Implications",
+            "Judgements": "rtamt.monitors.judgements.Judgements",
+            "TriggerColumns": "rtamt.monitors.judgements.TriggerColumns",
             "TriggerCount": "rtamt.monitors.triggers.TriggerCount",
         },
     )

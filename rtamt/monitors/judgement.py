@@ -18,6 +18,7 @@ from rtamt.machines.readout import verdict_of
 from rtamt.monitors.dense_trace import DenseTrace
 from rtamt.monitors.evaluation import trace_between
 from rtamt.monitors.options import (
+    Compiled,
     EventOptions,
     SampleOptions,
     Spec,
@@ -34,7 +35,7 @@ from rtamt.monitors.unrecorded import Unrecorded, unrecorded_of
 from rtamt.monitors.verdict import Verdict, holds, zero_text
 from rtamt.program.dense_regions import compile_regions
 from rtamt.program.memory import limit_beyond
-from rtamt.program.timing import Period
+from rtamt.program.timing import Align, Period
 from rtamt.renamed import OldName
 
 
@@ -272,14 +273,22 @@ def judge(
     """
     mode = checked_end(end)
     program = compiled(judge, spec, period, options, online=False)
+    return judge_compiled(program, options.get("align"), mode, signals, n)
+
+
+def judge_compiled(
+    program: Compiled, align: Align | None, mode: End, signals: TraceColumns, n: int | None
+) -> Judgement:
+    """Return the judgement of `judge` for a specification that is already compiled."""
     reader = SampleReader(program.program, program.nan, bounds=True)
+    period = program.period
     least, greatest, length = trace_between(reader, signals, n, period)
     limit_beyond(program.program, length, unknown=greatest is not least)
     unknown = []
     if greatest is not least:
         pairs = zip(program.program.inputs, least, greatest, strict=False)  # rates follow
         unknown = [name for name, low, high in pairs if not identical(low, high)]
-    trace = SampleTrace(program, options.get("align"), mode, (least, greatest), length)
+    trace = SampleTrace(program, align, mode, (least, greatest), length)
     bounds, complete = trace.judge()
     return Judgement.of(trace, mode, bounds, complete, tuple(unknown))
 

@@ -77,7 +77,7 @@ class SampleTrace:
         least, greatest = self._columns
         run = None
         episode_run = BACKENDS[self._compiled.backend].episode_run
-        if episode_run is not None and greatest is least and _is_short(self._program, self._n):
+        if episode_run is not None and greatest is least and is_short(self._program, self._n):
             # None: the sample that is refused may not matter, which columns decide.
             run = episode_run(self._program, least, self._n, self._end)
         if run is not None or self.hides:  # they are read later, and the caller may write to them
@@ -132,7 +132,7 @@ class SampleTrace:
     def reads(self) -> Mapping[Formula, Reads]:
         """Return where the formula reads its implications."""
         compiled = self._compiled
-        return _reads(compiled.specification, compiled.period, self._align, self.extent)
+        return formula_reads(compiled.specification, compiled.period, self._align, self.extent)
 
     def opposite(self, left: Formula) -> _SampleSigns:
         """Return the signs of the negation of a left side, by standard semantics."""
@@ -140,15 +140,15 @@ class SampleTrace:
         key = compiled.specification, compiled.period, self._align
         if not (self.hides or self._by_columns):
             # The negation, as the whole formula may have no other predicates.
-            program = _opposite(*key, compiled.interface, left)
+            program = opposite_program(*key, compiled.interface, left)
             return _SampleSigns(self.bounds.part(program), self._end)
-        program = _opposite(*key, STANDARD, left)
+        program = opposite_program(*key, STANDARD, left)
         return _SampleSigns(self._bounds_of(program, everywhere=True), self._end)
 
     def satisfied_without(self, answered: Sequence[Formula]) -> bool:
         """Return whether the verdict is SATISFIED with ``false`` as right side of implications."""
         compiled = self._compiled
-        specification = _with_result(compiled.specification, unanswered(self.formula, answered))
+        specification = with_result(compiled.specification, unanswered(self.formula, answered))
         program = compile_program(
             specification, compiled.period, interface=compiled.interface, align=self._align
         )
@@ -220,7 +220,7 @@ class _SampleSigns:
         return all(bool(holds[begin : int(final) + 1].all()) for begin, final in instants)
 
 
-def _is_short(program: Program, n: int) -> bool:
+def is_short(program: Program, n: int) -> bool:
     """Return whether the episode machine takes a program, and is faster than columns."""
     unknowns = _unknowns(program)
     return unknowns is not None and n <= _MAX_SHORT >> unknowns
@@ -265,14 +265,15 @@ def _routes(specification: Specification, period: Fraction | None, align: Align 
 
 
 @functools.lru_cache(maxsize=512)  # many traces have one length
-def _reads(
+def formula_reads(
     specification: Specification, period: Fraction | None, align: Align | None, extent: TraceSpan
 ) -> Mapping[Formula, Reads]:
+    """Return where a formula reads its implications on traces of one extent."""
     return _routes(specification, period, align).reads(extent)
 
 
 @functools.lru_cache(maxsize=512)
-def _opposite(
+def opposite_program(
     specification: Specification,
     period: Fraction | None,
     align: Align | None,
@@ -285,5 +286,6 @@ def _opposite(
 
 
 @functools.lru_cache(maxsize=512)
-def _with_result(specification: Specification, formula: Formula) -> Specification:
+def with_result(specification: Specification, formula: Formula) -> Specification:
+    """Return the specification with another result."""
     return specification.with_result(formula)

@@ -70,7 +70,7 @@ def as_period(period: Period | None, what: str = "period") -> Fraction | None:
         near, within = Fraction(float(period)), _TOLERANCE
         if isinstance(period, np.floating) and period.itemsize < _DOUBLE:
             within = Fraction(float(np.finfo(type(period)).eps))
-        value = near if near <= 0 else _simplest(near * (1 - within), near * (1 + within))
+        value = near if near <= 0 else simplest(near * (1 - within), near * (1 + within))
     else:
         msg = f'expected a {what} in seconds or as text such as "100ms", got {brief(period)}'
         raise InputTypeError(msg)
@@ -86,13 +86,13 @@ def _no_period(period: object, what: str) -> SpecificationError:
     )
 
 
-def _simplest(low: Fraction, high: Fraction) -> Fraction:
+def simplest(low: Fraction, high: Fraction) -> Fraction:
     """Return the fraction with the smallest denominator in [low, high], by continued fractions."""
     whole = math.ceil(low)
     if whole <= high:
         return Fraction(whole)
     rest = whole - 1
-    return rest + 1 / _simplest(1 / (high - rest), 1 / (low - rest))
+    return rest + 1 / simplest(1 / (high - rest), 1 / (low - rest))
 
 
 def as_align(align: object) -> Align | None:

@@ -18,6 +18,7 @@ NB_MODULE(_native, m) {
     bind_columns(m);
     bind_regions(m);
     bind_signs(m);
+    bind_traces(m);
 
     nb::dict functions;
     nb::dict folds;

@@ -223,5 +223,6 @@ void bind_clocks(nb::module_& m);
 void bind_columns(nb::module_& m);
 void bind_regions(nb::module_& m);
 void bind_signs(nb::module_& m);
+void bind_traces(nb::module_& m);
 
 }  // namespace rtamt

@@ -1,0 +1,391 @@
+"""Judge many recorded traces in one call."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
+from typing import Any, Final, Literal, NamedTuple, Unpack, cast, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt.errors import InputError, InputTypeError, RtamtError, alternatives, brief, is_one_of
+from rtamt.inputs.arrays import Floats, kind_of
+from rtamt.inputs.frames import check_times, named_columns
+from rtamt.inputs.group_times import periods_of, seconds_of
+from rtamt.inputs.groups import Groups, groups_of, table_of
+from rtamt.inputs.samples import TraceColumns
+from rtamt.language.parser import as_specification
+from rtamt.language.specification import Specification
+from rtamt.machines.protocols import End, TraceSet
+from rtamt.monitors.batch import JudgedRows, TraceBatch, verdicts_of
+from rtamt.monitors.evaluation import trace_between
+from rtamt.monitors.judgements import Judgements, TriggerColumns
+from rtamt.monitors.options import (
+    SampleOptions,
+    Spec,
+    checked_end,
+    compiled,
+    listed_in_signature,
+)
+from rtamt.monitors.triggers import text_of, texts_of
+from rtamt.program.timing import Period
+
+Errors = Literal["raise", "keep"]
+
+_CHUNK: Final = 1 << 22
+"""The number of values after which the traces of an iterator are judged."""
+
+
+@listed_in_signature(SampleOptions)
+def judge_many(
+    spec: Spec,
+    traces: Iterable[TraceColumns] | TraceColumns,
+    period: Period | None = None,
+    end: End = "cut",
+    *,
+    lengths: ArrayLike | None = None,
+    by: str | Sequence[str] | None = None,
+    time: str | None = None,
+    errors: Errors = "raise",
+    threads: int | None = None,
+    **options: Unpack[SampleOptions],
+) -> Judgements:
+    """Return the verdicts on many recorded traces of unequal length, as `judge` gives for each.
+
+    The specification is compiled once, and all cores judge traces of up to 8,192 samples in C++;
+    longer traces, and traces with missing values, are judged one by one. Implications whose left
+    side looks ahead, and the Python back-end, are as slow as calls of `judge`.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        traces: The traces, in one of three forms: an iterable of traces as for `judge`, read as it
+            goes; with ``lengths``, the values of all traces one after another, as a mapping of
+            names to 1-D arrays or an array of shape (samples, variables); with ``by``, a data frame
+            or a mapping of columns, whose rows belong to several objects.
+        period: As for `judge`, the same for all traces.
+        end: As for `judge`.
+        lengths: The number of samples of each trace; their sum is the length of the columns.
+        by: The column, or the columns, that identify a trace. The rows of a trace need not be next
+            to each other, and stay in order. Groups come in the order of their first rows.
+        time: The column of times, in seconds or in the unit of its name, or of dates; only with
+            ``by``. In each group they must increase, and their distance is the period of the
+            group. None: ``period`` counts.
+        errors: ``"raise"`` stops at the first trace that cannot be judged; ``"keep"`` collects
+            these errors in the result.
+        threads: The number of threads; None: the number of cores that this process may use.
+        **options: As for `judge`.
+
+    Raises:
+        SpecificationError: As for `judge`.
+        InputError: As for `judge`, with the trace or the group in front; and on lengths that do
+            not fit.
+        InputTypeError: As for `judge`, and on a single trace in place of several.
+
+    Example:
+        >>> import rtamt
+        >>> rows = {
+        ...     "car": ["a", "a", "b", "a", "b", "c"],
+        ...     "speed": [3, 9, 4, 2, 5, 11],
+        ... }
+        >>> result = rtamt.judge_many("always(speed < 8)", rows, by="car")
+        >>> result
+        <Judgements of 3 traces: 2 violated, 1 satisfied, 0 undecided, 0 errors, end='cut'>
+        >>> for car, verdict, margin in zip(
+        ...     result.keys["car"], result.verdict, result.robustness, strict=True
+        ... ):
+        ...     print(car, rtamt.Verdict(verdict).name, margin)
+        a VIOLATED -1.0
+        b SATISFIED 3.0
+        c VIOLATED -3.0
+        >>> columns = {"speed": [3.0, 9.0, 2.0, 4.0, 5.0, 11.0]}
+        >>> rtamt.judge_many("always(speed < 8)", columns, lengths=[3, 2, 1]).verdict.tolist()
+        [-1, 1, -1]
+        >>> runs = ({"speed": [speed, 2 * speed]} for speed in range(2, 6))
+        >>> rtamt.judge_many("always(speed < 8)", runs).robustness.tolist()
+        [4.0, 2.0, -0.0, -2.0]
+    """
+    mode = checked_end(end)
+    if not is_one_of(errors, get_args(Errors)):
+        raise InputError(f"expected errors={alternatives(get_args(Errors))}, got {brief(errors)}")
+    if by is None and time is not None:
+        raise InputError("expected by=, the columns that identify a trace, with time=; got none")
+    if time is not None and period is not None:
+        raise InputError("expected time= or period=, got both; the times give the period")
+    if by is not None and lengths is not None:
+        raise InputError("expected by= or lengths=, got both; each of them says where traces end")
+    count = _thread_count(threads)
+
+    def batch(seconds: Period | None) -> TraceBatch:
+        program = compiled(judge_many, spec, seconds, options, online=False)
+        return TraceBatch(program, options.get("align"), mode, count)
+
+    if by is not None and time is not None:
+        work = _Work(as_specification(spec), mode, errors)
+        return work.of_timed_table(traces, _names(by), time, batch)
+    one = batch(period)
+    work = _Work(one.compiled.specification, mode, errors)
+    if by is not None:
+        return work.of_table(traces, _names(by), one)
+    if lengths is not None:
+        return work.of_ragged(cast("TraceColumns", traces), lengths, one)
+    return work.of_traces(traces, one)
+
+
+class _Part(NamedTuple):
+    """Some of the traces: their numbers, their lengths and their judgements."""
+
+    places: NDArray[np.intp]
+    samples: NDArray[np.int64]
+    rows: JudgedRows
+
+
+class _Work:
+    """A call of `judge_many`: the options, and the rows so far."""
+
+    def __init__(self, specification: Specification, end: End, errors: Errors) -> None:
+        self._specification, self._end, self._keep = specification, end, errors == "keep"
+        self._texts = texts_of(specification.formula)
+        self._parts: list[_Part] = []
+        self._errors: dict[int, RtamtError] = {}
+        self._done = 0
+
+    def of_traces(self, traces: object, batch: TraceBatch) -> Judgements:
+        """Judge the traces of an iterable."""
+        if (
+            isinstance(traces, Mapping | str)
+            or named_columns(traces) is not traces
+            or (hasattr(traces, "keys") or not isinstance(traces, Iterable))
+        ):
+            raise InputTypeError(
+                f"expected an iterable of traces, got {kind_of(traces)}; pass by= for a table of "
+                "several objects, lengths= for joined traces, or call judge for one trace"
+            )
+        for chunk in self._chunks(cast("Iterable[TraceColumns]", traces)):
+            self._judge_chunk(chunk, batch)
+        return self._result({})
+
+    def _chunks(self, traces: Iterable[TraceColumns]) -> Iterator[list[TraceColumns]]:
+        chunk: list[TraceColumns] = []
+        values = 0
+        for trace in traces:
+            chunk.append(trace)
+            values += _size(trace)
+            if values >= _CHUNK:
+                yield chunk
+                chunk, values = [], 0
+        if chunk:
+            yield chunk
+
+    def _judge_chunk(self, chunk: list[TraceColumns], batch: TraceBatch) -> None:
+        period = batch.compiled.period
+        columns: list[list[Floats]] = []
+        lengths = np.zeros(len(chunk), np.int64)
+        for i, trace in enumerate(chunk):
+            # Traces that are not plain, or that have errors, are judged alone.
+            try:
+                lower, upper, n = trace_between(batch.reader, trace, None, period)
+            except RtamtError:
+                continue
+            if upper is lower:
+                lengths[i] = n
+                columns.append(lower)
+        joined = [np.concatenate(parts) for parts in zip(*columns, strict=True)]
+        begins = np.cumsum(lengths) - lengths
+        places = np.arange(len(chunk)) + self._done
+        self._take(batch, TraceSet(joined, begins, lengths), places, chunk.__getitem__)
+
+    def of_ragged(self, data: TraceColumns, lengths: ArrayLike, batch: TraceBatch) -> Judgements:
+        """Judge traces that are joined."""
+        sizes = np.asarray(lengths)
+        if sizes.ndim != 1 or (sizes.size and sizes.dtype.kind not in "iu"):
+            raise InputError(
+                f"expected a whole number of samples per trace as lengths=, got {kind_of(lengths)}"
+            )
+        if not sizes.size:
+            return self._result({})
+        if sizes.min() < 0:
+            raise InputError(f"expected lengths of 0 or more, got {sizes.min()}")
+        sizes = sizes.astype(np.int64)
+        total = int(sizes.sum())
+        columns, rows = _columns(data, total, batch)
+        if rows != total:
+            raise InputError(
+                f"expected lengths whose sum is the {rows} samples of the columns, got {total}"
+            )
+        traces = TraceSet(columns, np.cumsum(sizes) - sizes, sizes)
+        self._take_joined(batch, traces, np.arange(len(sizes)))
+        return self._result({})
+
+    def of_table(self, data: object, by: Sequence[str], batch: TraceBatch) -> Judgements:
+        """Judge the groups of a table, at one period."""
+        if self._specification.timed and batch.compiled.period is None:
+            check_times(data, [*batch.reader.variables, *by])
+        table = table_of(data)
+        groups = groups_of(table, by)
+        if len(groups.lengths):
+            columns = _grouped_columns(table, groups, batch)
+            traces = TraceSet(columns, groups.begins, groups.lengths)
+            self._take_joined(batch, traces, np.arange(len(groups.lengths)), groups)
+        return self._result(groups.keys, groups)
+
+    def of_timed_table(
+        self,
+        data: object,
+        by: Sequence[str],
+        time: str,
+        batch_of: Callable[[Fraction | None], TraceBatch],
+    ) -> Judgements:
+        """Judge the groups of a table, each at the period of its times."""
+        table = table_of(data)
+        groups = groups_of(table, by)
+        if not len(groups.lengths):
+            return self._result(groups.keys, groups)
+        times = seconds_of(table, time)
+        times = times if groups.order is None else times[groups.order]
+        periods = periods_of(times, groups, even=self._specification.timed)
+        same: dict[object, list[int]] = {}
+        for place, period in enumerate(periods):
+            same.setdefault(period, []).append(place)
+        inputs: list[Floats] | None = None
+        for known, places in same.items():
+            try:
+                batch = self._batch_at(known, batch_of)
+            except RtamtError as error:
+                for place in places:
+                    self._fail(place, error, groups)
+                continue
+            reader = batch.reader
+            if inputs is None:
+                inputs = _grouped_columns(table, groups, batch)[: len(reader.variables)]
+            columns = [*inputs, *reader.rates.of_columns(inputs)]
+            chosen = np.array(places)
+            traces = TraceSet(columns, groups.begins, groups.lengths).select(chosen)
+            self._take_joined(batch, traces, chosen, groups)
+        return self._result(groups.keys, groups)
+
+    def _batch_at(
+        self, period: object, batch_of: Callable[[Fraction | None], TraceBatch]
+    ) -> TraceBatch:
+        """Return the batch at a period; raise the error of the times, or of its bounds."""
+        if isinstance(period, RtamtError):
+            raise period
+        if period is None and self._specification.timed:
+            raise InputError(
+                "expected two rows or more, whose times give the period, got 1; pass period= in "
+                "place of time="
+            )
+        return batch_of(cast("Fraction | None", period))
+
+    def _take_joined(
+        self,
+        batch: TraceBatch,
+        traces: TraceSet,
+        places: NDArray[np.intp],
+        groups: Groups | None = None,
+    ) -> None:
+        """Judge traces in shared columns."""
+        names = batch.reader.variables
+
+        def trace(i: int) -> TraceColumns:
+            begin, n = int(traces.begins[i]), int(traces.lengths[i])
+            if not names:
+                return np.zeros((n, 0))
+            columns = zip(names, traces.columns, strict=False)  # rates follow
+            return {name: column[begin : begin + n] for name, column in columns}
+
+        for rate in traces.columns[len(names) :]:
+            rate[traces.begins[traces.lengths > 0]] = 0.0  # no sample before it
+        self._take(batch, traces, places, trace, groups)
+
+    def _take(
+        self,
+        batch: TraceBatch,
+        traces: TraceSet,
+        places: NDArray[np.intp],
+        trace: Callable[[int], TraceColumns],
+        groups: Groups | None = None,
+    ) -> None:
+        """Judge traces together, and those that are left out one by one."""
+        rows = batch.judge(traces)
+        for i in np.flatnonzero(rows.left_out).tolist():
+            try:
+                judged = batch.judge_alone(trace(i))
+                rows.put(i, judged)
+            except RtamtError as error:
+                self._fail(int(places[i]), error, groups)
+        self._parts.append(_Part(places, traces.lengths, rows))
+        self._done += len(places)
+
+    def _fail(self, place: int, error: RtamtError, groups: Groups | None) -> None:
+        """Keep the error of a trace, or raise it with the name of the trace."""
+        if not self._keep:
+            where = f"trace {place}"
+            if groups is not None:
+                keys = (f"{name}={keys[place]}" for name, keys in groups.keys.items())
+                where = f"group {', '.join(keys)}"
+            raise type(error)(f"{where}: ", error) from None
+        self._errors[place] = error
+
+    def _result(self, keys: Mapping[str, NDArray[Any]], groups: Groups | None = None) -> Judgements:
+        """Return the columns of all traces."""
+        count = self._done if groups is None else len(groups.lengths)
+        rows = JudgedRows.empty(count, len(self._texts))
+        samples = np.zeros(count, np.int64) if groups is None else groups.lengths
+        for part in self._parts:
+            samples[part.places] = part.samples
+            rows.place(part.places, part.rows)
+        verdict = verdicts_of(rows.lower, rows.upper)
+        verdict[[*self._errors]] = 0
+        return Judgements(
+            *(keys, samples, verdict, rows.robustness, rows.lower, rows.upper, rows.decided_at),
+            rows.complete,
+            tuple(TriggerColumns(t, *r) for t, r in zip(self._texts, rows.triggers, strict=True)),
+            rows.vacuous,
+            dict(sorted(self._errors.items())),
+            self._end,
+            text_of(self._specification.formula),
+        )
+
+
+def _size(trace: object) -> int:
+    """Return the approximate number of values of a trace, for the size of a chunk."""
+    if isinstance(trace, Mapping):
+        return sum(len(c) if hasattr(c, "__len__") else 1 for c in trace.values())
+    return int(getattr(trace, "size", 0)) or 1000
+
+
+def _columns(data: TraceColumns, total: int, batch: TraceBatch) -> tuple[list[Floats], int]:
+    """Return the columns of joined traces, and their length."""
+    n = None if batch.reader.variables else total
+    return batch.reader.columns(data, n=n, extra=True)
+
+
+def _grouped_columns(table: Mapping[str, Any], groups: Groups, batch: TraceBatch) -> list[Floats]:
+    """Return the columns of a table in the order of its groups."""
+    total = int(groups.lengths.sum())
+    columns, rows = _columns(table, total, batch)
+    if rows != total:
+        raise InputError(f"expected columns of the {total} rows of the keys, got {rows}")
+    if groups.order is None:
+        return columns
+    inputs = [column[groups.order] for column in columns[: len(batch.reader.variables)]]
+    return inputs + batch.reader.rates.of_columns(inputs)
+
+
+def _names(by: str | Sequence[str]) -> list[str]:
+    names = [by] if isinstance(by, str) else [*by]
+    if not names or len({*names}) < len(names):
+        raise InputError(f"expected different columns as by=, got {brief(by)}")
+    return names
+
+
+def _thread_count(threads: object) -> int:
+    """Return the number of threads; None means the cores that this process may use."""
+    if threads is None:
+        affinity = getattr(os, "sched_getaffinity", None)
+        return (os.cpu_count() or 1) if affinity is None else len(affinity(0))
+    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
+        raise InputError(f"expected a positive number of threads, got {brief(threads)}")
+    return int(threads)
