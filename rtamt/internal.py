@@ -1,5 +1,6 @@
 """Names that only the packages of this project use; any version may change them."""
 
+from rtamt.inputs.stamps import StampOrder
 from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
 from rtamt.monitors.clocks import OperatorClocks
 from rtamt.monitors.monitor_sets import JointFeed, JointRead, VerdictBook, joint_feed
@@ -11,6 +12,7 @@ __all__ = [
     "JointRead",
     "OperatorClock",
     "OperatorClocks",
+    "StampOrder",
     "VerdictBook",
     "joint_feed",
 ]

@@ -217,8 +217,7 @@ class _Running:
         self._subscriptions.detach()
         with self._lock:
             self._closed = True
-            latest = {name: topic.latest() for name, topic in self.judges.topics.items()}
-        self._subscriptions.keep(latest)
+            self._subscriptions.keep(self.judges.topics)
         self._ended.set()
         # Without the lock: a handle may wait for a callback that waits for the lock.
         while self._handles:
@@ -250,6 +249,7 @@ class _Running:
             known = self._subscriptions.kept(name, message)
             if known is not None:
                 kept[name] = known
+                topic.continue_order(known.order)
             else:
                 known = self._subscriptions.open(name, message, callback)
             topic.subscribed = known.subscribed

@@ -16,6 +16,7 @@ from rtamt import InputError
 from rtamt.errors import nearest, shown
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.bag_reader import Bag, open_bag
+from rtamt_gym.recorded.bag_stamps import in_line, span
 from rtamt_gym.recorded.bag_topics import TopicFields, topic_fields
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.event_rows import measured
@@ -24,7 +25,7 @@ from rtamt_gym.recorded.names import starts_of, take_default
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import TimeAxis, one_record, same_as_before
 from rtamt_gym.recorded.trace import EventTrace, Trace, held
-from rtamt_gym.tables import counted, number
+from rtamt_gym.tables import number
 
 _MOST: Final = 10_000_000
 """The most samples that a bag is turned into."""
@@ -176,9 +177,6 @@ CLOCKS: Final = ("log", "header")
 """The times of messages: when they were recorded, and what their headers say."""
 
 Stamps = NDArray[np.int64]
-
-_JUMP: Final = 1.0
-"""Seconds by which a late message may be older than the one before it: more is another clock."""
 
 _APART: Final = 60.0
 """Seconds between stamps and times of recording from which on they are of different clocks."""
@@ -343,7 +341,7 @@ def _times(
 ) -> tuple[Stamps, NDArray[np.intp]]:
     """Return the times of a topic's messages in order, and the places of these messages.
 
-    A message whose stamp is older than the stamp before it does not count.
+    With stamps, late messages and strays do not count (`rtamt.inputs.stamps.StampOrder`).
     """
     if not messages.logged:  # though the index of the bag counts some
         raise InputError(f"{bag.source}: expected messages on {messages.topic}, got none")
@@ -356,20 +354,7 @@ def _times(
             times = logged
             notes.append(f"{messages.topic} has no stamps: its times are when it was recorded")
     if times is not logged:
-        latest = np.maximum.accumulate(times)
-        back = (latest - times) / 1e9
-        if back.max() > _JUMP:
-            at = int((back > _JUMP).argmax())
-            raise InputError(
-                f"{bag.source}: expected stamps of {messages.topic} that increase, got one that is "
-                f"{back[at]:.6g} s older than the one before it, in message {at + 1} of "
-                f"{len(times)}: a clock that began anew; cut the bag there, or give --time log"
-            )
-        (order,) = np.nonzero(back == 0.0)
-        if late := len(times) - len(order):
-            notes.append(
-                f"{messages.topic}: {counted(late, 'message')} older than the one before left out"
-            )
+        order = in_line(bag, messages.topic, times, logged, notes)
     apart[messages.topic] = float(np.median(logged - times)) / 1e9
     return times[order], order
 
@@ -380,8 +365,7 @@ def _ends_of_others(bag: Bag, read: Collection[str], apart: Mapping[str, float])
     for logged, stamps in bag.times(bag.types.keys() - read).values():
         delay = float(np.median(np.array(logged, np.int64) - np.array(stamps, np.int64))) / 1e9
         if abs(delay - usual) <= _APART:
-            yield min(stamps)
-            yield max(stamps)
+            yield from span(stamps, logged)
 
 
 def _check_clocks(bag: Bag, apart: Mapping[str, float]) -> None:

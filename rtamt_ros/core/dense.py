@@ -12,7 +12,7 @@ from rtamt import InputError, Specification, SpecificationError, Verdict
 from rtamt.machines.readout import moved
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
-from rtamt_ros.core.report import Account, RequirementReport, seconds
+from rtamt_ros.core.report import Account, RequirementReport
 from rtamt_ros.core.requirements import SubscribedRequirement, unbounded
 from rtamt_ros.core.settings import Settings
 
@@ -116,7 +116,7 @@ class DenseJudge:
         if self._origin is None:
             return self._begin(now)
         if self._has_jumped():
-            self.stop(f"the stamps of {source.name} went back by {seconds(source.went_back)}")
+            self.stop(source.why_jumped())
             return self._begin(now)
         return self._feed([source], now)
 

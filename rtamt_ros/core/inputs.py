@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from rtamt.inputs.stamps import StampOrder
 from rtamt.language import SubscribedField
 from rtamt_ros.core.settings import Settings
 
@@ -37,11 +38,12 @@ class Input:
         came: The arrival in nanoseconds. The age counts from here if the stamp is later, so that a
             publisher with a fast clock becomes stale as soon as others.
         taken: The number of accepted messages.
-        out_of_order: The number of messages left out because they are older than the one before.
         errors: The number of messages left out because they could not be read.
         error: Why the last message could not be read; empty if it could.
-        jumps: The number of times that the stamps went back by more than a gap, and stayed there.
-        went_back: The size of the last jump in nanoseconds.
+        jumps: The number of times that the stamps jumped.
+        jump: The size of the last jump in nanoseconds; negative if the stamps went back.
+        jumped_at: The arrival of the first message after the last jump.
+        order: The order of the stamps of the topic; None if stamps do not count.
     """
 
     def __init__(
@@ -54,14 +56,11 @@ class Input:
         self.stale_after = settings.stale_after(topic)
         self.fields: list[SubscribedField] = []
         self._reads: list[Callable[[Any], Any]] = []
-        self._stamps = settings.stamps
-        self._again = 0 if settings.dense else -1  # events of a topic have different times
         self._gap = settings.gap
         self._period = settings.period
-        # Arrival, time, values, and the size of a jump back of the stamps.
+        # Arrival, time, values, and the size of a jump of the stamps.
         self._arrived: deque[_Arrival] = deque()
         self._waiting: deque[_Arrival] = deque()  # the gathered ones
-        self._newest: int | None = None
         self._settled: int | None = None
         self._lock = threading.Lock()
         self.default = default
@@ -70,8 +69,9 @@ class Input:
         self.values: list[float] = []
         self.time: int | None = None
         self.came = 0
-        self.taken = self.out_of_order = self.errors = 0
-        self.jumps = self.went_back = 0
+        self.taken = self.errors = 0
+        self.jumps = self.jump = self.jumped_at = 0
+        self.order: StampOrder | None = None
         self.error = ""
 
     def add(self, field: SubscribedField) -> int:
@@ -84,8 +84,15 @@ class Input:
         self.values = self._defaults()
         return len(paths)
 
-    def take(self, message: Any, time: int, came: int) -> bool:  # noqa: ANN401 - the classes of ROS have no types
-        """Store the fields of a message until it is settled; return False if it is left out."""
+    def take(self, time: int, came: int, message: Any, jump: int = 0) -> bool:  # noqa: ANN401 - the classes of ROS have no types
+        """Store the fields of a message until it is settled; return False if it is left out.
+
+        Args:
+            time: The time of the message in nanoseconds.
+            came: Its arrival in nanoseconds.
+            message: The message.
+            jump: The nanoseconds by which the stamps of the topic jumped at this message.
+        """
         try:
             values = [float(read(message)) for read in self._reads]
         except _UNREADABLE as error:
@@ -94,15 +101,8 @@ class Input:
             if value != value:  # noqa: PLR0124 - nan
                 return self._refuse(message, None)
         with self._lock:
-            last, back = self._newest, 0
-            if self._stamps and last is not None and time - last <= self._again:
-                if last - time <= self._gap:
-                    self.out_of_order += 1
-                    return False
-                back = last - time
-            self._newest = time
             arrived = self._arrived
-            self._add(arrived, (came, time, values, back))
+            self._add(arrived, (came, time, values, jump))
             while len(arrived) > 1 and arrived[1][0] < came - self._gap - self._period:
                 arrived.popleft()
             self.taken += 1
@@ -123,14 +123,14 @@ class Input:
         self._settled = time
         waiting = self._waiting
         while waiting and waiting[0][0] <= time:
-            self.came, self.time, self.values, back = waiting.popleft()
-            if back:
+            self.came, self.time, self.values, jump = waiting.popleft()
+            if jump:
                 self.jumps += 1
-                self.went_back = back
+                self.jump, self.jumped_at = jump, self.came
 
     def _add(self, queue: deque[_Arrival], arrival: _Arrival) -> None:
         """Add a message, and drop those before it that no time can select any more."""
-        came, time, values, back = arrival
+        came, time, values, jump = arrival
         settled, period = self._settled, self._period
         while queue:
             before = queue[-1][0]
@@ -139,8 +139,14 @@ class Input:
                 or (came - settled - 1) // period != (before - settled - 1) // period
             ):
                 break
-            back = max(back, queue.pop()[3])
-        queue.append((came, time, values, back))
+            jump = queue.pop()[3] or jump
+        queue.append((came, time, values, jump))
+
+    def why_jumped(self) -> str:
+        """Return the last jump of the stamps for a reader."""
+        size = f"{abs(self.jump) / 1e9:.1f} s"
+        words = "went back" if self.jump < 0 else "jumped ahead"
+        return f"the stamps of {self.name} {words} by {size}"
 
     def age(self, now: int) -> int:
         """Return the nanoseconds since the last message; 0 before the first."""
@@ -173,19 +179,17 @@ class Input:
             if self.time is not None and self.came > now:
                 self.time = None
                 self.values = self._defaults()
-            self._newest = self.time
             for queue in (self._waiting, self._arrived):
                 remaining = [arrival for arrival in queue if arrival[0] <= now]
                 queue.clear()
                 queue.extend(remaining)
-                self._newest = remaining[-1][1] if remaining else self._newest
 
     def came_before_the_clock(self, now: int) -> None:
         """Date messages that arrived before a simulated clock started to ``now``."""
         with self._lock:
             for queue in (self._waiting, self._arrived):
                 dated = [
-                    (came or now, time or now, values, back) for came, time, values, back in queue
+                    (came or now, time or now, values, jump) for came, time, values, jump in queue
                 ]
                 queue.clear()
                 queue.extend(dated)

@@ -79,16 +79,16 @@ class Judges:
         dense = self.settings.dense
         if dense and now > 0:
             self._follow_clock(now, now)
-        taken = {source for source in self.topics[topic].inputs if source.take(message, time, now)}
         reports: list[RequirementReport] = []
-        if dense:
-            for source in taken:
-                source.gather()
-                source.settle(now)
-            for judge in self._dense:
-                for source in judge.inputs:
-                    if source in taken:
-                        reports += judge.event(source, now)
+        for taken in self.topics[topic].take(message, time, now):
+            if dense:
+                for source in taken:
+                    source.gather()
+                    source.settle(now)
+                for judge in self._dense:
+                    for source in judge.inputs:
+                        if source in taken:
+                            reports += judge.event(source, now)
         return reports
 
     def look(self, due: int, now: int) -> Sequence[RequirementReport]:
@@ -145,8 +145,7 @@ class Judges:
         """
         for topic, messages in arrivals.items():
             for message, time, came in messages:
-                for source in self.topics[topic].inputs:
-                    source.take(message, time, came)
+                self.topics[topic].restore(message, time, came)
         if self.settings.dense:
             for source in self.inputs:
                 source.gather()
@@ -168,8 +167,8 @@ class Judges:
             for source in self.inputs:
                 source.came_before_the_clock(time)
         elif back > self.settings.period:
-            for source in self.inputs:
-                source.forget_after(now)
+            for topic in self.topics.values():
+                topic.forget_after(now)
             for judge in self._judges:
                 judge.stop(f"the clock went back by {seconds(back)}")
             self._now, self._point = now, None

@@ -269,7 +269,7 @@ class Diagnostics:
         self.around: tuple[Level, str] | None = None
         self._last_around: tuple[Level, str] | None = None
         self._formulas = formulas
-        self._states: list[tuple[Level, str]] = []
+        self._states: list[tuple[Any, ...]] = []
         self._last_time = 0
         self._publisher: Publisher | None = None
         try:
@@ -320,7 +320,7 @@ class Diagnostics:
             self._publisher.close()
 
 
-_STATE = attrgetter("level", "unrecorded")
+_STATE = attrgetter("level", "unrecorded", "restarts")
 """What makes the state of a requirement another."""
 
 
@@ -342,6 +342,8 @@ def _numbers(report: RequirementReport, formula: str) -> dict[str, str]:
         "stale inputs": ", ".join(report.stale),
         "late samples": str(report.missed),
         "messages out of order": str(report.out_of_order),
+        "messages out of line": str(report.strays),
+        "messages ahead of the clock": str(report.ahead),
         "unreadable messages": str(report.errors),
         "restarts": str(report.restarts),
         "resets": str(report.resets),

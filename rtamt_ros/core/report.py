@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from rtamt import Verdict
+from rtamt.inputs.stamps import AHEAD
 from rtamt_ros.core.record import CsvRecord
 from rtamt_ros.core.requirements import SubscribedRequirement
 from rtamt_ros.middleware import Level
@@ -44,6 +45,8 @@ class RequirementReport(NamedTuple):
         violated_at: The time of the first of them.
         missed: The number of samples judged after the next was due; their values are right.
         out_of_order: The number of messages left out because they are older than the one before.
+        strays: The number of messages left out because their stamps are out of line.
+        ahead: The number of messages whose stamps are ahead of the clock.
         errors: The number of messages left out because a field was nan or missing.
         restarts: The number of runs that followed a gap or a jump of the clock.
         restarted_because: The reason for the last restart.
@@ -72,6 +75,8 @@ class RequirementReport(NamedTuple):
     violated_at: int | None = None
     missed: int = 0
     out_of_order: int = 0
+    strays: int = 0
+    ahead: int = 0
     errors: int = 0
     restarts: int = 0
     restarted_because: str = ""
@@ -98,6 +103,8 @@ class RequirementReport(NamedTuple):
             parts.append(f"reset {times}, {'the last ' if self.resets > 1 else ''}at {at}")
         if self.missed:
             parts.append(f"{counted(self.missed, 'sample')} late")
+        if self.strays:
+            parts.append(f"{counted(self.strays, 'message')} out of line left out")
         if self.unrecorded:
             parts.append(f"nothing is recorded any more: {self.unrecorded}")
         return "; ".join(part for part in parts if part)
@@ -295,12 +302,20 @@ class Account:
         waiting: tuple[str, ...] = (),
     ) -> RequirementReport:
         """Return a report; ``found`` has its fields from `robustness` to `asked`."""
-        out_of_order = errors = 0
+        out_of_order = strays = ahead = errors = 0
         defaults: tuple[str, ...] = ()
         for source in self.inputs:
+            if (order := source.order) is not None:
+                out_of_order += order.late
+                strays += order.strays
+                ahead += order.ahead
+                if source.time is not None and order.offset > AHEAD:
+                    size = round(order.offset / 1e9, 1)
+                    words = f"stamps of {source.name} are {size:g} s ahead of the clock"
+                    problem = f"{problem}; {words}" if problem else words
+                    level = max(level, Level.WARN)
             if source.time is None and source.is_default():
                 defaults += (f"{source.name} = {source.default:g}",)
-            out_of_order += source.out_of_order
             errors += source.errors
         unrecorded = "" if self._record is None else self._record.error
         # Keywords for its 24 fields would take half the time of a judgement.
@@ -320,6 +335,8 @@ class Account:
                 self._violated_at,
                 self.missed,
                 out_of_order,
+                strays,
+                ahead,
                 errors,
                 self.restarts,
                 self._why,

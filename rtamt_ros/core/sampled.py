@@ -20,7 +20,7 @@ from rtamt.machines.readout import moved
 from rtamt.program.implications import implications
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
-from rtamt_ros.core.report import Account, RequirementReport, holds, seconds
+from rtamt_ros.core.report import Account, RequirementReport, holds
 from rtamt_ros.core.requirements import SubscribedRequirement, unbounded
 from rtamt_ros.core.settings import Settings
 
@@ -248,8 +248,7 @@ class SampledJudge:
             jumps += source.jumps
         if jumps != self._jumps:
             self._jumps = jumps
-            back = max(self.inputs, key=lambda source: source.went_back)
-            self.stop(f"the stamps of {back.name} went back by {seconds(back.went_back)}")
+            self.stop(max(self.inputs, key=lambda source: source.jumped_at).why_jumped())
         if gap:
             self.stop(gap)
         if not self._running:

@@ -6,6 +6,8 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from rtamt.inputs.stamps import StampOrder
+from rtamt_ros.core.topics import Topic
 from rtamt_ros.middleware import Handle, Middleware
 
 Arrivals = list[tuple[Any, int]]
@@ -19,6 +21,7 @@ class OpenSubscription:
         message: The class of the messages.
         subscribed: The nanoseconds of a steady clock at the subscription.
         callback: The callback; None while the specifications of the node change.
+        order: The order of the stamps, for the next callback; None if stamps do not count.
     """
 
     def __init__(
@@ -26,6 +29,7 @@ class OpenSubscription:
     ) -> None:
         self.message = message
         self.callback: Callable[[Any], None] | None = callback
+        self.order: StampOrder | None = None
         self._now = middleware.now
         self._lock = threading.RLock()
         self._stored: Arrivals = []
@@ -99,11 +103,12 @@ class Subscriptions:
         for subscription in self._open.values():
             subscription.detach()
 
-    def keep(self, latest: Mapping[str, Arrivals]) -> None:
+    def keep(self, topics: Mapping[str, Topic]) -> None:
         """Store the last messages of topics, for the next callback of their subscriptions."""
-        for topic, arrivals in latest.items():
-            if topic in self._open:
-                self._open[topic].keep(arrivals)
+        for name, topic in topics.items():
+            if name in self._open:
+                self._open[name].keep(topic.latest())
+                self._open[name].order = topic.order
 
     def close(self, topics: Sequence[str] | None = None) -> None:
         """Close all subscriptions except those of some topics."""

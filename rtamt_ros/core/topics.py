@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
+from rtamt.inputs.stamps import StampedMessage, StampOrder
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.settings import Settings
 from rtamt_ros.middleware import TopicPublisher
@@ -34,13 +35,56 @@ class Topic:
         self.publishers: tuple[TopicPublisher, ...] = ()
         self.may_keep: bool | None = None
         self.subscribed: int | None = None
+        self.order = StampOrder(strict=settings.dense) if settings.stamps else None
+        self._tolerance = settings.period
+        self._came = 0
         self._never_stale = name not in settings.stale_of
         self._stale_after = settings.stale_after(name)
 
     def add(self, source: Input) -> None:
         """Add an input, whose default waits for the topic."""
         source.waits = source.default is not None
+        source.order = self.order
         self.inputs.append(source)
+
+    def take(self, message: Any, time: int, came: int) -> Iterator[set[Input]]:  # noqa: ANN401 - the classes of ROS have no types
+        """Pass a message to the inputs; yield for each accepted message the inputs that took it.
+
+        With stamps an earlier message may be accepted too, or this one may have to wait.
+        """
+        accepted = [StampedMessage(time, came, message)]
+        if self.order is not None:
+            if self._came - came > self._tolerance:  # the clock went back
+                self.order.forget()
+            self._came = came
+            accepted = self.order.take(time, came, message)
+        for each in accepted:
+            yield {source for source in self.inputs if source.take(*each)}
+
+    def restore(self, message: Any, time: int, came: int) -> None:  # noqa: ANN401
+        """Pass a message to the inputs that an earlier node accepted."""
+        for source in self.inputs:
+            source.take(time, came, message)
+        if self.order is not None and not self.order.started:
+            self.order.take(time, came, message)
+
+    def continue_order(self, order: StampOrder | None) -> None:
+        """Continue the order of an earlier node on the same subscription."""
+        if order is not None and self.order is not None:
+            order.strict = self.order.strict
+            order.late = order.strays = order.ahead = 0
+            self.order = order
+            for source in self.inputs:
+                source.order = order
+
+    def forget_after(self, now: int) -> None:
+        """Drop messages that arrived after ``now``, to which the clock went back."""
+        for source in self.inputs:
+            source.forget_after(now)
+        if self._came > now:
+            self._came = now
+            if self.order is not None:
+                self.order.forget()
 
     def needs_answer(self, steady: int) -> bool:
         """Return whether a default waits for the answer of the graph about kept messages."""

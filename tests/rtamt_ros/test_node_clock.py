@@ -140,7 +140,9 @@ def test_fast_publisher_clock_becomes_stale() -> None:
     ros.tick()
     assert node.reports[0].robustness == 1.0
     ros.tick(START + 600 * MS)
-    assert node.reports[0].text == "odom stale 0.6 s"
+    assert node.reports[0].text == (
+        "odom stale 0.6 s; stamps of odom are 3600 s ahead of the clock"
+    )
     assert math.isnan(ros.latched("rtamt/spec"))
 
 
@@ -151,7 +153,8 @@ def test_stamps_that_went_back_for_good_begin_anew() -> None:
         ros.time += 100 * MS
         ros.send("rtamt/odom", odometry(speed, START + stamp * MS))
         ros.tick()
-    assert ros.data("rtamt/spec") == [2.0, 1.0, 5.0, 5.0]
+    # The first message after the jump waits for the second.
+    assert ros.data("rtamt/spec") == [2.0, 1.0, 1.0, 6.0]
     assert node.reports[0].out_of_order == 0
     assert node.reports[0].restarted_because == "the stamps of odom went back by 9.1 s"
 

@@ -47,6 +47,8 @@ def test_diagnostics_rate_and_content(generation: int) -> None:
         "stale inputs": "",
         "late samples": "0",
         "messages out of order": "0",
+        "messages out of line": "0",
+        "messages ahead of the clock": "0",
         "unreadable messages": "0",
         "restarts": "0",
         "resets": "0",

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from typing import Protocol
 
 import pytest
-from ros_contract import FLOAT
+from ros_contract import FLOAT, SECOND
 from ros_processes import Process
 from ros_world import World
 
-__all__ = ["LIMITED", "RobotContract"]
+__all__ = ["RobotContract"]
 
 LIMITED = """
 input float64 x
@@ -24,6 +24,14 @@ input float64 limit = 0.8
 @ topic(limit, {0}/limit)
 @ topic(out, {0}/out)
 out = x < limit
+"""
+
+STAMPED = """
+from geometry_msgs.msg import PointStamped
+input PointStamped p
+@ topic(p, {0}/p)
+@ topic(out, {0}/out)
+out = always(p.point.x > 0)
 """
 
 
@@ -88,3 +96,31 @@ class RobotContract:
         numbers = [value for _, value in world.listener.ask("kept", topic, 20)]
         assert {*numbers} == {0.8 - 0.6}, monitor.output
         assert "; by default limit = 0.8" in monitor.output
+
+    def test_stamps_out_of_line_decide_nothing(
+        self, world: World, topic: str, started: Starter
+    ) -> None:
+        text = STAMPED.format(topic)
+        key, point = f"{topic}/p", ("geometry_msgs", "PointStamped")
+        world.talker.ask("publisher", key, key, *point)
+        world.listener.ask("subscribe", topic, f"{topic}/out", *FLOAT, ["data"])
+        monitor = started(text, "--stamps")
+
+        def publish(count: int, offset: float, value: float = 1.0) -> None:
+            for _ in range(count):
+                stamp = world.talker.ask("now") + round(offset * SECOND)
+                world.talker.ask("publish", key, {"point.x": value}, stamp)
+                threading.Event().wait(0.05)
+
+        while not world.listener.ask("kept", topic, 1, 0.0):
+            publish(1, 0.0)
+        for offset in (3600.0, 5.0, 1.5, -2.0):
+            publish(5, 0.0)
+            publish(1, offset, -1.0)
+        publish(10, 0.0)
+        assert {value for _, value in world.listener.ask("kept", topic)} == {1.0}, monitor.output
+        assert "restarted" not in monitor.output
+        publish(20, 5.0)
+        assert "stamps of p are 5 s ahead of the clock" in monitor.output
+        assert "restarted 1 time because the stamps of p jumped ahead by 5.0 s" in monitor.output
+        assert "4 messages out of line left out" in monitor.output

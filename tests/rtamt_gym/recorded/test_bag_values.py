@@ -239,6 +239,34 @@ def test_a_clock_that_begins_anew_is_refused(tmp_path: Path) -> None:
     )
 
 
+def test_a_stray_stamp_is_left_out_with_a_note(tmp_path: Path) -> None:
+    for stray in (7.0, 3600.0, -5.0):
+        path = stamped(tmp_path, [0.0, 0.1, stray, 0.3, 0.4])
+        columns = Columns(time="header")
+        trace, _ = read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), columns)
+        assert isinstance(trace, EventTrace)
+        assert trace.tables[SPEED].tolist() == [[0.0, 0.0], [0.1, 1.0], [0.3, 3.0], [0.4, 4.0]]
+        (note,) = trace.notes
+        assert note.startswith("/robot0/odom: 1 message left out, more than 1 s out of line")
+        Path(path).unlink()
+
+
+def test_a_jump_ahead_is_refused_and_stamps_ahead_are_noted(tmp_path: Path) -> None:
+    path = stamped(tmp_path, [0.0, 0.1, 7.2, 7.3, 7.4])
+    with pytest.raises(rtamt.InputError, match="jumps ahead of the recording by 7 s, in message 3"):
+        read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), Columns(time="header"))
+    Path(path).unlink()
+    path = stamped(tmp_path, [0.3, 0.4, 0.5])
+    trace, _ = read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), Columns(time="header"))
+    assert [*trace.notes] == ["/robot0/odom: 3 stamps up to 0.3 s ahead of the recording"]
+
+
+def test_stamps_of_a_faster_clock_are_refused(tmp_path: Path) -> None:
+    path = stamped(tmp_path, [2.0 * n for n in range(8)])
+    with pytest.raises(rtamt.InputError, match="7 messages of 8 out of line; give --time log"):
+        read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), Columns(time="header"))
+
+
 def test_stamps_of_simulated_time_are_judged_but_not_mixed_with_times_of_recording(
     tmp_path: Path,
 ) -> None:
