@@ -7,10 +7,13 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from multiprocessing import get_context
-from typing import Protocol, TypeVar
+from multiprocessing import get_all_start_methods, get_context
+from multiprocessing.context import BaseContext
+from pathlib import Path
+from typing import Final, Protocol, TypeVar
 
 import rtamt
 from rtamt import InputError, Verdict
@@ -177,37 +180,65 @@ def _in_processes(
 ) -> list[tuple[Trial, Seen]]:
     """Run a job for each trace in processes.
 
-    If a process dies, as for lack of memory, nobody knows at which trace: the first that has no
-    row yet is judged alone, and only if its process dies too it is a failure.
+    If a process dies, as for lack of memory, nobody knows at which trace: the traces that may have
+    ended it are sent one by one, and then the first without a row is judged alone. Only if its
+    process dies too it is a failure.
     """
     rows: list[tuple[Trial, Seen]] = []
-    alone = False
+    usual = max(1, min(_CHUNK, len(paths) // (32 * workers)))
+    size, until = usual, len(paths)
     while len(rows) < len(paths):
-        left = paths[len(rows) :][: 1 if alone else None]
+        left = paths[len(rows) : until]
         many = min(workers, len(left))
         try:
-            # A fork would take locks along that other threads hold.
-            context = get_context("spawn")
-            with ProcessPoolExecutor(many, context, _begin_worker, (job,)) as pool:
-                for row in _begin(pool, _row_of_file, left):
+            with ProcessPoolExecutor(many, _context(), _begin_worker, (job,)) as pool:
+                for row in _begin(pool, _row_of_file, left, size):
                     rows.append(row)
                     advance(1)
-            alone = False
+            size, until = usual, len(paths)
         except BrokenProcessPool:
-            if alone:
-                rows.append((job.lost(left[0]), {}))
+            if until == len(rows) + 1:  # it was alone
+                rows.append((job.lost(left[-1]), {}))
                 advance(1)
-            alone = not alone
+                size, until = 1, min(len(paths), len(rows) + usual * workers)
+            elif size > 1:
+                size, until = 1, min(len(paths), len(rows) + usual * workers)
+            else:
+                until = len(rows) + 1
     return rows
 
 
+_CHUNK: Final = 16
+"""The maximum number of traces that a process gets at once."""
+
+
+def _context() -> BaseContext:
+    """Return how processes start: a fork is ready at once, and needs a process of one thread.
+
+    Otherwise a fork would copy locks that other threads hold; a server that has imported this
+    module forks then, where the system has one.
+    """
+    with suppress(OSError):
+        if len([*Path("/proc/self/task").iterdir()]) == 1:
+            return get_context("fork")
+    if "forkserver" not in get_all_start_methods():
+        return get_context("spawn")
+    context = get_context("forkserver")
+    context.set_forkserver_preload([__name__, *_READERS])
+    return context
+
+
+_READERS: Final = ("rtamt_gym.recorded.ruled", "rtamt_gym.recorded.csv_reader")
+"""The modules of the most frequent format, which are imported when a trace is read."""
+
+
 def _begin(
-    pool: ProcessPoolExecutor, task: Callable[[str], _T], paths: Sequence[str]
+    pool: ProcessPoolExecutor, task: Callable[[str], _T], paths: Sequence[str], size: int = 1
 ) -> Iterator[_T]:
     """Start the processes, which ignore interrupts from the start."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        return pool.map(task, paths)
+        return pool.map(task, paths, chunksize=size)
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import rtamt
 from rtamt import InputError, RtamtError, Verdict
-from rtamt.mutation import Mutant
-from rtamt_gym.commands.example_traces import write_samples
+from rtamt.mutation import MUTATIONS
 from rtamt_gym.options.command_line import Option, add_options, positive
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.results.warnings import VerdictWarning
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
+    from rtamt.mutation import Mutant
     from rtamt_gym.commands.judging import Judged
     from rtamt_gym.commands.traces import TracesAsked
     from rtamt_gym.results.matrix import Matrix
@@ -50,8 +50,8 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
         ),
         Option(
             "--mutation KIND",
-            f"make only mutants of this kind: {', '.join(rtamt.mutation.MUTATIONS)}",
-            choices=tuple(rtamt.mutation.MUTATIONS),
+            f"make only mutants of this kind: {', '.join(MUTATIONS)}",
+            choices=tuple(MUTATIONS),
             repeat=True,
         ),
         Option(
@@ -310,6 +310,8 @@ def write_apart(
 
     They have a column of times where the traces have one, and the columns of their requirement.
     """
+    from rtamt_gym.commands.example_traces import write_samples
+
     period = None if asked.reading.period is not None else _period(asked, matrix.rows)
     written = 0
     for name, score in scores.items():

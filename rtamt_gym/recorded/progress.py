@@ -48,10 +48,12 @@ def progress(what: str, total: int, unit: str) -> Iterator[Advance]:
     except ModuleNotFoundError:
         yield _silent
         return
+
+    class Bar(tqdm):  # type: ignore[misc]  # not typed
+        monitor_interval = 0  # its thread would keep a process from being forked
+
     scaled = total > 9999  # 12.3M is shorter than 12345678, but 10.0 no better than 10
-    with tqdm(
-        desc=what, total=total, unit=unit, unit_scale=scaled, delay=DELAY, leave=False
-    ) as bar:
+    with Bar(desc=what, total=total, unit=unit, unit_scale=scaled, delay=DELAY, leave=False) as bar:
         _outermost[0] = False
 
         def advance(done: int, note: str = "", /) -> None:

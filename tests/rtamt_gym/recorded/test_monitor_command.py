@@ -229,24 +229,42 @@ def dying(path: str) -> tuple[Trial, judging.Seen]:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("count", [6, 200])  # the processes get one trace at once, or several
 def test_a_process_that_dies_keeps_no_other_trace_from_being_judged(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output, count: int
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(judging, "_row_of_file", dying)
-    names = [f"t{i}.csv" for i in range(6)]
+    names = [f"t{i}.csv" for i in range(count)]
     for name in names:
         (tmp_path / name).write_text("time,x\n0,1\n1,2\n")
     paths = [*names[:3], "deadly.csv", *names[3:]]
     assert main(["monitor", "p = always(x > 0)", "-j", "2", "--json", "--", *paths]) == 2
     said = capsys.readouterr()
-    cells = {row["name"]: row["outcomes"]["p"] for row in json.loads(said.out)["trials"]}
+    trials = json.loads(said.out)["trials"]
+    assert [row["name"] for row in trials] == paths
+    cells = {row["name"]: row["outcomes"]["p"] for row in trials}
     message = "deadly.csv: the process that judged it died, perhaps for lack of memory"
     assert said.err == f"rtamt: error: {message}\n"
     assert cells.pop("deadly.csv") == {"verdict": "ERROR", "error": message}
     assert {name: cell["verdict"] for name, cell in cells.items()} == dict.fromkeys(
         names, "SATISFIED"
     )
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads there")
+def test_only_a_process_of_one_thread_forks() -> None:
+    code = (
+        "from threading import Thread, Event; import rtamt_gym.commands.judging as j\n"
+        "print(j._context().get_start_method())\n"
+        "event = Event(); thread = Thread(target=event.wait); thread.start()\n"
+        "print(j._context().get_start_method()); event.set(); thread.join()\n"
+    )
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    ran = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment
+    )
+    assert (ran.stdout, ran.stderr) == ("fork\nforkserver\n", "")
 
 
 def test_processes_ignore_interrupts_before_they_run_a_line() -> None:
