@@ -17,6 +17,7 @@ from rtamt.columns.times import (
     dates_of_numbers,
     is_date,
     looks_like_times,
+    median,
     plausible_units,
     stated_period,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "is_date",
     "looks_like_times",
     "may_tell_objects",
+    "median",
     "name_words",
     "names_objects",
     "objects_in",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 
@@ -109,6 +110,10 @@ ABSCISSAS = {("x", "value"), ("x", "axis"), ("xaxis",), ("abscissa",), ("absziss
 """Names of the horizontal axis in LabVIEW and ControlDesk."""
 
 
+_MANY = 4096
+"""The names whose meaning is kept, because files of one folder have the same columns."""
+
+
 class ColumnName(NamedTuple):
     """A name of a column.
 
@@ -130,6 +135,7 @@ _BRACKETS = re.compile(
 _WORD_ENDS = re.compile(r"(?<=[a-zß-ÿ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 
+@lru_cache(maxsize=_MANY)
 def read_name(column: str) -> ColumnName:
     """Return the words and the unit in a column's name."""
     match = _BRACKETS.fullmatch(column)
@@ -159,6 +165,7 @@ def has_plain_time_name(column: str) -> bool:
     return _unit_of_plain(column) is not None
 
 
+@lru_cache(maxsize=_MANY)
 def _unit_of_plain(column: str) -> str | None:
     match = _PLAIN.fullmatch(column)
     if match is None or column.lower() == "ts" or column == "T":  # rather names of quantities
@@ -173,6 +180,7 @@ def _unit_of_plain(column: str) -> str | None:
     return UNIT_OF.get(behind.lower()) if behind else ""
 
 
+@lru_cache(maxsize=_MANY)
 def unit_of_times(column: str) -> str | None:
     """Return the unit in the name of a column of times; None for other names.
 
@@ -320,6 +328,7 @@ def own_times(column: str, names: Sequence[str]) -> str | None:
     return next(filter(_is_clock, reversed(names[: names.index(column)])), None)
 
 
+@lru_cache(maxsize=_MANY)
 def _is_clock(name: str) -> bool:
     """Return whether a name is a time, possibly with a number after it."""
     bare = re.sub(r"(?<=[^\W\d])[\s._]?\d+$", "", name)

@@ -34,6 +34,22 @@ _FEW = 4
 """The minimum number of values for a decision without a name."""
 
 
+def median(values: NDArray[Any]) -> float:
+    """Return the median of doubles, as NumPy does, which is slow for a few."""
+    n = len(values)
+    if not 0 < n <= _SHORT:
+        return float(np.median(values))
+    ordered = np.sort(values)
+    if math.isnan(ordered[-1]):  # nan comes last
+        return math.nan
+    middle = n // 2
+    return float(ordered[middle] if n % 2 else (ordered[middle - 1] + ordered[middle]) / 2)
+
+
+_SHORT = 10_000
+"""The values up to which sorting is faster."""
+
+
 def plausible_units(values: NDArray[Any]) -> list[str]:
     """Return the units in which times would have a plausible usual step, the likeliest first.
 
@@ -48,7 +64,7 @@ def plausible_units(values: NDArray[Any]) -> list[str]:
         (['s'], ['s', 'ms'])
     """
     with np.errstate(over="ignore"):
-        step = float(np.median(np.abs(np.diff(values).astype(np.float64))))
+        step = median(np.abs(np.diff(values).astype(np.float64)))
     most = float(np.abs(values.astype(np.float64)).max())
     parts = values.dtype.kind == "f" and bool((values % 1).any())
     dates, durations = [], []
@@ -120,7 +136,7 @@ def _ticks(values: NDArray[Any], steps: NDArray[np.float64], *, rough: bool, who
     Unless ``rough``, they are dates or the steps are even up to rounding. Unless ``whole``, numbers
     without fractions are not times either.
     """
-    usual = float(np.median(steps))
+    usual = median(steps)
     off = np.abs(steps - usual)
     if len(values) < _FEW or float((off <= 0.2 * usual).mean()) < 0.9:
         return False
@@ -191,7 +207,7 @@ def are_days(values: NDArray[Any]) -> bool:
         return False
     low, high = float(values.min()), float(values.max())
     dates = any(begin <= low <= high <= end for begin, end in _SERIAL_DAYS)
-    step = float(np.median(np.abs(np.diff(values)))) if -_LONGEST < low <= high < _LONGEST else 0.0
+    step = median(np.abs(np.diff(values))) if -_LONGEST < low <= high < _LONGEST else 0.0
     if step <= 0 or (step >= _FINEST and not dates):
         return False
     if step < _FINEST and dates:

@@ -254,7 +254,7 @@ class SampleReader:
         extra: bool = False,
     ) -> tuple[list[Floats], int]:
         """Return the result of `block`, with every nan still in it."""
-        if n is None and (plain := self._plain(data, extra=extra)) is not None:
+        if (plain := self._plain(data, n, extra=extra)) is not None:
             return plain + self.rates.of_columns(plain, previous), len(plain[0])
         data = cast("TraceColumns", named_columns(data))
         if isinstance(data, Mapping) or hasattr(data, "keys"):
@@ -281,8 +281,11 @@ class SampleReader:
         values = [columns[v] for v in self.variables]
         return values + self.rates.of_columns(values, previous), length
 
-    def _plain(self, data: object, *, extra: bool) -> list[Floats] | None:
-        """Return the columns of a dictionary of plain arrays of all variables, or None."""
+    def _plain(self, data: object, n: int | None, *, extra: bool) -> list[Floats] | None:
+        """Return the columns of a dictionary of plain arrays of all variables, or None.
+
+        They have n values, if n is a number.
+        """
         if type(data) is not dict or not (
             self._known <= data.keys() if extra else self._known == data.keys()
         ):
@@ -297,7 +300,7 @@ class SampleReader:
                 or not column.flags.c_contiguous
             ):
                 return None
-        return columns or None
+        return columns if columns and (n is None or (type(n) is int and n == length)) else None
 
     def lines(
         self,
@@ -340,7 +343,7 @@ class SampleReader:
         errors of `columns` and, for uncertain values, of `without_nan`.
         """
         halves: list[TraceColumns] = [data]
-        if n is None and self.nan != "unknown" and (plain := self._plain(data, extra=extra)):
+        if self.nan != "unknown" and (plain := self._plain(data, n, extra=extra)):
             whole = plain + self.rates.of_columns(plain, ())
             return whole, whole, len(plain[0])
         if isinstance(data, Mapping) and any(isinstance(v, UncertainValue) for v in data.values()):

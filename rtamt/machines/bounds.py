@@ -182,9 +182,15 @@ def _both(program: Program, bound: int) -> tuple[SplitProgram, SplitProgram]:
 def _differ(low: Keys, high: Keys) -> NDArray[np.bool_]:
     """Return where the signs differ; the last values stay."""
     length = max(len(low), len(high))
-    low, high = (np.pad(a, (0, length - len(a)), mode="edge") for a in (low, high))
+    low, high = (_extended(a, length) for a in (low, high))
     differ: NDArray[np.bool_] = (low < 0) != (high < 0)
     return differ
+
+
+def _extended(values: Keys, length: int) -> Keys:
+    """Return values of a length, the last of which stays."""
+    missing = length - len(values)
+    return np.concatenate([values, np.full(missing, values[-1])]) if missing else values
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -10,7 +10,9 @@ import codecs
 import gzip
 import io
 import itertools
+import os
 import re
+import stat
 import sys
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -64,6 +66,9 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
         yield CsvRecording(list(_bounded(stdin, "stdin")), "stdin", columns)
         return
     with _lines_of(path) as (lines, encoding):
+        if isinstance(lines, list):
+            yield CsvRecording(lines, path, columns)
+            return
         if not Path(path).is_file():  # a pipe, which cannot be read again
             yield CsvRecording(list(lines), path, columns)
             return
@@ -72,16 +77,23 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
 
 
 @contextmanager
-def _lines_of(path: str) -> Iterator[tuple[Iterator[str], str]]:
-    """Open a file of text, which may be compressed, and yield its lines and its encoding."""
-    with (
-        Path(path).open("rb") as raw,
-        progress(f"reading {shown(path)}", Path(path).stat().st_size, "B") as advance,
-    ):
+def _lines_of(path: str) -> Iterator[tuple[Iterable[str], str]]:
+    """Open a file of text, which may be compressed, and yield its lines and its encoding.
+
+    The lines of a short file are a list, and are read at once.
+    """
+    with Path(path).open("rb") as raw:
+        status = os.fstat(raw.fileno())
         try:
             opened = cast("BinaryIO", gzip.GzipFile(fileobj=raw)) if path.endswith(".gz") else raw
+            plain = opened is raw and stat.S_ISREG(status.st_mode)
             with _text_of(opened) as file:
-                yield _counted(file, raw, advance, path), file.encoding
+                short = plain and status.st_size < min(_LONG, _LINE)
+                if short and file.encoding != "utf-16":
+                    yield file.readlines(), file.encoding
+                    return
+                with progress(f"reading {shown(path)}", status.st_size, "B") as advance:
+                    yield _counted(file, raw, advance, path), file.encoding
         except (gzip.BadGzipFile, EOFError, zlib.error):
             raise InputError(f"{shown(path)}: expected a whole file compressed by gzip") from None
 

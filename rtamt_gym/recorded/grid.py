@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from rtamt.columns import median
 from rtamt_gym.recorded.columns import NEAR
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import TimeAxis, simple
@@ -38,7 +39,7 @@ class Grid:
         since = times.since
         with np.errstate(over="ignore"):  # steps past all floats are refused by who asks
             self.steps = np.diff(since)
-        self.usual = float(np.median(self.steps))
+        self.usual = median(self.steps)
         """The median of the distances."""
         self._exact = times.step
         self._precision = 2 * times.precision
@@ -190,7 +191,7 @@ class Records:
 
     def measured(self) -> Records:
         """Return the same records, with the median of their distances if there are two."""
-        usual = float(np.median(self.steps)) if len(self.steps) else None
+        usual = median(self.steps) if len(self.steps) else None
         return replace(self, usual=usual)
 
 
@@ -229,7 +230,7 @@ def longest_gap(records: Mapping[str, Records], start: float = 0.0) -> Gap | Non
 
 
 def _usual(records: Records) -> float:
-    return float(np.median(records.steps)) if records.usual is None else records.usual
+    return median(records.steps) if records.usual is None else records.usual
 
 
 def hole_note(records: Mapping[str, Records], most: float, start: float = 0.0) -> str:

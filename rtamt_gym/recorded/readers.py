@@ -168,9 +168,11 @@ def is_bag(path: str) -> bool:
 
 
 @contextmanager
-def open_recording(path: str, columns: Columns | None = None) -> Iterator[Recording]:
+def open_recording(
+    path: str, columns: Columns | None = None, row: Format | None = None
+) -> Iterator[Recording]:
     """Open a file of recorded values with the reader of its extension; ``-`` is CSV on stdin."""
-    row = format_of(path)
+    row = format_of(path) if row is None else row
     if row.bag:
         raise InputError(f"{shown(path)}: expected a table, got a bag; rtamt monitor reads it")
     opened: AbstractContextManager[Recording]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from rtamt.columns import (
     hinted_unit,
     looks_like_times,
     may_tell_objects,
+    median,
     name_words,
     objects_in,
     own_times,
@@ -34,6 +36,7 @@ from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 from rtamt_gym.recorded.times import TimeColumn, join_times, rises
 
 
+@lru_cache(maxsize=256)
 def has_time_bounds(spec: Specification) -> bool:
     """Return whether a specification has a finite bound other than 0, or a rate of change.
 
@@ -295,7 +298,7 @@ def _are_even(times: NDArray[np.generic]) -> bool:
     kind = times.dtype.kind
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(times.astype(np.int64 if kind in "mM" else np.float64)).astype(np.float64)
-        return len(steps) < 2 or float(np.ptp(steps)) <= 0.1 * float(np.median(steps))
+        return len(steps) < 2 or float(np.ptp(steps)) <= 0.1 * median(steps)
 
 
 def _readings(

@@ -47,8 +47,9 @@ def read_ruled(
     if columns.stale is not None:
         raise InputError(f"{shown(path)}: expected --stale for a bag, got it for a table")
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
-    columns = replace(columns, starts=starts_of(specs, columns))
-    with open_recording(path, columns) as recording:
+    if (starts := starts_of(specs, columns)) != columns.starts:
+        columns = replace(columns, starts=starts)
+    with open_recording(path, columns, row) as recording:
         if not (reading.dense and are_long(recording.names, variables)):
             for spec in specs.values():
                 check_recorded(recording.source, recording.names, spec.variables, columns)

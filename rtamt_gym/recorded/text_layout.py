@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import itemgetter
 from typing import Final
 
 from rtamt import InputError
@@ -151,10 +152,9 @@ class _Candidate:
         head = names_line(lines[at])
         if separator is None:
             separator = _separator_of(head, next(filter(str.strip, lines[at + 1 :]), ""))
-        rows = []
+        rows: list[list[str]] = []
         with suppress(InputError):  # the reader reports it
-            for _, row in rows_of([head, *lines[at + 1 :]], separator):
-                rows.append(row)
+            rows.extend(map(itemgetter(1), rows_of([head, *lines[at + 1 :]], separator)))
         names, rows = [name.strip() for name in rows[0]] if rows else [], rows[1:]
         if len(lines) >= TOP and len(rows) > 1:
             del rows[-1]  # its end may be missing
@@ -162,7 +162,8 @@ class _Candidate:
         while named and not names[named - 1]:
             named -= 1
         width = len(rows[0]) if rows else len(names)
-        beyond = [cell for row in rows for cell in row[named:]]
+        longer = max(map(len, rows), default=0) > named
+        beyond = [cell for row in rows for cell in row[named:]] if longer else []
         if not named or width < named or any(map(str.strip, beyond)):
             named = width = len(names)
         layout = TextLayout(at, separator, names[:named], width, _units_in(rows, named))
@@ -171,7 +172,7 @@ class _Candidate:
     @property
     def fits(self) -> bool:
         """Whether all rows have as many cells as there are names."""
-        return all(len(row) == self.layout.width for row in self.rows)
+        return {*map(len, self.rows)} <= {self.layout.width}
 
     @property
     def certain(self) -> bool:

@@ -39,8 +39,11 @@ _BYTE: Final = r"(?:25[0-5]|2[0-4]\d|1\d\d|[1-9]?\d)"
 _ADDRESS: Final = re.compile(rf"{_BYTE}(?:\.{_BYTE}){{3}}", re.ASCII)
 """An internet address, which may look like a number with three groups."""
 
+
 _FEW: Final = 128
 """Cells after which a column that is read is searched no further once it has shown its mark."""
+
+_TWO_POINTS: Final = re.compile(r"\.[^\n]*\.")
 
 
 class MarkedCell(NamedTuple):
@@ -122,7 +125,12 @@ class ColumnMarks:
         for begin in range(0, len(cells), step):
             if self.certain.keys() >= present:
                 return
-            for at, padded in enumerate(cells[begin : begin + step], row + begin):
+            part = cells[begin : begin + step]
+            # With points only, a cell with two of them may decide for the comma; others may not.
+            settled = brief and present == {"."} and not _TWO_POINTS.search("\n".join(part))
+            for at, padded in enumerate(part, row + begin):
+                if settled and self.certain:
+                    break
                 cell = padded.strip()
                 if "." in cell or "," in cell:
                     self._add_marked(MarkedCell(at, cell))

@@ -20,6 +20,7 @@ from rtamt.columns import (
     dates_of_numbers,
     has_plain_time_name,
     hinted_unit,
+    median,
     name_words,
     plausible_units,
     split_times,
@@ -307,7 +308,7 @@ class TimeAxis:
         """Check that the times can be seconds, if nobody has said so."""
         if self.certain or not self.absurd or len(self.since) < 2:
             return
-        usual = float(np.median(np.abs(np.diff(self.since))))
+        usual = median(np.abs(np.diff(self.since)))
         most = max(abs(self.start), abs(self.start + float(self.since[-1])))
         got = f"{usual:.6g} s apart"
         if most >= _ABSURD_TIME and usual < _ABSURD_STEP:
@@ -359,7 +360,7 @@ class TimeAxis:
         others in nearly even steps.
         """
         if self.decided:
-            usual = float(np.median(np.abs(np.diff(self.since))))
+            usual = median(np.abs(np.diff(self.since)))
             return (
                 f"the times in the column '{self.column}' count as {self.decided}, a sample every "
                 f"{usual:.6g} s; --time-unit states another unit"
@@ -371,7 +372,7 @@ class TimeAxis:
         steps = np.diff(self.since)
         if not (steps >= 1).all():
             return ""
-        usual = float(np.median(steps))
+        usual = median(steps)
         even = float((np.abs(steps - usual) <= _UNEVEN * usual).mean()) >= _MOSTLY
         if (steps % 1).any() and not ((usual % 1) and even):
             return ""
@@ -420,7 +421,7 @@ def _absurd(raw: RawTimes) -> bool:
     """Return whether numbers can hardly be seconds."""
     numbers = raw.astype(np.float64)
     with np.errstate(over="ignore"):
-        usual = float(np.median(np.abs(np.diff(numbers))))
+        usual = median(np.abs(np.diff(numbers)))
     most = float(np.abs(numbers).max())
     if usual >= _ABSURD_STEP or most >= _ABSURD_TIME:
         return True
