@@ -11,7 +11,7 @@ from typing import NoReturn, get_args
 from rtamt import InputError
 from rtamt.typing import SemanticsName
 from rtamt_gym.commands.errors import options_in, refusal
-from rtamt_ros.core.settings import StaleAs
+from rtamt_ros.core.settings import Publishers, StaleAs
 from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, UNITS, Qos, read
@@ -175,10 +175,24 @@ def _parser() -> argparse.ArgumentParser:
         "diagnostic_msgs/DiagnosticArray, on this topic",
     )
     ros.add_argument(
+        "--publishers",
+        choices=get_args(Publishers),
+        help="what several publishers of one topic do: any warns and mixes their messages, one "
+        f"has no run while there are several (default: {_default('publishers')})",
+    )
+    ros.add_argument(
+        "--depth",
+        type=_count,
+        metavar="N",
+        help="how many messages of a topic wait on ROS 2 before the oldest is dropped "
+        f"(default: {_default('depth')})",
+    )
+    ros.add_argument(
         "--qos",
         choices=get_args(Qos),
-        help="how ROS 2 subscribes: best_effort hears every publisher, reliable loses nothing "
-        f"(default: {_default('qos')}); ROS 1 does both",
+        help="how ROS 2 subscribes: best_effort hears every publisher; reliable sends again what "
+        "the network lost, but a full queue still drops messages: see --depth "
+        f"(default: {_default('qos')})",
     )
     return parser
 
@@ -190,6 +204,13 @@ def _number(text: str) -> float:
         raise argparse.ArgumentTypeError(
             f"expected a number, got {text!r}; 100 ms is --period 100 --unit ms"
         ) from None
+
+
+def _count(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a whole number, got {text!r}") from None
 
 
 def _default(parameter: str) -> object:

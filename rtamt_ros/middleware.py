@@ -100,7 +100,7 @@ class Middleware(Protocol):
         """Return the full names of published topics; None if ROS does not answer."""
         ...
 
-    def publishers_of(self, topic: str) -> Sequence[TopicPublisher]:
+    def publishers_of(self, topic: str, message: type) -> Sequence[TopicPublisher]:
         """Return the publishers of a subscribed topic, without waiting for an answer.
 
         On ROS 2 these are the publishers in the graph, where one that was killed stays for up to
@@ -108,7 +108,7 @@ class Middleware(Protocol):
         """
         ...
 
-    def may_keep(self, topic: str) -> bool | None:
+    def may_keep(self, topic: str, message: type) -> bool | None:
         """Return whether a publisher of a topic may keep its last message; None while unknown.
 
         On ROS 1 any publisher may, because only a connection shows whether it does.

@@ -274,11 +274,14 @@ class _Running:
 
     def _follow_publishers(self) -> None:
         """Read the publishers of all topics, which decide about defaults and stale inputs."""
-        steady = self._middleware.steady()
+        middleware, steady = self._middleware, self._middleware.steady()
         for name, topic in self.judges.topics.items():
-            topic.follow(self._middleware.publishers_of(name))
+            message, before = self._plan.of(topic.inputs[0]), topic.several
+            topic.follow(middleware.publishers_of(name, message), middleware.resolve(name))
+            if topic.several != before:
+                middleware.log(*topic.news())
             if topic.needs_answer(steady):
-                topic.may_keep = self._middleware.may_keep(name)
+                topic.may_keep = middleware.may_keep(name, message)
             topic.look(steady)
         self._follows_at = steady + FOLLOW
         self._defaults_wait = any(topic.waits for topic in self.judges.topics.values())

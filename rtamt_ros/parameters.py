@@ -18,7 +18,7 @@ import rtamt
 from rtamt import InputError, RtamtError, Specification
 from rtamt.errors import alternatives, brief, is_one_of
 from rtamt_ros.core.judges import Judges
-from rtamt_ros.core.settings import Settings, StaleAs
+from rtamt_ros.core.settings import Publishers, Settings, StaleAs
 
 Qos = Literal["best_effort", "reliable"]
 DEPTH = 100  # 0.1 s of a topic of 1 kHz
@@ -50,6 +50,10 @@ PARAMETERS: dict[str, tuple[object, str]] = {
         "",
         "a topic for one message a sample, with all requirements",
     ),
+    "publishers": (
+        "any",
+        "of a topic: any warns about several, one has no run while there are several",
+    ),
     "qos": (
         "best_effort",
         "of subscriptions: best_effort or reliable; set it while inactive",
@@ -74,7 +78,12 @@ def read(
         InputError: If a value is wrong, a file cannot be read, or ``stale`` names an unread topic.
         SpecificationError: If a text is wrong, or no monitor can run it; a note names its file.
     """
-    choices = {"unit": UNITS, "qos": get_args(Qos), "stale_as": get_args(StaleAs)}
+    choices = {
+        "unit": UNITS,
+        "qos": get_args(Qos),
+        "stale_as": get_args(StaleAs),
+        "publishers": get_args(Publishers),
+    }
     for name, known in choices.items():
         if not is_one_of(values[name], known):
             raise InputError(f"{name}: expected {alternatives(known)}, got {brief(values[name])}")
@@ -92,6 +101,7 @@ def read(
         align=values["align"] or None,
         record=Path(values["record"]) if values["record"] else None,
         combined=values["combined"],
+        publishers=values["publishers"],
     )
     paths = _texts(values, "spec_file")
     specifications = [_loaded(path, settings if runnable else None) for path in paths]

@@ -152,7 +152,7 @@ class Ros1:
         ):  # no master answers
             return None
 
-    def publishers_of(self, topic: str) -> list[TopicPublisher]:
+    def publishers_of(self, topic: str, message: type) -> list[TopicPublisher]:  # noqa: ARG002 - a topic has one type
         implementation = rospy.topics.get_topic_manager().get_subscriber_impl(self.resolve(topic))
         connections = [] if implementation is None else list(implementation.connections or ())
         return [
@@ -161,8 +161,8 @@ class Ros1:
             if each.callerid_pub not in (None, "unknown")
         ]
 
-    def may_keep(self, topic: str) -> bool | None:
-        if self.publishers_of(topic):
+    def may_keep(self, topic: str, message: type) -> bool | None:
+        if self.publishers_of(topic, message):
             return True
         published = self._published.ask()
         return None if published is None else self.resolve(topic) in published

@@ -36,7 +36,7 @@ from rtamt_ros.middleware import Handle, Level, Publisher, TopicPublisher
 from rtamt_ros.packed import Made, Packed
 from rtamt_ros.parameters import DEPTH, Qos
 from rtamt_ros.process import Ending
-from rtamt_ros.ros2_subscription import Hearing, Ros2Subscription, keeps
+from rtamt_ros.ros2_subscription import Hearing, Ros2Subscription, keeps, type_name
 
 _SECOND = 1_000_000_000
 
@@ -138,17 +138,18 @@ class Ros2:
         topics = (name for name, _ in self.node.get_topic_names_and_types())
         return {name for name in topics if self.node.count_publishers(name)}
 
-    def publishers_of(self, topic: str) -> list[TopicPublisher]:
+    def publishers_of(self, topic: str, message: type) -> list[TopicPublisher]:
         known = self.node.get_publishers_info_by_topic(self.resolve(topic))
         return [
             TopicPublisher(
                 f"{each.node_namespace.rstrip('/')}/{each.node_name}", keeps(each.qos_profile)
             )
             for each in known
+            if each.topic_type == type_name(message)
         ]
 
-    def may_keep(self, topic: str) -> bool:
-        return any(publisher.keeps for publisher in self.publishers_of(topic))
+    def may_keep(self, topic: str, message: type) -> bool:
+        return any(publisher.keeps for publisher in self.publishers_of(topic, message))
 
     def around(self) -> tuple[Level, str] | None:
         nodes = self.node.get_node_names_and_namespaces()

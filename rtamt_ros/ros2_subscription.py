@@ -270,7 +270,7 @@ class Ros2Subscription:
     def _look(self) -> None:
         """Open or close readers as the publishers need; DDS reports few changes of them."""
         publishers = self._node.get_publishers_info_by_topic(self._whole_name)
-        wanted = f"{self._message.__module__.partition('.')[0]}/msg/{self._message.__name__}"
+        wanted = type_name(self._message)
         others = sorted({publisher.topic_type for publisher in publishers} - {wanted})
         if others not in ([], self._others):
             self._others = others
@@ -310,6 +310,11 @@ class Ros2Subscription:
             if not self._closed and "live" not in self._readers:
                 self._open_live()
                 self._close("late")
+
+
+def type_name(message: type) -> str:
+    """Return the name of a message class in the graph: ``std_msgs/msg/Float64``."""
+    return f"{message.__module__.partition('.')[0]}/msg/{message.__name__}"
 
 
 def keeps(qos: QoSProfile) -> bool:

@@ -28,6 +28,8 @@ class Input:
         default: The value before the first message; None if the input waits for one.
         waits: Whether the default does not count yet, because a kept message may still arrive.
         stale_after: The nanoseconds without a message after which the input is stale.
+        several: The publishers of the topic in words if there are several; otherwise empty.
+        blocked: Whether there is no run because there are several publishers.
         latest: The last accepted message, and its arrival; None before the first.
         package: The package of the message class.
         message: The name of the message class.
@@ -64,7 +66,8 @@ class Input:
         self._settled: int | None = None
         self._lock = threading.Lock()
         self.default = default
-        self.waits = False
+        self.waits = self.blocked = False
+        self.several = ""
         self.latest: tuple[Any, int] | None = None
         self.values: list[float] = []
         self.time: int | None = None
@@ -157,18 +160,18 @@ class Input:
         return self.age(now) > self.stale_after
 
     def is_awaited(self) -> bool:
-        """Return whether there is neither a message nor a default that counts."""
-        return self.time is None and (self.default is None or self.waits)
+        """Return whether there is neither a message nor a default that counts, or it is blocked."""
+        return self.blocked or (self.time is None and (self.default is None or self.waits))
 
     def is_default(self) -> bool:
         """Return whether the default counts."""
         return self.time is None and self.default is not None and not self.waits
 
     def is_gone(self, now: int) -> bool:
-        """Return whether there is no current value: it is awaited or stale."""
+        """Return whether there is no current value: it is awaited, blocked or stale."""
         time = self.time
-        if time is None:
-            return self.default is None or self.waits
+        if time is None or self.blocked:
+            return self.is_awaited()
         return now - min(time, self.came) > self.stale_after
 
     def forget_after(self, now: int) -> None:

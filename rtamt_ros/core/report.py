@@ -220,12 +220,15 @@ class Account:
 
     def why_gone(self, now: int) -> str:
         """Return why a run ends whose inputs are missing or stale."""
+        for source in self.inputs:
+            if source.blocked:
+                return f"there were {source.several}"
         gone = [source.name for source in self.inputs if source.is_gone(now)]
         return f"{', '.join(gone)} {'was' if len(gone) == 1 else 'were'} stale"
 
     def without(self, now: int) -> RequirementReport:
         """Return the report while inputs are missing or stale."""
-        waiting = [source for source in self.inputs if source.is_awaited()]
+        waiting = [each for each in self.inputs if each.is_awaited() and not each.blocked]
         stale = [source for source in self.inputs if source.is_stale(now)]
         parts = ["waiting for " + ", ".join(each.name for each in waiting)] if waiting else []
         parts += [f"{each.name} stale {seconds(each.age(now))}" for each in stale]
@@ -305,6 +308,9 @@ class Account:
         out_of_order = strays = ahead = errors = 0
         defaults: tuple[str, ...] = ()
         for source in self.inputs:
+            if source.several:
+                problem = f"{problem}; {source.several}" if problem else source.several
+                level = max(level, Level.WARN)
             if (order := source.order) is not None:
                 out_of_order += order.late
                 strays += order.strays

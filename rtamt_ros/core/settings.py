@@ -14,6 +14,9 @@ from rtamt.errors import Argument
 StaleAs = Literal["restart", "unknown"]
 """What a stale input does to a run: it ends it, or its values are not known in it."""
 
+Publishers = Literal["any", "one"]
+"""How many publishers a topic may have while a run continues."""
+
 _SECOND = 1_000_000_000
 
 
@@ -37,6 +40,8 @@ class Settings:
             dense time. ``rtamt monitor`` computes the same robustness from it. Each further run has
             its own file, ``NAME-2.csv``, and so has each of several requirements,
             ``NAME-REQUIREMENT.csv``.
+        publishers: ``"one"``: there is no run while a topic has several publishers. ``"any"``: a
+            run continues, with a warning.
         combined: A topic for one message per sample with all requirements, as
             `rtamt_ros.core.publishing.Combined` describes; empty for none.
 
@@ -54,6 +59,7 @@ class Settings:
     align: str | None = None
     record: Path | None = None
     combined: str = ""
+    publishers: Publishers = "any"
 
     def __post_init__(self) -> None:
         """Check the numbers."""

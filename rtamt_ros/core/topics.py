@@ -9,7 +9,7 @@ from typing import Any
 from rtamt.inputs.stamps import StampedMessage, StampOrder
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.settings import Settings
-from rtamt_ros.middleware import TopicPublisher
+from rtamt_ros.middleware import Level, TopicPublisher
 
 _SECOND = 1_000_000_000
 DISCOVERY = _SECOND
@@ -25,6 +25,7 @@ class Topic:
         name: The topic, as in the specification.
         inputs: Its inputs.
         publishers: The publishers that the graph shows.
+        several: The publishers in words if there are several; otherwise empty.
         may_keep: Whether a publisher may still give a kept message to the node; None while unknown.
         subscribed: The nanoseconds of a steady clock at the subscription; None before.
     """
@@ -36,6 +37,9 @@ class Topic:
         self.may_keep: bool | None = None
         self.subscribed: int | None = None
         self.order = StampOrder(strict=settings.dense) if settings.stamps else None
+        self.several = ""
+        self._full_name = name
+        self._one = settings.publishers == "one"
         self._tolerance = settings.period
         self._came = 0
         self._never_stale = name not in settings.stale_of
@@ -104,12 +108,27 @@ class Topic:
         """Whether a default of an input still waits for a first message."""
         return any(source.waits and source.time is None for source in self.inputs)
 
-    def follow(self, publishers: Sequence[TopicPublisher]) -> None:
+    def follow(self, publishers: Sequence[TopicPublisher], full_name: str) -> None:
         """Take the publishers of the topic; it is never stale if all keep their last message."""
         self.publishers = tuple(publishers)
+        count = len(publishers)
+        nodes = ", ".join(sorted(publisher.node for publisher in publishers))
+        self._full_name = full_name
+        self.several = f"{count} publishers of {full_name}: {nodes}" if count > 1 else ""
+        for source in self.inputs:
+            source.several = self.several
+            source.blocked = self._one and count > 1
         kept = bool(publishers) and all(publisher.keeps for publisher in publishers)
         for source in self.inputs:
             source.stale_after = math.inf if kept and self._never_stale else self._stale_after
+
+    def news(self) -> tuple[Level, str]:
+        """Return the line of the log about the number of publishers."""
+        if not self.several:
+            return Level.OK, f"no more than 1 publisher of {self._full_name}"
+        effect = "no run until there is one" if self._one else "their messages are mixed"
+        killed = "a killed one stays in the graph of ROS 2 for up to 20 s"
+        return Level.WARN, f"{self.several}; {effect}; {killed}"
 
     def latest(self) -> list[tuple[Any, int]]:
         """Return the messages that the inputs hold, with their arrivals, in order of arrival."""

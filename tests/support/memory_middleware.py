@@ -157,10 +157,10 @@ class MemoryMiddleware:
     def steady(self) -> int:
         return self.time + self.later
 
-    def publishers_of(self, topic: str) -> list[TopicPublisher]:
+    def publishers_of(self, topic: str, message: type) -> list[TopicPublisher]:  # noqa: ARG002
         return self.publishing.get(topic, [])
 
-    def may_keep(self, topic: str) -> bool:
+    def may_keep(self, topic: str, message: type) -> bool:  # noqa: ARG002
         return any(each.keeps for each in self.publishing.get(topic, ()))
 
     def is_simulated(self) -> bool:

@@ -12,7 +12,8 @@ from typing import Protocol
 
 import pytest
 from ros_contract import FLOAT, SECOND
-from ros_processes import Process
+from ros_peer import Peer
+from ros_processes import PATIENCE, Process
 from ros_world import World
 
 __all__ = ["RobotContract"]
@@ -124,3 +125,49 @@ class RobotContract:
         assert "stamps of p are 5 s ahead of the clock" in monitor.output
         assert "restarted 1 time because the stamps of p jumped ahead by 5.0 s" in monitor.output
         assert "4 messages out of line left out" in monitor.output
+
+    @pytest.mark.parametrize("mode", ["any", "one"])
+    def test_two_publishers_are_named(
+        self, world: World, topic: str, started: Starter, mode: str
+    ) -> None:
+        topic = f"{topic}_{mode}"
+        key = f"{topic}/x"
+        robots = [world.peer(f"{mode}_{name}") for name in ("a", "b")]
+        robots[0].ask("publisher", key, key, *FLOAT)
+        world.listener.ask("subscribe", topic, f"{topic}/out", *FLOAT, ["data"])
+        text = f"input float64 x\n@ topic(x, {key})\n@ topic(out, {topic}/out)\nout = x > 0"
+        monitor = started(text, "--publishers", mode, "--stale", "inf")
+
+        def publish(robot: Peer, value: float, until: str = "") -> None:
+            for _ in range(round(PATIENCE * 20)):
+                robot.ask("publish", key, {"data": value})
+                threading.Event().wait(0.05)
+                if until in monitor.output and world.listener.ask("kept", topic, 1, 0.0):
+                    return
+            raise AssertionError(f"expected {until!r} in the log:\n{monitor.output}")
+
+        publish(robots[0], 1.0)
+        robots[1].ask("publisher", key, key, *FLOAT)
+        names = ", ".join(sorted(robot.ask("name") for robot in robots))
+        publish(robots[0], 1.0, f"2 publishers of {key}: {names}")
+        before = len(world.listener.ask("kept", topic))
+        for _ in range(20):
+            publish(robots[0], 1.0)
+        numbers = [value for _, value in world.listener.ask("kept", topic)[before:]]
+        assert (1.0 in numbers) == (mode == "any"), monitor.output
+        robots[1].process.kill()
+        robots[1].process.wait()
+        third = world.peer(f"{mode}_b")
+        third.ask("publisher", key, key, *FLOAT)
+        for _ in range(40):
+            publish(robots[0], 1.0)
+        if mode == "any":
+            assert "restarted" not in monitor.output
+        third.process.kill()
+        third.process.wait()
+        publish(robots[0], 1.0, f"no more than 1 publisher of {key}")
+        world.listener.ask("kept", topic, len(world.listener.ask("kept", topic)) + 1, 1.0)
+        before = len(world.listener.ask("kept", topic))
+        for _ in range(10):
+            publish(robots[0], 1.0)
+        assert 1.0 in [value for _, value in world.listener.ask("kept", topic)[before:]]
