@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from rtamt.monitors.judgement import Judgement, judge
     from rtamt.monitors.many import judge_many
     from rtamt.monitors.monitor import EpisodeMonitor, Monitor
+    from rtamt.monitors.occurrences import occurrences
     from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
     from rtamt.monitors.verdict import Verdict, holds
     from rtamt.mutation.mutants import mutants
@@ -152,6 +153,7 @@ __all__ = [
     "load",
     "mutants",
     "number",
+    "occurrences",
     "parse",
     "patterns",
     "variable",
@@ -190,6 +192,7 @@ _MODULES = {
     "load": "rtamt.language.parser",
     "mutants": "rtamt.mutation.mutants",
     "number": "rtamt.language.formula",
+    "occurrences": "rtamt.monitors.occurrences",
     "parse": "rtamt.language.parser",
     "variable": "rtamt.language.formula",
 }

@@ -11,6 +11,7 @@ from rtamt.monitors.explainer import explain_dense as explain
 from rtamt.monitors.explanation import DenseExplanation as Explanation
 from rtamt.monitors.implications import DenseImplications as Implications
 from rtamt.monitors.judgement import judge_dense as judge
+from rtamt.monitors.occurrences import occurrences_dense as occurrences
 from rtamt.monitors.triggers import DenseTriggerCount as TriggerCount
 
 __all__ = [
@@ -23,4 +24,5 @@ __all__ = [
     "evaluate",
     "explain",
     "judge",
+    "occurrences",
 ]

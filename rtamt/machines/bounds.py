@@ -147,6 +147,26 @@ class TraceBounds:
         """Return whether the result holds for certain, at every sample."""
         return self._worst.recorded(self.split.formulas.result, _endings(end)[0]) >= 0
 
+    def recorded(self, end: End) -> tuple[Keys, Keys, Keys]:
+        """Return robustness, lower and upper bound of the result at every sample.
+
+        They are one object if the values are known.
+        """
+        lower, upper = _endings(end)
+        worst, best = self.split.formulas.result, self._best_split.formulas.result
+        robustness = self._given.recorded(best, _COMPLETE)
+        return robustness, self._worst.recorded(worst, lower), self._best.recorded(best, upper)
+
+    def operand_beyond(self, end: End) -> Keys:
+        """Return the upper bound of the operand of a root ``always`` after the trace.
+
+        The last value stays. The root has no end, so that no bound below it is cut.
+        """
+        program = self._best_split.formulas
+        root = program.instructions[program.result]
+        register = root.args[-1] if isinstance(root, Window) else program.result
+        return self._best.beyond(register, _endings(end)[1])
+
     def undecided(self, registers: tuple[int, ...], end: End) -> list[Flags]:
         """Return where registers of the formulas may have either sign, on a trace that goes on."""
         lower, upper = _endings(end)

@@ -74,6 +74,11 @@ def number_of(key: int) -> float:
     return float(np.int64(bits).view(np.float64))
 
 
+def numbers_of(keys: Keys) -> NDArray[np.float64]:
+    """Return the numbers of a column of integers."""
+    return (keys ^ ((keys >> 63) & _FLIP)).view(np.float64)
+
+
 def _key(number: float) -> int:
     return int(ordered(np.array([number]))[0])
 
@@ -135,7 +140,9 @@ class Walk:
         return number_of(values[self._program.result])
 
     def recorded(self, register: int, ending: TraceEnd) -> Keys:
-        """Return the values of a register at the recorded times."""
+        """Return the values of a register at the recorded times, one object if all settle."""
+        if ending.end == "complete" or self._tail(register, ending).settled == self._n:
+            return self._of_complete(register)
         return self._between(register, ending, 0, self._n)
 
     def beyond(self, register: int, ending: TraceEnd) -> Keys:

@@ -8,16 +8,30 @@ if TYPE_CHECKING:
     from rtamt.monitors.explanation import Contribution
     from rtamt.monitors.implications import Implications
     from rtamt.monitors.judgements import Judgements, TriggerColumns
+    from rtamt.monitors.occurrence_table import (
+        BodyOccurrences,
+        Occurrence,
+        Occurrences,
+        Response,
+        RunTable,
+        UnknownRun,
+    )
     from rtamt.monitors.triggers import Evidence, TriggerCount
     from rtamt.monitors.unrecorded import Unrecorded
 
 __all__ = [
+    "BodyOccurrences",
     "Contribution",
     "Evidence",
     "Implications",
     "Judgements",
+    "Occurrence",
+    "Occurrences",
+    "Response",
+    "RunTable",
     "TriggerColumns",
     "TriggerCount",
+    "UnknownRun",
     "Unrecorded",
 ]
 
@@ -31,6 +45,17 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "Implications": "rtamt.monitors.implications.Implications",
             "Judgements": "rtamt.monitors.judgements.Judgements",
             "TriggerColumns": "rtamt.monitors.judgements.TriggerColumns",
+            **{
+                name: f"rtamt.monitors.occurrence_table.{name}"
+                for name in (
+                    "BodyOccurrences",
+                    "Occurrence",
+                    "Occurrences",
+                    "Response",
+                    "RunTable",
+                    "UnknownRun",
+                )
+            },
             "TriggerCount": "rtamt.monitors.triggers.TriggerCount",
         },
     )

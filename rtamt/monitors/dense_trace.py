@@ -3,24 +3,34 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given, are_dates
 from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
+from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS, BackendName
-from rtamt.machines.dense.outlook import DenseOutlook
-from rtamt.machines.dense.rows import dense_of, rows_of
+from rtamt.machines.dense.outlook import DenseOutlook, with_robustness
+from rtamt.machines.dense.rows import dense_of, rows_between, rows_of
+from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import DenseSigns, End
 from rtamt.machines.readout import verdict_of
-from rtamt.monitors.trace import TraceClock, TraceRegisters
+from rtamt.machines.segments import PlaceNumbers, Segments
+from rtamt.monitors.trace import TraceClock, TraceRegisters, UnseenPlace
 from rtamt.monitors.triggers import DenseTriggerCount, reads_hidden
+from rtamt.program.algebra import ordered
+from rtamt.program.bodies import body_reads, with_one_body
 from rtamt.program.dense_regions import RegionProgram, compile_regions
-from rtamt.program.implications import Counted, Reads, Routes, TraceSpan, unanswered
+from rtamt.program.implications import Counted, InstantRuns, Reads, Routes, TraceSpan, unanswered
 from rtamt.program.interface import STANDARD, Interface
 
 
@@ -128,6 +138,73 @@ class DenseTrace:
 
         clock = TraceClock(self._regions.resolution, begin, step=2)
         return TraceRegisters(program, clock, last, last, cut, outlook.undecided, reach)
+
+    def body_reads(self) -> Mapping[Formula, InstantRuns]:
+        """Return where the formula reads each of its bodies."""
+        return body_reads(self.formula, self.bounds_of, self.extent)
+
+    def bounds_of(self, formula: Node) -> Bounds:
+        """Return the bounds of an operator in ticks."""
+        return dense_of(self._regions).bounds(formula)
+
+    def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
+        """Return the values of a part of the formula over the trace.
+
+        Args:
+            formula: The part.
+            standard: Whether it is evaluated by standard semantics, as left sides are.
+        """
+        last = self.extent.last
+        runs = self._runs(formula, standard=standard)
+        if all(bound is runs[0] for bound in runs):
+            known = clipped(runs[0], 0, last)
+            values = ordered(known.last)
+            return Segments.of(known.starts, last, values, values, values)
+        both = joint([clipped(bound, 0, last) for bound in runs])
+        return Segments.of(both.starts, last, *map(ordered, both.values))
+
+    def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
+        """Return the first place after the trace at which a body fails for certain.
+
+        Args:
+            body: The body, which fails at no place of the trace.
+            instants: The places at which the formula reads it.
+        """
+        last = self.extent.last
+        if self._end != "cut" or instants[-1][1] <= last:
+            return None
+        _, _, alone = self._runs(with_one_body(self.formula, body))
+        if not np.signbit(alone.last[0]):  # at the first instant
+            return None
+        _, _, upper = self._runs(body)
+        for first, final in instants:
+            later = clipped(upper, max(first, last + 1))
+            failing = np.flatnonzero(np.signbit(later.last))
+            if first <= final and len(failing) and (at := int(later.starts[failing[0]])) <= final:
+                return UnseenPlace(at, float(later.last[failing[0]]))
+        return None
+
+    def times(self, ticks: PlaceNumbers) -> NDArray[Any]:
+        """Return the times of ticks after the start, as the times of the events are."""
+        dated = are_dates(self._events[0].times)  # dates do not mix with numbers
+        return self._reader.times(self._span[0] + ticks, dated)
+
+    def _runs(self, formula: Formula, *, standard: bool = False) -> tuple[Runs, Runs, Runs]:
+        """Return robustness and bounds of a part of the formula."""
+        regions = self._regions_of(formula, STANDARD if standard else self._interface)
+        reader = self._reader.of(dense_of(regions))
+        given = self._events_of(regions)
+        counted = reader.counted(given, [-math.inf] * len(given), None)
+        terms = self._machines.term_columns, self._machines.term_ranges
+        rows = rows_between(regions, counted, self._span, reader, terms)
+        return with_robustness(regions.program, rows, self.extent.last, self._end)
+
+    def _regions_of(self, formula: Formula, interface: Interface) -> RegionProgram:
+        """Return the program of a part, with the variables of the formula if it has none."""
+        specification = self._specification.with_result(formula)
+        if not formula.variables:
+            specification = _with_result(self._specification, formula)
+        return compile_regions(specification, self._regions.resolution, interface=interface)
 
     def _events_of(self, regions: RegionProgram) -> list[Given]:
         """Return the events of the variables of another program."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Final
 
@@ -20,9 +20,12 @@ from rtamt.machines.backend import BACKENDS
 from rtamt.machines.bounds import Flags, TraceBounds
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
+from rtamt.machines.segments import Segments
+from rtamt.machines.walk import number_of
 from rtamt.monitors.options import Compiled
-from rtamt.monitors.trace import TraceClock, TraceRegisters
+from rtamt.monitors.trace import TraceClock, TraceRegisters, UnseenPlace
 from rtamt.monitors.triggers import TriggerCount, reads_hidden
+from rtamt.program.bodies import body_reads, with_one_body
 from rtamt.program.implications import Counted, InstantRuns, Reads, Routes, TraceSpan, unanswered
 from rtamt.program.instructions import Window
 from rtamt.program.interface import STANDARD, Interface
@@ -179,6 +182,60 @@ class SampleTrace:
         n, program = bounds.n, bounds.split.formulas
         return TraceRegisters(program, clock, n - 1, n, end == "cut", undecided, reach)
 
+    def body_reads(self) -> Mapping[Formula, InstantRuns]:
+        """Return where the formula reads each of its bodies."""
+        compiled = self._compiled
+        bounds = _bounds_of_nodes(compiled.specification, compiled.period, self._align)
+        return body_reads(self.formula, bounds, self.extent)
+
+    def bounds_of(self, formula: Node) -> Bounds:
+        """Return the bounds of an operator in samples."""
+        compiled = self._compiled
+        return _bounds_of_nodes(compiled.specification, compiled.period, self._align)(formula)
+
+    def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
+        """Return the values of a part of the formula at every sample.
+
+        Args:
+            formula: The part.
+            standard: Whether it is evaluated by standard semantics, as left sides are.
+        """
+        values = self._part(formula, standard=standard).recorded(self._end)
+        return Segments.of(None, self._n - 1, *values)
+
+    def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
+        """Return the first sample after the trace at which a body fails for certain.
+
+        Args:
+            body: The body, which fails at no sample of the trace.
+            instants: The instants at which the formula reads it.
+        """
+        if self._end != "cut" or instants[-1][1] < self._n:
+            return None
+        alone = self._part(with_one_body(self.formula, body), standard=False, everywhere=False)
+        if verdict_of(*alone.bounds(self._end)) != -1:
+            return None
+        upper = self._part(body.always()).operand_beyond(self._end)
+        for first, final in instants:
+            begin = max(first, self._n)
+            failing = np.flatnonzero(upper[min(begin - self._n, len(upper) - 1) :] < 0)
+            if begin <= final and len(failing) and (at := begin + int(failing[0])) <= final:
+                key = upper[min(at - self._n, len(upper) - 1)]
+                return UnseenPlace(at, number_of(int(key)))
+        return None
+
+    def _part(
+        self, formula: Formula, *, standard: bool = False, everywhere: bool = True
+    ) -> TraceBounds:
+        compiled = self._compiled
+        program = compile_program(
+            _with_result(compiled.specification, formula),
+            compiled.period,
+            interface=STANDARD if standard else compiled.interface,
+            align=self._align,
+        )
+        return self._bounds_of(program, everywhere=everywhere)
+
     def _bounds_of(self, program: Program, *, everywhere: bool = False) -> TraceBounds:
         """Return the bounds of a program that reads some of the variables."""
         machines, n = BACKENDS[self._compiled.backend], self.n
@@ -255,13 +312,19 @@ def _first_decided(bounds: TraceBounds) -> int | None:
     return high - 1
 
 
-@functools.lru_cache(maxsize=512)
-def _routes(specification: Specification, period: Fraction | None, align: Align | None) -> Routes:
+def _bounds_of_nodes(
+    specification: Specification, period: Fraction | None, align: Align | None
+) -> Callable[[Node], Bounds]:
     def bounds(node: Node) -> Bounds:
         error = functools.partial(specification.error, node)
         return samples(node.interval, period, specification.unit, error, align)
 
-    return Routes(specification.formula, bounds)
+    return bounds
+
+
+@functools.lru_cache(maxsize=512)
+def _routes(specification: Specification, period: Fraction | None, align: Align | None) -> Routes:
+    return Routes(specification.formula, _bounds_of_nodes(specification, period, align))
 
 
 @functools.lru_cache(maxsize=512)  # many traces have one length

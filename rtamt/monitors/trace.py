@@ -43,6 +43,18 @@ class TraceClock(NamedTuple):
         return self.time(place + self.step - 1)
 
 
+class UnseenPlace(NamedTuple):
+    """A place after the trace at which a formula fails for certain.
+
+    Attributes:
+        place: The place.
+        robustness: The largest possible robustness there.
+    """
+
+    place: int
+    robustness: float
+
+
 class UndecidedPlaces(Protocol):
     """Places at which a register may have either sign."""
 

@@ -269,13 +269,13 @@ class Routes:
         runs: list[list[tuple[int, float]]] = [[] for _ in range(self._places)]
         runs[0].append((0, 0))
         for place, goes in self._legs:
-            known = _merged(runs[place])
+            known = merged_runs(runs[place])
             for below, steps in goes:
                 runs[below] += trace.along(steps, known)
         reads = {}
         for implication, needed, others in self._ends:
-            alone = () if needed is None else _merged(runs[needed])
-            every = alone if others is None else _merged([*alone, *runs[others]])
+            alone = () if needed is None else merged_runs(runs[needed])
+            every = alone if others is None else merged_runs([*alone, *runs[others]])
             reads[implication] = Reads(every, alone)
         return reads
 
@@ -295,11 +295,16 @@ class TraceSpan(NamedTuple):
     cut: bool
     dense: bool = False
 
+    def window(self, bounds: Bounds, runs: InstantRuns) -> InstantRuns:
+        """Return the instants that a window of a future operator at each of some instants reads."""
+        begin, end = bounds
+        return self.along((_Step(begin, end, begin if end is None else None),), runs)
+
     def along(self, steps: Sequence[_Step], runs: InstantRuns) -> InstantRuns:
         """Return the instants that steps reach from others."""
         for step in steps:
             reached = [run for first, final in runs for run in self._step(step, first, final)]
-            runs = tuple(reached) if len(reached) < 2 else _merged(reached)
+            runs = tuple(reached) if len(reached) < 2 else merged_runs(reached)
         return runs
 
     def _step(self, step: _Step, first: int, final: float) -> Iterator[tuple[int, float]]:
@@ -333,7 +338,8 @@ class TraceSpan(NamedTuple):
         return 0 if self.dense and instant % 2 else 1
 
 
-def _merged(runs: Iterable[tuple[int, float]]) -> InstantRuns:
+def merged_runs(runs: Iterable[tuple[int, float]]) -> InstantRuns:
+    """Return runs of instants in order, joined where they touch."""
     known = sorted(runs)
     if len(known) < 2:
         return tuple(known)

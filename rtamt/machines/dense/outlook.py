@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
 from rtamt.machines.dense.episode import Regions
-from rtamt.machines.dense.regions import CUT, LOWER, NOW, UPPER, WORLDS
+from rtamt.machines.dense.regions import CUT, CUT_LOWER, CUT_UPPER, LOWER, NOW, UPPER, WORLDS
 from rtamt.machines.dense.rows import FindBoth, RegionRows, rows_between
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import End
@@ -43,16 +43,49 @@ def recorded(
     program: Program, rows: Sequence[RegionRows], last: int, end: End
 ) -> tuple[Runs, Runs]:
     """Return the smallest and the largest result on a trace; the same one if all is known."""
-    low, high = (NOW, NOW) if end == "complete" or not _looks_ahead(program) else (LOWER, UPPER)
-    worlds: Sequence[int] = (NOW,) if low == NOW else WORLDS
-    if low != NOW and end == "cut":
-        (low, high), worlds = CUT, (*WORLDS, *CUT)
+    worlds, (low, high) = _worlds(program, end)
     programs = variants_of(program)
     ends = [(programs[0], rows[0], low)]
     if len(rows) > 1 or low != high:
         ends.append((programs[-1], rows[-1], high))
     bounds = [_seen(variant, terms, last, worlds, world) for variant, terms, world in ends]
     return bounds[0], bounds[-1]
+
+
+def with_robustness(
+    program: Program, rows: Sequence[RegionRows], last: int, end: End
+) -> tuple[Runs, Runs, Runs]:
+    """Return robustness, lower and upper bound of the result on a trace and after it.
+
+    The last run lasts for ever. A result that is a predicate has no run after the trace.
+    """
+    worlds, (low, high) = _worlds(program, end)
+    programs = variants_of(program)
+    # With uncertain values the last rows are the largest terms of the last program.
+    variant = {0: programs[0], len(programs) - 1: programs[-1], len(rows) - 1: programs[-1]}
+    if program.result < program.terms and not isinstance(
+        program.instructions[program.result], Const
+    ):
+        runs = {
+            i: dict.fromkeys((NOW, low, high), Runs(rows[i].positions, (rows[i].terms[v.result],)))
+            for i, v in variant.items()
+        }
+    else:
+        runs = {}
+        for i, v in variant.items():
+            regions = Regions(everywhere(v))
+            regions.unfold(rows[i], last, worlds)
+            runs[i] = {world: regions.seen(v.result, world) for world in {NOW, low, high}}
+    return runs[len(programs) - 1][NOW], runs[0][low], runs[len(rows) - 1][high]
+
+
+def _worlds(program: Program, end: End) -> tuple[Sequence[int], tuple[int, int]]:
+    """Return the worlds to compute, and those of the lower and the upper bound."""
+    if end == "complete" or not _looks_ahead(program):
+        return (NOW,), (NOW, NOW)
+    if end == "cut":
+        return (*WORLDS, *CUT), (CUT_LOWER, CUT_UPPER)
+    return WORLDS, (LOWER, UPPER)
 
 
 def _seen(program: Program, rows: RegionRows, last: int, worlds: Sequence[int], world: int) -> Runs:

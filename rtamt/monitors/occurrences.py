@@ -1,0 +1,367 @@
+"""Occurrences: all violations of a requirement on a trace, and the answers to its triggers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import Any, Protocol, Unpack, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.inputs.events import EventsLike, Until
+from rtamt.inputs.samples import SampleReader, TraceColumns
+from rtamt.language.formula import Formula
+from rtamt.language.node import Node
+from rtamt.language.operators import OPERATORS, Bounds
+from rtamt.machines.dense.rows import dense_of
+from rtamt.machines.protocols import End
+from rtamt.machines.segments import PlaceNumbers, PlaceRuns, SegmentRuns, Segments
+from rtamt.machines.walk import numbers_of
+from rtamt.monitors.dense_trace import DenseTrace
+from rtamt.monitors.evaluation import trace_between
+from rtamt.monitors.occurrence_table import (
+    BodyOccurrences,
+    Occurrence,
+    Occurrences,
+    Response,
+    RunTable,
+    UnknownRun,
+)
+from rtamt.monitors.options import (
+    EventOptions,
+    SampleOptions,
+    Spec,
+    checked_end,
+    compiled,
+    compiled_dense,
+    event_reader,
+    listed_in_signature,
+)
+from rtamt.monitors.sample_trace import SampleTrace
+from rtamt.monitors.trace import UnseenPlace
+from rtamt.monitors.triggers import text_of
+from rtamt.program.bodies import bodies
+from rtamt.program.dense_regions import compile_regions
+from rtamt.program.implications import InstantRuns, TraceSpan, implications
+from rtamt.program.memory import limit_beyond
+from rtamt.program.timing import Period
+
+_Columns = Mapping[str, NDArray[Any]]
+
+
+class SegmentedTrace(Protocol):
+    """A trace whose formulas can be evaluated at all of its places."""
+
+    @property
+    def formula(self) -> Formula:
+        """The formula that is evaluated."""
+
+    @property
+    def extent(self) -> TraceSpan:
+        """The places of the trace."""
+
+    def body_reads(self) -> Mapping[Formula, InstantRuns]:
+        """Return where the formula reads each of its bodies."""
+
+    def bounds_of(self, formula: Node) -> Bounds:
+        """Return the bounds of an operator, in samples or ticks."""
+
+    def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
+        """Return the values of a part of the formula over the trace."""
+
+    def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
+        """Return the first place after the trace at which a body fails for certain."""
+
+
+class _Clock:
+    """The times of places, as arrays.
+
+    Args:
+        step: PlaceNumbers of a sample or tick.
+        last: The last place of the trace.
+        tick: The length of a sample or tick in seconds; None: times are numbers of samples.
+        times: Returns the times of samples or ticks.
+    """
+
+    def __init__(
+        self,
+        step: int,
+        last: int,
+        tick: Fraction | None,
+        times: Callable[[PlaceNumbers], NDArray[Any]],
+    ) -> None:
+        self.step, self._last = step, last
+        self._tick, self._times = tick, times
+        self.unit = "samples" if tick is None else "s"
+
+    def lasting(self, count: PlaceNumbers) -> NDArray[Any]:
+        """Return the duration of numbers of samples or ticks."""
+        return count if self._tick is None else scaled(count, self._tick)
+
+    def at(self, places: PlaceNumbers) -> NDArray[Any]:
+        """Return the times of places."""
+        return self._times(places // self.step)
+
+    def columns(self, runs: PlaceRuns) -> dict[str, NDArray[Any]]:
+        """Return the columns that every row has."""
+        first = runs.first // self.step
+        after = np.minimum((runs.last + 1) // self.step, self._last // self.step)
+        return {
+            "start": self._times(first),
+            "end": self._times(after),
+            "duration": self.lasting(after - first),
+            "to_end": runs.last == self._last,
+        }
+
+
+def scaled(count: PlaceNumbers, tick: Fraction) -> NDArray[np.float64]:
+    """Return whole numbers of ticks in seconds."""
+    if len(count) and abs(int(count.max())) * tick.numerator >= 2**53:
+        return np.array([float(ticks * tick) for ticks in count.tolist()])
+    return count * tick.numerator / np.float64(tick.denominator)
+
+
+def _occurrences_of(trace: SegmentedTrace, clock: _Clock, end: End) -> Occurrences:
+    rows = tuple(
+        _of_body(trace, body, instants, clock) for body, instants in trace.body_reads().items()
+    )
+    at_start = bodies(trace.formula) == (trace.formula,)
+    return Occurrences(text_of(trace.formula), rows, end, clock.unit, at_start)
+
+
+def _of_body(
+    trace: SegmentedTrace, body: Formula, instants: InstantRuns, clock: _Clock
+) -> BodyOccurrences:
+    recorded = PlaceRuns.of(instants, trace.extent.last)
+    values = trace.segments(body).divided(recorded)
+    failing, unknown = _limited(values, recorded)
+    violations = _violations(failing, clock)
+    if not len(failing.first) and instants:
+        unseen = trace.unseen_violation(body, instants)
+        if unseen is not None:
+            violations = _unseen(unseen, clock)
+    responses, unknown_triggers = _responses(trace, body, values, recorded, clock)
+    lengths = np.array([recorded.length(clock.step), failing.places.length(clock.step)])
+    length, violated = clock.lasting(lengths).tolist()
+    return BodyOccurrences(
+        text_of(body),
+        RunTable(Occurrence, violations),
+        RunTable(UnknownRun, clock.columns(unknown.places)),
+        RunTable(Response, responses),
+        RunTable(UnknownRun, unknown_triggers),
+        *(length, violated, clock.unit),
+    )
+
+
+def _limited(values: Segments, recorded: PlaceRuns) -> tuple[SegmentRuns, SegmentRuns]:
+    """Return the runs of recorded segments that fail, and of those that are unknown."""
+    fails, unknown = values.fails, values.unknown
+    if recorded.first.tolist() != [0] or recorded.last.tolist() != [values.last]:
+        inside = values.inside(recorded)
+        fails, unknown = fails & inside, unknown & inside
+    return values.runs(fails), values.runs(unknown)
+
+
+def _violations(failing: SegmentRuns, clock: _Clock) -> _Columns:
+    worst = failing.minima()
+    return {
+        **clock.columns(failing.places),
+        "robustness": numbers_of(worst.values),
+        "worst_at": clock.at(worst.places),
+        "unseen": np.zeros(len(worst.values), bool),
+    }
+
+
+def _unseen(unseen: UnseenPlace, clock: _Clock) -> _Columns:
+    time = clock.at(np.array([unseen.place]))
+    return {
+        "start": time,
+        "end": time,
+        "duration": clock.lasting(np.zeros(1, np.int64)),
+        "to_end": np.zeros(1, bool),
+        "robustness": np.array([unseen.robustness]),
+        "worst_at": time,
+        "unseen": np.ones(1, bool),
+    }
+
+
+def _responses(
+    trace: SegmentedTrace, body: Formula, values: Segments, recorded: PlaceRuns, clock: _Clock
+) -> tuple[_Columns, _Columns]:
+    """Return the columns of the responses of a body, and of its unknown triggers."""
+    none = PlaceRuns.of((), 0)
+    runs = maybe = none
+    answers = np.empty(0)
+    if body in implications(body):
+        left, right = (cast("Formula", operand) for operand in body.args)
+        triggers = trace.segments(left, standard=True).divided(recorded)
+        inside = triggers.inside(recorded)
+        runs = triggers.runs(triggers.holds & inside).places
+        maybe = triggers.runs(triggers.unknown & inside).places
+        answers = _answer_times(trace, right, runs, clock)
+    values = values.divided(runs)
+    within = values.within(runs)
+    verdicts = np.where(within.any(~values.holds), 0, 1) - 2 * within.any(values.fails)
+    columns = {
+        **clock.columns(runs),
+        "verdict": np.maximum(verdicts, -1).astype(np.int8),
+        "answer_time": answers,
+        "margin": numbers_of(within.minima().values),
+    }
+    return columns, clock.columns(maybe)
+
+
+def _answer_times(
+    trace: SegmentedTrace, right: Formula, runs: PlaceRuns, clock: _Clock
+) -> NDArray[np.float64]:
+    """Return the time from the first place of each run to its answer; nan if there is none."""
+    unanswered = np.full(len(runs.first), np.nan)
+    if right.op not in (OPERATORS["eventually"], OPERATORS["until"]):
+        return unanswered
+    begin, end = trace.bounds_of(right)
+    goal = trace.segments(cast("Formula", right.args[-1]))
+    answer = goal.runs(goal.holds).places.at_or_after(runs.first + clock.step * begin)
+    answered = answer >= 0
+    if end is not None:
+        answered &= answer <= runs.first + clock.step * end
+    if right.op is OPERATORS["until"]:
+        way = trace.segments(cast("Formula", right.args[0]))
+        broken = way.runs(~way.holds).places.at_or_after(runs.first)
+        # The left side is needed before the answer, and in an open interval too unless that is now.
+        needed = answer - ((answer % clock.step == 0) | (answer == runs.first))
+        answered &= (broken < 0) | (broken > needed)
+    ticks = answer // clock.step - runs.first // clock.step
+    return np.where(answered, clock.lasting(ticks).astype(np.float64), unanswered)
+
+
+@listed_in_signature(SampleOptions)
+def occurrences(
+    spec: Spec,
+    signals: TraceColumns,
+    period: Period | None = None,
+    end: End = "cut",
+    *,
+    n: int | None = None,
+    **options: Unpack[SampleOptions],
+) -> Occurrences:
+    """Return all violations of a requirement on a recorded trace of samples.
+
+    `judge` returns one verdict on a trace; this function returns every stretch of it at which the
+    requirement is violated, and for ``A implies B`` every trigger with its answer.
+
+    * A *body* is a formula that the requirement demands at one instant after the other: from the
+      root down, the first formula of every way through ``always`` and ``and`` that is neither. A
+      body inside another operator does not count. Any other root is its own body at sample 0.
+    * The body is read at the recorded samples that the windows of these ``always`` reach from
+      sample 0, as `Judgement.triggers` counts them.
+    * Its outcome at sample i is the verdict of ``judge("always[i:i](BODY)", ...)`` with the same
+      end mode: violated, satisfied or unknown.
+    * An `Occurrence` is a longest run of neighbouring violated samples. It lasts until the time of
+      the next sample, so neighbouring samples leave no gap.
+    * A `Response` is a longest run of neighbouring samples at which ``A`` holds for certain; there
+      are as many as triggers.
+
+    There is a violation if and only if the verdict is VIOLATED. If it is UNDECIDED, there are
+    unknown rows, or times that were not recorded (`Judgement.unrecorded`). The function takes one
+    pass over the trace.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        signals: As for `judge`.
+        period: As for `Monitor`. Times are in seconds from the first sample; None: they are numbers
+            of samples.
+        end: As for `judge`: ``"complete"``, ``"cut"`` or ``"open"``.
+        n: The length, for a formula without variables.
+        **options: As for `judge`.
+
+    Raises:
+        SpecificationError: As for `judge`.
+        InputError: As for `judge`.
+        InputTypeError: As for `judge`.
+
+    Example:
+        >>> import rtamt
+        >>> trace = {"x": [1, 7, 8, 2, 3, 6]}
+        >>> result = rtamt.occurrences("always(x < 5)", trace, period="100ms")
+        >>> print(result)
+        x < 5: violated 2 times, 50 % of the time, 1.2e+04 an hour
+          0.1 s to 0.3 s: robustness -3 at 0.2 s
+          0.5 s, up to the end: robustness -1 at 0.5 s
+        >>> result.bodies[0].violations[0].duration
+        0.2
+        >>> trace = {"req": [0, 4, 0, 0, 4, 0, 0], "gnt": [0, 0, 5, 0, 0, 0, 0]}
+        >>> spec = "always(req >= 3 implies eventually[0:2](gnt >= 3))"
+        >>> print(rtamt.occurrences(spec, trace))
+        req >= 3 implies eventually[0:2](gnt >= 3): violated 1 time, 14.3 % of the time
+          sample 4 to sample 5: robustness -1 at sample 4
+          triggered 2 times: 1 satisfied, 1 violated; answer time 1 to 1 samples, median 1
+    """
+    mode = checked_end(end)
+    program = compiled(occurrences, spec, period, options, online=False)
+    reader = SampleReader(program.program, program.nan, bounds=True)
+    least, greatest, length = trace_between(reader, signals, n, period)
+    limit_beyond(program.program, length, unknown=greatest is not least)
+    trace = SampleTrace(
+        *(program, options.get("align"), mode, (least, greatest), length), by_columns=True
+    )
+    tick = program.period
+
+    def times(samples: PlaceNumbers) -> NDArray[Any]:
+        return samples if tick is None else scaled(samples, tick)
+
+    return _occurrences_of(trace, _Clock(1, length - 1, tick, times), mode)
+
+
+@listed_in_signature(EventOptions)
+def occurrences_dense(
+    spec: Spec,
+    signals: Mapping[str, EventsLike],
+    end: End = "cut",
+    *,
+    until: Until | None = None,
+    resolution: Period = "1ns",
+    **options: Unpack[EventOptions],
+) -> Occurrences:
+    """Return all violations of a requirement on a recorded trace in dense time.
+
+    It is `rtamt.occurrences` for events. A run at a single instant has its start as its end, and a
+    run may begin right after its start.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        signals: As for `rtamt.dense.judge`.
+        end: As for `rtamt.dense.judge`.
+        until: As for `rtamt.dense.judge`.
+        resolution: As for `rtamt.dense.Monitor`.
+        **options: As for `rtamt.dense.judge`.
+
+    Returns:
+        The occurrences. Their times are of the kind of the events' times, `numpy.datetime64` too;
+        durations are in seconds.
+
+    Raises:
+        SpecificationError: As for `rtamt.dense.judge`.
+        InputError: As for `rtamt.dense.judge`.
+        InputTypeError: As for `rtamt.dense.judge`.
+
+    Example:
+        >>> import rtamt
+        >>> trace = {"x": [(0, 1), (2.5, 7), (3, 2), (8, 6), (9, 6)]}
+        >>> for row in rtamt.dense.occurrences("always(x < 5)", trace):
+        ...     print(row.start, row.end, row.robustness, row.to_end)
+        2.5 3.0 -2.0 False
+        8.0 9.0 -1.0 True
+    """
+    mode = checked_end(end)
+    specification, interface, backend, whole = compiled_dense(
+        occurrences_dense, spec, resolution, options, online=False, bounds=True
+    )
+    regions = compile_regions(specification, whole.resolution, interface=interface)
+    reader = event_reader(dense_of(regions), options)
+    events = reader.whole(signals)
+    if until is not None:
+        events = reader.held(events, until)
+    trace = DenseTrace(specification, interface, mode, regions, events, reader, backend)
+    clock = _Clock(2, trace.extent.last, whole.resolution, trace.times)
+    return _occurrences_of(trace, clock, mode)
