@@ -229,7 +229,7 @@ class SampleTrace:
     ) -> TraceBounds:
         compiled = self._compiled
         program = compile_program(
-            _with_result(compiled.specification, formula),
+            with_result(compiled.specification, formula),
             compiled.period,
             interface=STANDARD if standard else compiled.interface,
             align=self._align,

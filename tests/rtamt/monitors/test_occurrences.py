@@ -133,7 +133,7 @@ def judged(trace: Any, n: int, end: End, **options: Any) -> Judged:  # noqa: ANN
     return Judged(at, functools.partial(at, semantics="standard"), n - 1, 1, 1)
 
 
-@settings(max_examples=examples(100))
+@settings(max_examples=examples(50))
 @given(formula=requirements(), trace=traces(most=9))
 def test_matches_judge_at_each_sample(formula: Formula, trace: Trace, backend: Backend) -> None:
     n = length(trace)
@@ -144,7 +144,7 @@ def test_matches_judge_at_each_sample(formula: Formula, trace: Trace, backend: B
         laws(found, judge(formula, trace, end=end, n=n), places.at)
 
 
-@settings(max_examples=examples(60))
+@settings(max_examples=examples(40))
 @given(formula=requirements(), trace=traces(most=7, values=INTEGERS))
 def test_signs_of_zero(formula: Formula, trace: Trace) -> None:
     n = length(trace)
@@ -155,7 +155,7 @@ def test_signs_of_zero(formula: Formula, trace: Trace) -> None:
         laws(found, judge(formula, trace, end=end, n=n), places.at)
 
 
-@settings(max_examples=examples(100))
+@settings(max_examples=examples(50))
 @given(formula=requirements(), trace=uncertain_traces(most=7))
 def test_unknown_samples(formula: Formula, trace: Uncertain) -> None:
     assume(formula.variables)
@@ -174,7 +174,7 @@ def test_unknown_samples(formula: Formula, trace: Uncertain) -> None:
         laws(found, judge(formula, columns, end=end), places.at)
 
 
-@settings(max_examples=examples(100))
+@settings(max_examples=examples(50))
 @given(case=aware(requirements()), trace=traces(most=6))
 def test_interface_aware_semantics(case: Case, trace: Trace) -> None:
     spec, semantics = case
@@ -186,7 +186,7 @@ def test_interface_aware_semantics(case: Case, trace: Trace) -> None:
         assert (len(found) > 0) == (whole.verdict is Verdict.VIOLATED)
 
 
-@settings(max_examples=examples(100))
+@settings(max_examples=examples(50))
 @given(
     response=rooted("implies", 1, endless=True),
     windows=st.lists(st.sampled_from(((0, None), (1, 3), (2, 2), (1, None))), min_size=1),
@@ -244,7 +244,7 @@ def dense_agrees(found: Occurrences, formula: Formula, trace: Judged, begin: flo
         assert body.length == STEP * sum(place % 2 for place in its.reads)
 
 
-@settings(max_examples=examples(60))
+@settings(max_examples=examples(40))
 @given(formula=requirements(dense=True), whole=signals())
 def test_dense_time_matches_judge_at_each_place(
     formula: Formula, whole: Signals, backend: Backend
