@@ -37,7 +37,7 @@ from rtamt_gym.recorded.columns import (
 )
 from rtamt_gym.recorded.dates import DateOrder
 from rtamt_gym.recorded.parts import file_of
-from rtamt_gym.recorded.readers import extensions, folder_format, is_bag, traces_in
+from rtamt_gym.recorded.readers import extensions, folder_format, is_bag, samples_clocks, traces_in
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
@@ -107,8 +107,8 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         shared(
             "--period",
             about="time between samples, in seconds or with a unit, such as 100ms",
-            usual="from the times; without a column of times, bounds count samples; a bag is "
-            "sampled at this period, and a message holds until the next",
+            usual="from the times; without a column of times, bounds count samples; a bag, "
+            "PX4 log or MDF file is sampled at this period, and a value holds until the next",
         ),
         *("--view", "--semantics", "--align", "--dense"),
     )
@@ -261,9 +261,9 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     )
     if not as_files:
         paths = [name for path in paths for name in traces_in(path, columns.where)]
-    if options.start == "known" and not reading.dense and not any(map(is_bag, paths)):
+    if options.start == "known" and not reading.dense and not any(map(samples_clocks, paths)):
         raise InputError(
-            "expected --start known with --dense or with a bag, where variables start at times of "
+            "expected --start known with --dense or with a bag or log, where variables start at times of "
             "their own"
         )
     _check_signals(columns, every)
@@ -286,8 +286,9 @@ def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: 
         raise InputError("expected --period or --dense, which reads events at any time")
     if all(map(is_bag, traces)):
         return
+    clocks = all(map(samples_clocks, traces))
     for option, value in {"--jitter": options.jitter, "--max-gap": options.max_gap}.items():
-        if value is not None:
+        if value is not None and not (clocks and option == "--max-gap"):
             raise InputError(f"expected --period, which leaves the times aside, or {option}")
 
 

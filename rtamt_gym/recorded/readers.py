@@ -45,6 +45,8 @@ class Format:
             damaged file. Rows then come with `RowNumbers`.
         table: Whether a file is one table, whose rows ``--where`` selects and whose columns the
             reader also returns as they are.
+        clocks: Whether columns have times of their own, so that ``--period`` samples them as the
+            topics of a bag.
         marker: The file in a folder that makes the folder one of this format; empty for none.
         several: Whether a file holds several traces. The module then has
             ``traces_in(path)``, which returns the column that tells them apart and its text for
@@ -57,6 +59,7 @@ class Format:
     bag: bool = False
     contained: bool = False
     table: bool = False
+    clocks: bool = False
     marker: str = ""
     several: bool = False
 
@@ -68,8 +71,8 @@ FORMATS = [
     Format("JSON lines", (".ndjson", ".jsonl"), "rtamt_gym.recorded.arrow_reader", table=True),
     Format("NumPy", (".npz",), "rtamt_gym.recorded.arrays", table=True),
     Format("MATLAB", (".mat",), "rtamt_gym.recorded.arrays", contained=True, table=True),
-    Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader", contained=True),
-    Format("ULog", (".ulg",), "rtamt_gym.recorded.ulog_reader"),
+    Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader", contained=True, clocks=True),
+    Format("ULog", (".ulg",), "rtamt_gym.recorded.ulog_reader", clocks=True),
     Format(
         *("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace"),
         bag=True,
@@ -81,6 +84,7 @@ FORMATS = [
         marker="meta/info.json",
         several=True,
     ),
+    Format("SUMO", (".xml", ".xml.gz"), "rtamt_gym.recorded.sumo_reader", several=True),
 ]
 """A row for each format; the first reads files without an extension, and standard input."""
 
@@ -165,6 +169,15 @@ def is_bag(path: str) -> bool:
         return format_of(path).bag
     except InputError:
         return False
+
+
+def samples_clocks(path: str) -> bool:
+    """Return whether ``--period`` samples a file by its times, and does not leave them aside."""
+    try:
+        row = format_of(path)
+    except InputError:
+        return False
+    return row.bag or row.clocks
 
 
 @contextmanager

@@ -17,9 +17,10 @@ from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.names import are_long, check_recorded, starts_of
 from rtamt_gym.recorded.parts import part_of
-from rtamt_gym.recorded.readers import format_of, open_recording
+from rtamt_gym.recorded.readers import Format, format_of, open_recording
 from rtamt_gym.recorded.roles import has_time_bounds
 from rtamt_gym.recorded.sample_rows import read_trace
+from rtamt_gym.recorded.sampling import sampled_events
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.tables import number
 
@@ -32,20 +33,12 @@ def read_ruled(
 ) -> tuple[Trace | EventTrace, Fraction | None]:
     """Read a trace and its period: the stated one, the one of its samples, or None."""
     row = format_of(path)
-    if (part := part_of(path)) is not None:
-        others = {name: text for name, text in columns.where.items() if name != part.key}
-        columns = replace(columns, where=others)
-    if columns.where and not (row.table or row.several):
-        raise InputError(
-            f"{shown(path)}: expected a table for --where, which selects rows, got {row.name}"
-        )
+    columns = _checked(path, row, columns)
     if row.bag:
         read: tuple[Trace | EventTrace, Fraction | None] = import_module(row.module).read_bag(
             path, specs, reading, columns
         )
         return read
-    if columns.stale is not None:
-        raise InputError(f"{shown(path)}: expected --stale for a bag, got it for a table")
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
     if (starts := starts_of(specs, columns)) != columns.starts:
         columns = replace(columns, starts=starts)
@@ -55,12 +48,15 @@ def read_ruled(
                 check_recorded(recording.source, recording.names, spec.variables, columns)
         if reading.dense:
             return read_events(recording, variables, columns, table=row.table), None
-        if_events = "give --dense to take rows as events at any time"
+        if row.clocks and reading.seconds is not None:
+            groups = [spec.variables for spec in specs.values()]
+            events = read_events(recording, variables, columns)
+            return sampled_events(events, groups, reading.seconds, columns), reading.seconds
         trace = read_trace(
             recording,
             variables,
             columns,
-            if_events=if_events,
+            if_events=_IF_CLOCKS if row.clocks else _IF_EVENTS,
             period=reading.seconds,
             timed=any(map(has_time_bounds, specs.values())),
             table=row.table,
@@ -68,6 +64,8 @@ def read_ruled(
     if reading.seconds is not None:
         return _under(trace, reading.seconds), reading.seconds
     period = trace.period()
+    if period is None and trace.times is not None:
+        period = trace.times.step  # of one sample, if the format states it
     trace = _noted(trace, columns)
     timed = any(spec.timed for spec in specs.values())
     if period is None and trace.times is not None and timed:
@@ -76,6 +74,24 @@ def read_ruled(
             "give --period in seconds"
         )
     return trace, period
+
+
+_IF_EVENTS = "give --dense to take rows as events at any time"
+_IF_CLOCKS = "give --period TIME to sample columns, or --dense to take records as events"
+
+
+def _checked(path: str, row: Format, columns: Columns) -> Columns:
+    """Check that the options fit the format; return them for one trace of the file."""
+    if (part := part_of(path)) is not None:
+        others = {name: text for name, text in columns.where.items() if name != part.key}
+        columns = replace(columns, where=others)
+    if columns.where and not (row.table or row.several):
+        raise InputError(
+            f"{shown(path)}: expected a table for --where, which selects rows, got {row.name}"
+        )
+    if columns.stale is not None and not row.bag:
+        raise InputError(f"{shown(path)}: expected --stale for a bag, got it for a table")
+    return columns
 
 
 def _noted(trace: Trace, columns: Columns) -> Trace:

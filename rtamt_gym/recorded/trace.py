@@ -122,14 +122,9 @@ class Trace:
         return 0.0 if self.times is None else self.times.start
 
     def period(self) -> Fraction | None:
-        """Seconds between samples; None without a column of times.
-
-        One sample has a period only if the format of the file states it.
-        """
-        if self.times is None:
+        """Seconds between samples; None without a column of times, or with one sample only."""
+        if self.times is None or self.samples < 2:
             return None
-        if self.samples < 2:
-            return self.times.step
         times, grid = self.times, self.grid or Grid(self.times, self.jitter)
         times.check_order(self.where)
         aside = f"--period to leave the column '{times.column}' aside"

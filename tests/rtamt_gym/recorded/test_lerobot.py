@@ -61,8 +61,10 @@ def test_verdicts_match_pandas(
 def test_period_is_exact(fps: float, tmp_path: Path) -> None:
     folder = write_data_set(tmp_path / "set", states(1, (400, 1)), fps=fps)
     for index in (0, 1):
-        trace = read(f"{folder}[episode_index={index}]")
-        assert trace.period() == 1 / Fraction(str(fps))
+        spec = rtamt.parse(f"always[0:inf]({X} < 1)")
+        name = f"{folder}[episode_index={index}]"
+        _, period = read_ruled(name, {"": spec}, EvaluationOptions(), Columns())
+        assert period == 1 / Fraction(str(fps))
 
 
 def test_dense_times_lie_on_frames(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -318,3 +319,81 @@ def test_nothing_is_printed_while_a_log_is_read(tmp_path: Path) -> None:
     with redirect_stdout(printed):
         names_of(path)
     assert not printed.getvalue()
+
+
+def rates(seed: int) -> tuple[Ulog, dict[str, list[tuple[int, float]]]]:
+    """A log of two topics at rates of their own, which start and end at different times."""
+    generator, log = np.random.default_rng(seed), Ulog(start=0)
+    wanted: dict[str, list[tuple[int, float]]] = {}
+    records = []
+    for topic, field, first, step, count in (
+        (POSITION, "vehicle_local_position.x", 5_000_000, 100_000, 30),
+        (ATTITUDE, "vehicle_attitude.q[3]", 5_330_000, 20_000, 80),
+    ):
+        times = first + np.arange(count) * step + generator.integers(0, step // 3, count)
+        values = generator.normal(size=count)
+        wanted[field] = [*zip(times.tolist(), np.float32(values).tolist(), strict=True)]
+        rows = [[v, 0, 1] if topic is POSITION else [0, 0, 0, v, 0] for v in values.tolist()]
+        records += [(t, topic, row) for t, row in zip(times.tolist(), rows, strict=True)]
+    for time, topic, row in sorted(records, key=lambda record: record[0]):
+        log.data(topic, time, row)
+    return log, wanted
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("period", ["100ms", "30ms", "1/7"])
+def test_two_topics_are_sampled_as_pandas_does(seed: int, period: str, tmp_path: Path) -> None:
+    log, wanted = rates(seed)
+    path = log.save(tmp_path / "two.ulg")
+    spec = rtamt.parse("always(vehicle_local_position.x + vehicle_attitude.q[3] < 1)")
+    reading = EvaluationOptions(period=period)
+    trace, seconds = read_ruled(str(path), {"": spec}, reading, Columns())
+    assert isinstance(trace, Trace)
+    assert seconds is not None
+    begin = min(rows[0][0] for rows in wanted.values())
+    end = max(rows[-1][0] for rows in wanted.values())
+    first = min(rows[0][0] for rows in wanted.values())
+    places = [begin + 10**6 * seconds * k for k in range(int((end - begin) / 10**6 / seconds) + 1)]
+    assert trace.samples == len(places)
+    assert trace.start == pytest.approx(first / 1e6)
+    for name, rows in wanted.items():
+        series = pd.Series([v for _, v in rows], index=[t * 1000 for t, _ in rows])
+        expected = series.reindex([int(place * 1000) for place in places], method="ffill")
+        np.testing.assert_array_equal(trace.columns[name], expected.to_numpy())
+
+
+def test_two_topics_on_the_command_line(tmp_path: Path, capsys: Output) -> None:
+    path = rates(1)[0].save(tmp_path / "two.ulg")
+    text = "always(vehicle_local_position.x < vehicle_attitude.q[3] + 9)"
+    command = ["monitor", text, str(path), "--period", "100ms", "--missing", "hold"]
+    assert main([*command, "--start", "known"]) == 0
+    printed = capsys.readouterr().out
+    assert "note: sampled every 0.1 s: a value holds until the next record" in printed
+    assert "evaluated from 5.4" in printed
+    assert main(command) == 3  # attitudes are unknown in the first 0.3 s
+    assert "robustness over time starts at 5.4" in capsys.readouterr().out
+    assert main(["monitor", text, str(path)]) == 2
+    assert "give --period TIME to sample columns, or --dense" in capsys.readouterr().err
+    assert main(["monitor", text, str(path), "--period", "100ms", "--jitter", "5%"]) == 2
+    assert "--jitter" in capsys.readouterr().err
+
+
+def test_silent_topic_is_unknown_after_max_gap(tmp_path: Path, capsys: Output) -> None:
+    """Attitudes end a second before positions do."""
+    path = rates(1)[0].save(tmp_path / "two.ulg")
+    text = "always(vehicle_local_position.x < vehicle_attitude.q[3] + 9)"
+    command = ["monitor", text, str(path), "--period", "100ms", "--start", "known"]
+    assert main([*command, "--max-gap", "500ms"]) == 3
+    assert "values are unknown where nothing was recorded for more than 0.5 s" in (
+        capsys.readouterr().out
+    )
+    assert main(command) == 0
+
+
+def test_spike_between_samples_counts_with_dense_only(tmp_path: Path) -> None:
+    log = Ulog()
+    for at in range(100):
+        log.data(POSITION, 1_000_000 + at * 10_000, [9 if at == 55 else 0, 0, 1])
+    path, text = str(log.save(tmp_path / "spike.ulg")), "always(vehicle_local_position.x < 5)"
+    assert main(["monitor", text, path, "--period", "100ms"]) == 0
+    assert main(["monitor", text, path, "--dense"]) == 1
