@@ -263,8 +263,8 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         paths = [name for path in paths for name in traces_in(path, columns.where)]
     if options.start == "known" and not reading.dense and not any(map(samples_clocks, paths)):
         raise InputError(
-            "expected --start known with --dense or with a bag or log, where variables start at times of "
-            "their own"
+            "expected --start known with --dense or with a bag or log, where variables start at "
+            "times of their own"
         )
     _check_signals(columns, every)
     starts_of(requirements, columns)

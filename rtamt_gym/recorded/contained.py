@@ -22,6 +22,7 @@ from typing import Any, Final
 from rtamt import InputError
 from rtamt.errors import shown
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.parts import file_of
 from rtamt_gym.recorded.progress import silence
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 
@@ -38,14 +39,25 @@ def open_file(module: str, path: str, columns: Columns) -> Iterator[Recording]:
         path: The file.
         columns: How its columns are read.
     """
-    size = Path(path).stat().st_size if Path(path).exists() else 0
-    limit = LIMIT + size / 1e6
+    limit = _limit(path)
     with _taken() as process:
         names, dates = process.ask(("open", Path.cwd(), module, path, columns), path, limit)
         try:
             yield _Contained(process, path, names, dates, limit)
         finally:
             process.tell(("close",))
+
+
+def call(module: str, function: str, path: str) -> Any:  # noqa: ANN401 - of any function
+    """Return the value of a function of a module for a file, which another process calls."""
+    with _taken() as process:
+        return process.ask(("call", Path.cwd(), module, path, function), path, _limit(path))
+
+
+def _limit(path: str) -> float:
+    """Return the seconds that a file may take."""
+    file = Path(file_of(path))
+    return LIMIT + (file.stat().st_size if file.exists() else 0) / 1e6
 
 
 class _Contained(Recording):
@@ -195,11 +207,14 @@ def serve() -> None:
                 opened.close()
                 continue
             try:
-                if request[0] == "open":
+                if request[0] in ("open", "call"):
                     _, folder, module, path, columns = request
                     os.chdir(folder)  # a path may be relative
+                if request[0] == "call":
+                    answer: Any = getattr(import_module(module), columns)(path)
+                elif request[0] == "open":
                     recording = opened.enter_context(import_module(module).open_file(path, columns))
-                    answer: Any = [*recording.names], [*recording.dates]
+                    answer = [*recording.names], [*recording.dates]
                 else:
                     answer = recording.read(request[1])  # type: ignore[union-attr]  # it was opened
             except Exception as error:  # noqa: BLE001 - the process that has asked raises it

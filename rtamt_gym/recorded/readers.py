@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Final
@@ -82,6 +83,11 @@ FORMATS = [
     Format(
         *("LeRobot data set", (), "rtamt_gym.recorded.lerobot_reader"),
         marker="meta/info.json",
+        several=True,
+    ),
+    Format(
+        *("HDF5", (".hdf5", ".h5"), "rtamt_gym.recorded.hdf5_reader"),
+        contained=True,
         several=True,
     ),
     Format("SUMO", (".xml", ".xml.gz"), "rtamt_gym.recorded.sumo_reader", several=True),
@@ -157,7 +163,10 @@ def traces_in(path: str, where: Mapping[str, str]) -> list[str]:
         row = format_of(path)
         if not row.several or part_of(path) is not None:
             return [path]
-        key, values = import_module(row.module).traces_in(path)
+        listing = partial(import_module(row.module).traces_in, path)
+        if row.contained:
+            listing = partial(contained.call, row.module, "traces_in", path)
+        key, values = listing()
     except (InputError, ImportError, OSError):
         return [path]
     return choose(path, key, values, where) if values else [path]

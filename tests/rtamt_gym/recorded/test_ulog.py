@@ -325,16 +325,18 @@ def rates(seed: int) -> tuple[Ulog, dict[str, list[tuple[int, float]]]]:
     """A log of two topics at rates of their own, which start and end at different times."""
     generator, log = np.random.default_rng(seed), Ulog(start=0)
     wanted: dict[str, list[tuple[int, float]]] = {}
-    records = []
+    records: list[tuple[int, Topic, list[float]]] = []
     for topic, field, first, step, count in (
         (POSITION, "vehicle_local_position.x", 5_000_000, 100_000, 30),
         (ATTITUDE, "vehicle_attitude.q[3]", 5_330_000, 20_000, 80),
     ):
         times = first + np.arange(count) * step + generator.integers(0, step // 3, count)
         values = generator.normal(size=count)
-        wanted[field] = [*zip(times.tolist(), np.float32(values).tolist(), strict=True)]
-        rows = [[v, 0, 1] if topic is POSITION else [0, 0, 0, v, 0] for v in values.tolist()]
-        records += [(t, topic, row) for t, row in zip(times.tolist(), rows, strict=True)]
+        rounded = values.astype(np.float32)
+        wanted[field] = [*zip(map(int, times), map(float, rounded), strict=True)]
+        for time, value in zip(map(int, times), map(float, values), strict=True):
+            row = [value, 0, 1] if topic is POSITION else [0, 0, 0, value, 0]
+            records.append((time, topic, row))
     for time, topic, row in sorted(records, key=lambda record: record[0]):
         log.data(topic, time, row)
     return log, wanted
