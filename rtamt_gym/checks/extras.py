@@ -32,7 +32,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "scipy": ("files", *_SEARCH),
     "asammdf": ("mdf",),
     "pyulog": ("ulog",),
-    "h5py": ("hdf5",),
+    "h5py": ("hdf",),
     "rosbags": ("bags",),
     "pandas": ("pandas", *_SEARCH),
     "fmpy": ("fmi",),

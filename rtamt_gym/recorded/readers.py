@@ -75,22 +75,23 @@ FORMATS = [
     Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader", contained=True, clocks=True),
     Format("ULog", (".ulg",), "rtamt_gym.recorded.ulog_reader", clocks=True),
     Format(
-        *("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace"),
-        bag=True,
-        marker="metadata.yaml",
-    ),
-    Format("ROS 1 bag", (".bag",), "rtamt_gym.recorded.bag_trace", bag=True),
-    Format(
         *("LeRobot data set", (), "rtamt_gym.recorded.lerobot_reader"),
         marker="meta/info.json",
         several=True,
     ),
+    Format("ArduPilot log", (".bin",), "rtamt_gym.recorded.ardupilot_reader", clocks=True),
     Format(
         *("HDF5", (".hdf5", ".h5"), "rtamt_gym.recorded.hdf5_reader"),
         contained=True,
         several=True,
     ),
     Format("SUMO", (".xml", ".xml.gz"), "rtamt_gym.recorded.sumo_reader", several=True),
+    Format(
+        *("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace"),
+        bag=True,
+        marker="metadata.yaml",
+    ),
+    Format("ROS 1 bag", (".bag",), "rtamt_gym.recorded.bag_trace", bag=True),
 ]
 """A row for each format; the first reads files without an extension, and standard input."""
 
