@@ -52,6 +52,7 @@ class Format:
         several: Whether a file holds several traces. The module then has
             ``traces_in(path)``, which returns the column that tells them apart and its text for
             each trace, as `parts.choose` takes them; ``open_file`` takes a `parts.part_name`.
+        choice: Whether ``--where`` has to name one of several traces.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Format:
     clocks: bool = False
     marker: str = ""
     several: bool = False
+    choice: bool = False
 
 
 FORMATS = [
@@ -84,6 +86,12 @@ FORMATS = [
         *("HDF5", (".hdf5", ".h5"), "rtamt_gym.recorded.hdf5_reader"),
         contained=True,
         several=True,
+    ),
+    Format(
+        *("SQLite", (".sqlite", ".sqlite3", ".db"), "rtamt_gym.recorded.sqlite_reader"),
+        table=True,
+        several=True,
+        choice=True,
     ),
     Format("SUMO", (".xml", ".xml.gz"), "rtamt_gym.recorded.sumo_reader", several=True),
     Format(
@@ -170,7 +178,9 @@ def traces_in(path: str, where: Mapping[str, str]) -> list[str]:
         key, values = listing()
     except (InputError, ImportError, OSError):
         return [path]
-    return choose(path, key, values, where) if values else [path]
+    if not values or (row.choice and key not in where and len(values) > 1):
+        return [path]
+    return choose(path, key, values, where)
 
 
 def is_bag(path: str) -> bool:

@@ -155,7 +155,7 @@ def ruled(path: Path, variables: Sequence[str], *, dense: bool = False) -> Trace
 
 
 def test_every_extension_is_tested() -> None:
-    # Formats with several traces in a file, and dataflash logs, have test files of their own.
+    # Formats with several traces in a file, and dataflash logs, have tests of their own.
     one = [row for row in formats() if not row.several and row.name != "ArduPilot log"]
     assert {extension for row in one for extension in row.extensions} == {*WRITERS}
 
