@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt.internal import StampOrder
 from rtamt_gym.recorded.bag_reader import Bag
+from rtamt_gym.recorded.sampling import Stamps
 from rtamt_gym.tables import counted
-
-Stamps = NDArray[np.int64]
 
 
 def span(stamps: Sequence[int], logged: Sequence[int]) -> Iterable[int]:
