@@ -81,7 +81,7 @@ def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
         yield f"{name} does not say how long a step lasts;"
         if conflict := conflicting_times(env.unwrapped):
             yield _filled(f"{conflict};")
-        yield "for bounds in time give --period in seconds, or --period 1 to count steps"
+        yield "for bounds in time give --period in seconds, or --period 1 if bounds count steps"
     else:
         yield _filled(f"{name}: a step lasts {number(period)} s, says env.unwrapped.{sources[1]}")
         if unverified_period(env) is not None:

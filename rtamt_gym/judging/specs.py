@@ -145,7 +145,7 @@ def check_period(
             Argument("period"),
             " in seconds, or ",
             Argument("period", 1),
-            " to count steps",
+            " if every bound counts steps",
         )
 
 

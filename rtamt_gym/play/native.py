@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import Verdict
-from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.judge import Judging, Questions
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.vector_panel import VectorPanel
+from rtamt_gym.play.durations import step_limit
 from rtamt_gym.play.loop import PlayBatch, Played, Task, play
 from rtamt_gym.play.run_record import (
     AT_VERDICTS,
@@ -109,9 +109,7 @@ class NativeRollouts:
             reading = judging.reading.having(period=read_period(system))
             judging = judging._replace(reading=reading)
         panel = Panel(judging.specs, judging.reading)
-        most = None
-        if duration is not None and duration != math.inf:
-            most = int(exact(duration) / (panel.period or 1))
+        most = step_limit(duration, panel.period, spec.id)
         return cls(system, judging, elements, most, stop, batch)
 
     def kind(self, case: Case) -> str | None:

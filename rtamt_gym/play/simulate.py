@@ -89,9 +89,9 @@ def simulate(
             more of an environment, use a closure: ``lambda obs: act(env.unwrapped)``. It does not
             drive what a case drives. None: the ``baseline`` of an environment that has one.
         seed: The seed of an environment's reset.
-        duration: The maximum simulated time in seconds (in steps without a period). None: until the
-            system ends by itself, which a model, an FMU or a function of time never does; with
-            ``math.inf`` they run until they are stopped.
+        duration: The maximum simulated time in seconds; the period of the samples must be known.
+            None: until the system ends by itself, which a model, an FMU or a function of time never
+            does; with ``math.inf`` they run until they are stopped.
         stop: When to stop. ``"violation"``: at the first certain violation; ``"decided"``: also
             once every verdict is certain; ``"known"``: also once every robustness is known, checked
             after every tenth sample; ``"verdicts"``: only once every verdict is certain, not at a
@@ -109,9 +109,9 @@ def simulate(
     Raises:
         SpecificationError: If a specification is wrong, reads the first sample only, has a bound
             that is not a multiple of the period without ``align``, or needs a period and has none.
-        InputError: If a variable cannot be read, a policy, a period or a duration is missing, a
-            signal is nan, the semantics is unknown, or a name in ``inputs`` or ``outputs`` is no
-            variable; if a `StepMonitor` is given what it has of its own.
+        InputError: If a variable cannot be read, a policy, a period or a duration is missing, the
+            duration is shorter than a step, a signal is nan, the semantics is unknown, or a name in
+            ``inputs`` or ``outputs`` is no variable; if a `StepMonitor` is given what it has of its own.
         InputTypeError: If the system is not one of those above, or specifications are missing.
         StateError: If the simulation is unstable; if a `StepMonitor` has finished.
 

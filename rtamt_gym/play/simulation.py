@@ -17,7 +17,7 @@ from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument
 from rtamt.monitors import Evidence, TriggerCount
 from rtamt.typing import End
-from rtamt_gym.checks.arguments import check_choice, check_known, check_number
+from rtamt_gym.checks.arguments import check_choice, check_known
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
@@ -32,6 +32,7 @@ from rtamt_gym.judging.specs import (
 )
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
+from rtamt_gym.play.durations import step_limit
 from rtamt_gym.play.recorder import Recorder
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import (
@@ -192,7 +193,8 @@ class Simulator:
         if self.monitor is not None:
             variables = _variables(self.specs)
             ran.bind(variables, self.signals, self.monitor.period)
-            most = _most(self._duration, exact(ran.period or 1), ran)
+            step = None if ran.period is None else exact(ran.period)
+            most = step_limit(self._duration, step, ran.name, endless=ran.endless)
             if self._questions is None:
                 self._questions = Questions(self.specs, self.monitor.reading)
             period = self.monitor.period
@@ -205,12 +207,14 @@ class Simulator:
             reason = lacks if isinstance(lacks, str) else "does not say how long a step lasts"
             raise InputError(f"{ran.name} {reason}; give ", Argument("period"), " in seconds")
         why = why_no_period(self._given) if isinstance(self._given, gym.Env) else ""
+        if reading.period is None:  # before the bounds: the error states both
+            step_limit(self._duration, None, ran.name, endless=ran.endless)
         check_period(self.specs, reading.period, ran.name, why)
         judge = self._judge
         if judge is None or judge.reading.period != reading.period:
             judge = self._judge = Judge(self.specs, reading)
             self._free = []
-        most = _most(self._duration, judge.period, ran)
+        most = step_limit(self._duration, judge.period, ran.name, endless=ran.endless)
         ran.bind(judge.variables, self.signals, judge.period)
         reads = ran.reads if isinstance(ran, Environment) and ran.plain else None
         variables, questions = judge.variables, judge.questions
@@ -555,21 +559,3 @@ def _refuse_options(options: Mapping[str, object]) -> None:
                 f"{name}= is for systems without a monitor, got {name}={value!r} for a "
                 f"StepMonitor, which has its own; give it to StepMonitor(...)"
             )
-
-
-def _most(duration: float | None, period: Fraction | None, system: System) -> int | None:
-    """Return the number of steps at which ``duration`` ends a run, or None."""
-    if duration is None:
-        if system.endless:
-            raise InputError(
-                f"{system.name} does not end by itself; give ",
-                Argument("duration"),
-                " in seconds, or ",
-                Argument("duration", "inf", words="duration=math.inf"),
-                " to run until it is stopped",
-            )
-        return None
-    if duration == math.inf:
-        return None
-    # A duration that is a float may lie a little below a whole number of periods.
-    return int(exact(check_number("duration", duration)) / (period or 1))

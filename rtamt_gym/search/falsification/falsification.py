@@ -285,7 +285,8 @@ class Falsification:
         if self.robustness == math.inf:
             why = "no sample of any simulation counts, as where windows lie beyond the end"
             lines += _wrapped(why, "")
-        took = f"{self.simulated_time:.6g} simulated seconds, optimizer {self.optimizer}"
+        unit = "steps" if self._runner.period is None else "simulated seconds"
+        took = f"{self.simulated_time:.6g} {unit}, optimizer {self.optimizer}"
         took += f", seed {self.seed}"
         if self.falsified:
             lines += ["", *_wrapped(f"simulation {self.simulations} of {self.budget}; {took}", "")]

@@ -247,7 +247,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
             (
                 "specification 'spec' has bounds in time, but Blackjack-v1 does not say how long a "
                 "step lasts: there is no dt, tau or config['policy_frequency'] in it, or in an "
-                "environment inside it; give --period in seconds, or --period 1 to count steps"
+                "environment inside it; give --period in seconds, or --period 1 if every bound counts steps"
             ),
         ),
         (

@@ -112,13 +112,35 @@ def refused(
         refused(
             lambda: run(ROWS, "always[0:2](level < 3)"),
             "specification 'spec' has bounds in time, but samples does not say how long a step "
-            "lasts; give period= in seconds, or period=1 to count steps",
+            "lasts; give period= in seconds, or period=1 if every bound counts steps",
             SpecificationError,
         ),
         refused(
             lambda: run(ramp, LOW, period=0.1),
             "ramp does not end by itself; give duration= in seconds, or duration=math.inf to run "
             "until it is stopped",
+        ),
+        refused(
+            lambda: run(ROWS, LOW, duration=20),
+            "duration=20.0 can mean 20 s or 20 steps, since samples does not say how long a step "
+            "lasts; give period= in seconds, or period=1 if the duration, and every bound, counts "
+            "steps",
+        ),
+        refused(
+            lambda: run(ROWS, "always[0:2](level < 3)", duration=20),
+            "duration=20.0 can mean 20 s or 20 steps, since samples does not say how long a step "
+            "lasts; give period= in seconds, or period=1 if the duration, and every bound, counts "
+            "steps",
+        ),
+        refused(
+            lambda: run(ROWS, LOW, period=100, duration=20),
+            "duration=20.0 is shorter than a step of 100 s, so no step would be evaluated; give at "
+            "least duration=100.0, or period='100ms' for ms",
+        ),
+        refused(
+            lambda: run(CARTPOLE, LOW, {"level": "obs[0]"}, policy=lambda _: 0, duration=0.01),
+            "duration=0.01 is shorter than a step of 0.02 s, so no step would be evaluated; give "
+            "at least duration=0.02",
         ),
         refused(
             lambda: run(ROWS, LOW, duration=-1),
@@ -242,3 +264,8 @@ def test_an_unstable_simulation_is_an_error() -> None:
         "expected the time 0.014 s of ball after a step, got 0.002 s: MuJoCo found the simulation "
         "unstable and reset it"
     )
+
+
+def test_counted_steps_are_a_duration() -> None:
+    ended = simulate([{"level": 1.0}] * 9, LOW, period=1, duration=3, stop="end")
+    assert (ended.ended, ended.steps) == ("duration", 3)

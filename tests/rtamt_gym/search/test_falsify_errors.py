@@ -129,6 +129,32 @@ def test_mistakes_are_told(options: dict[str, Any], error: type[RtamtError], mes
     assert str(told.value) == message
 
 
+def car(gain: float) -> Iterator[Mapping[str, float]]:
+    """Reach a speed of 40 after 10 s, in steps of 0.1 s."""
+    for step in range(200):
+        yield {"speed": 0.4 * step * gain}
+
+
+@pytest.mark.parametrize(
+    ("period", "message"),
+    [
+        (None, r"duration=20.0 can mean 20 s or 20 steps, since car .* give period= in seconds"),
+        (100, r"duration=20.0 is shorter than a step of 100 s.* period='100ms'"),
+    ],
+)
+def test_short_duration_error(period: float | None, message: str) -> None:
+    space = [Parameter("gain", 0.1, 1)]
+    with pytest.raises(InputError, match=message):
+        falsify(car, "always(speed < 30)", space, duration=20, period=period, budget=5)
+    found = falsify(car, "always(speed < 30)", space, duration=20, period="100ms", budget=5)
+    assert found.falsified
+
+
+def test_steps_without_period() -> None:
+    found = falsify(car, "always(speed < 90)", [Parameter("gain", 0.1, 1)], budget=2)
+    assert "2 simulations; 398 steps, optimizer" in str(found)
+
+
 def test_an_optimizer_that_returns_ends_the_search() -> None:
     found = falsify(plain, "always(y >= 0)", X, period=1, optimizer=asks([[0.5], [0.25]]))
     assert (found.falsified, found.simulations, found.robustness) == (False, 2, 0.25)

@@ -118,7 +118,7 @@ def test_the_period_of_what_an_environment_holds_is_not_guessed(inside: Any) -> 
     message = (
         "specification 'spec' has bounds in time, but <Bare> does not say how long a step lasts: "
         "there is no dt, tau or config['policy_frequency'] in it, or in an environment inside it; "
-        "give period= in seconds, or period=1 to count steps"
+        "give period= in seconds, or period=1 if every bound counts steps"
     )
     with pytest.raises(SpecificationError) as caught:
         StlMonitor(Maze(**inside), BOUNDED, X)
@@ -176,7 +176,7 @@ def test_an_asynchronous_environment_without_a_period_says_so_and_lives_on() -> 
     assert str(caught.value) == (
         "specification 'spec' has bounds in time, but AsyncVectorEnv(num_envs=1) does not say how "
         "long a step lasts: there is no dt, tau or config['policy_frequency'] in its environments, "
-        "or in an environment inside these; give period= in seconds, or period=1 to count steps"
+        "or in an environment inside these; give period= in seconds, or period=1 if every bound counts steps"
     )
     assert (len(made.made), made.closed) == (2, 2)
     _, infos = VectorStlMonitor(envs, BOUNDED, X, period=1).reset()

@@ -74,7 +74,7 @@ class One(gym.Env[Any, Any]):
             (
                 "specification 'spec' has bounds in time, but crew_v0 does not say how long a step "
                 "lasts: there is no dt, tau or config['policy_frequency'] in it, or in an "
-                "environment inside it; give period= in seconds, or period=1 to count steps"
+                "environment inside it; give period= in seconds, or period=1 if every bound counts steps"
             ),
         ),
         (

@@ -100,7 +100,7 @@ def test_wrong_option_of_one_and_of_many(arguments: dict[str, Any], message: str
             (
                 "specification 'spec' has bounds in time, but <Timeless> does not say how long a "
                 "step lasts: there is no dt, tau or config['policy_frequency'] in it, or in an "
-                "environment inside it; give period= in seconds, or period=1 to count steps"
+                "environment inside it; give period= in seconds, or period=1 if every bound counts steps"
             ),
         ),
         ({"specs": {}}, InputError, "expected at least one specification, got an empty mapping"),
