@@ -111,7 +111,8 @@ def simulate(
             that is not a multiple of the period without ``align``, or needs a period and has none.
         InputError: If a variable cannot be read, a policy, a period or a duration is missing, the
             duration is shorter than a step, a signal is nan, the semantics is unknown, or a name in
-            ``inputs`` or ``outputs`` is no variable; if a `StepMonitor` is given what it has of its own.
+            ``inputs`` or ``outputs`` is no variable; if a `StepMonitor` is given what it has of its
+            own.
         InputTypeError: If the system is not one of those above, or specifications are missing.
         StateError: If the simulation is unstable; if a `StepMonitor` has finished.
 
