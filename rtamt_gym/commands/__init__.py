@@ -17,6 +17,7 @@ COMMANDS = {
     "replay": "run a saved case again",
     "report": "show results as a page of HTML",
     "monitor": "evaluate recorded traces",
+    "watch": "evaluate a stream of samples while it comes",
     "mine": "find the tightest constant for which recorded traces satisfy a requirement",
     "check": "check requirements for contradictions, tautologies and vacuity",
     "examples": "show different traces that satisfy and violate requirements",

@@ -112,10 +112,10 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         ),
         *("--view", "--semantics", "--align", "--dense"),
     )
-    _add_columns(parser.add_argument_group("columns"))
+    add_columns(parser.add_argument_group("columns"))
 
 
-def _add_columns(group: argparse._ArgumentGroup) -> None:
+def add_columns(group: argparse._ActionsContainer) -> None:
     """Add the arguments of `read_columns`."""
     add_options(
         group,

@@ -219,6 +219,7 @@ class TimeAxis:
         readings: The units in which the usual step would be plausible, if none is certain and
             seconds are not.
         absurd: Whether the unit is not certain, and the times can hardly be seconds.
+        unit: The nanoseconds in a unit of the column; 1 for dates.
     """
 
     column: str
@@ -230,6 +231,7 @@ class TimeAxis:
     decided: str = ""
     readings: Sequence[str] = ()
     absurd: bool = False
+    unit: int = 1
 
     @staticmethod
     def of(rows: Rows, column: str, columns: Columns) -> TimeAxis:
@@ -278,14 +280,16 @@ class TimeAxis:
                 unit_name = decided = "ns"  # of rostopic
         unit = UNITS[unit_name or "s"]
         with np.errstate(over="ignore"):  # of times that `check_distances` refuses
-            since = _scaled(raw - raw[0], unit)
+            since = in_seconds(raw - raw[0], unit)
         most = float(np.abs(raw).max())
         ulp = math.ulp(most) if raw.dtype.kind == "f" else 0.0
-        start = float(_scaled(raw[:1], unit)[0])
+        start = float(in_seconds(raw[:1], unit)[0])
         precision = max(ulp * unit / 1e9, math.ulp(float(np.abs(since).max())))
         step = rows.step or (None if raw.dtype.kind == "f" else _step(raw, unit))
         certain = bool(unit_name)
-        return TimeAxis(column, since, start, precision, certain, step, decided, readings, absurd)
+        return TimeAxis(
+            column, since, start, precision, certain, step, decided, readings, absurd, unit
+        )
 
     @property
     def seconds(self) -> Floats:
@@ -437,7 +441,7 @@ def _step(integers: NDArray[Any], unit: int) -> Fraction | None:
     return Fraction(first * unit, UNITS["s"]) if (np.diff(integers) == first).all() else None
 
 
-def _scaled(raw: RawTimes, unit: int) -> Floats:
+def in_seconds(raw: RawTimes, unit: int) -> Floats:
     """Numbers of a unit in seconds, rounded once."""
     second = UNITS["s"]
     floats: Floats = raw.astype(np.float64)

@@ -40,7 +40,7 @@ FLOORS = {
         ("play",),
         ("search",),
         ("evaluation",),
-        ("reports", "learners", "datasets"),
+        ("reports", "learners", "datasets", "watching"),
         ("demo", "testing"),
         ("commands",),
         ("__init__", "__main__"),

@@ -134,6 +134,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "files",
         "mdf",
         "ulog",
+        "watch",
         "pandas",
         "bags",
         "fmi",

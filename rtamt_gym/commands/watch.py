@@ -1,0 +1,268 @@
+"""`rtamt watch`: judges a stream of samples or events while it comes."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, Final
+
+from rtamt import InputError
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
+from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
+from rtamt_gym.commands.traces import add_columns
+from rtamt_gym.options.command_line import (
+    Option,
+    add_options,
+    positive,
+    read_evaluation_options,
+    shared,
+)
+from rtamt_gym.recorded.columns import Columns, read_columns, read_seconds
+from rtamt_gym.results.warnings import INTERRUPTED
+
+if TYPE_CHECKING:
+    from rtamt_gym.watching.lines import Line
+    from rtamt_gym.watching.settings import WatchOptions
+
+_COLUMNS: Final = (
+    *("--signal", "--time", "--time-unit", "--date-order", "--one-trace", "--separator", "--skip"),
+    *("--decimal", "--missing", "--default", "--no-defaults"),
+)
+"""The options of columns that a stream has; the others need a whole file."""
+
+
+class _Some:
+    """A group of arguments that takes only the options of a stream."""
+
+    def __init__(self, group: argparse._ArgumentGroup) -> None:
+        self._group = group
+
+    def add_argument(self, *flags: str, **keywords: Any) -> None:  # noqa: ANN401 - of argparse
+        if flags[0] in _COLUMNS:
+            self._group.add_argument(*flags, **keywords)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Evaluates rows of a stream while they come, and prints a line of JSON as soon as a "
+        "verdict is decided. At the end of the stream every requirement gets a final line, and "
+        "the exit code is the exit code of rtamt monitor: 2 for a bad argument or line, 1 for a "
+        "violation, 3 for an undecided requirement, otherwise 0. Ctrl-C prints the final lines "
+        "and exits 130."
+    )
+    parser.epilog = "example: simulator | rtamt watch requirements.stl --stop violation"
+    add_options(
+        parser,
+        Option("SPEC", "the path of a .stl file, name=path, or a formula", dest="spec"),
+        Option(
+            "SOURCE",
+            "- for standard input, a file, tcp:PORT or unix:PATH for a socket on this machine, "
+            "which takes one client",
+            default="-",
+            nargs="?",
+        ),
+        Option(
+            "--format",
+            "how lines hold rows: csv, below a line of names, or ndjson, a JSON object in each",
+            usual="ndjson if the first byte is {, otherwise csv",
+            choices=("csv", "ndjson"),
+        ),
+        Option("--follow", "wait for more rows at the end of a file, which grows"),
+        Option(
+            "--idle TIME",
+            "with --follow: end when no byte has come for this time, such as 10s",
+            usual="never",
+        ),
+        Option(
+            "--stop",
+            "when to stop before the end: at the first violation, or once all verdicts are "
+            "decided; the process that writes the stream ends at its next write",
+            default="end",
+            choices=("end", "violation", "decided"),
+        ),
+        Option("--every", "print a line for every sample; otherwise for each change of a verdict"),
+        "--only",
+        "--constant",
+        "--end",
+        shared(
+            "--period",
+            about="time between samples, in seconds or with a unit, such as 100ms",
+            usual="the distance of the first two times, to which all others must fit",
+        ),
+        shared(
+            "--view",
+            about="episode evaluates a requirement at the first sample; step evaluates it at "
+            "every instant, late by its horizon, and prints each change of its verdict",
+        ),
+        *("--semantics", "--align", "--dense"),
+        Option(
+            "--skip-bad",
+            "leave out bad lines, and take the samples that are missing for unknown",
+            usual="a bad line is an error",
+        ),
+        Option(
+            "--min-duration TIME",
+            "exit 3 if the trace is shorter, such as 10s or 2h, and nothing is violated",
+        ),
+    )
+    groups = parser.add_argument_group("groups")
+    add_options(
+        groups,
+        Option("--by COLUMN", "evaluate the rows of each value of a column as a trace of its own"),
+        Option("--max-groups N", "most groups at one time", default=100_000, read=positive),
+        Option(
+            "--group-idle TIME",
+            "end a group when the newest time of all groups is this much later than its last",
+            usual="at the end of the stream",
+        ),
+    )
+    some: Any = _Some(parser.add_argument_group("columns"))
+    add_columns(some)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Judge the stream; return the exit code."""
+    from rtamt_gym.watching.sources import Source
+    from rtamt_gym.watching.watch import Watch, few_collections
+
+    settings = _settings(options)
+    idle = None if options.idle is None else float(read_seconds("--idle", options.idle))
+    source = Source(options.source, options.follow, idle)
+    source.check()
+    output = _Output()
+    watch = Watch(settings, source.title, output.add)
+    code: int | None = None
+    with _interrupts() as interrupts, few_collections():
+        try:
+            blocks = source.blocks()
+            while not (watch.stopped or output.closed):
+                with interrupts.allowed():
+                    block = next(blocks, None)
+                if block is None:
+                    watch.end_of_input()
+                    break
+                watch.add(block)
+                output.flush()
+        except KeyboardInterrupt:
+            code = INTERRUPTED
+            watch.finish(early=True)
+        except Exception:
+            watch.finish(early=True)
+            output.flush()
+            raise
+        else:
+            watch.finish(early=watch.stopped)
+    output.flush()
+    print(*watch.messages(), sep="\n", end="\n" * bool(watch.messages()), file=sys.stderr)
+    for failure in watch.failures:
+        print(f"rtamt: error: {failure}", file=sys.stderr)
+    return watch.exit_code() if code is None else code
+
+
+def _settings(options: argparse.Namespace) -> WatchOptions:
+    """Read the requirements and the options."""
+    from rtamt_gym.recorded.judge import viewed
+    from rtamt_gym.watching.settings import WatchOptions
+
+    constants = read_constants(options.constant)
+    specs = chosen(read_requirements([options.spec], constants), options.only)
+    reading = read_evaluation_options(options)
+    for spec in specs.values():
+        viewed(spec, reading.view)
+    names = {flag.removeprefix("--").replace("-", "_") for flag in _COLUMNS} - {"signal", "default"}
+    columns = read_columns(
+        signals=options.signal,
+        defaults=tuple(dict.fromkeys(options.default)),
+        **{name: getattr(options, name) for name in names & {f.name for f in fields(Columns)}},
+    )
+    variables = variables_of(specs)
+    for name in columns.signals:
+        if name not in variables:
+            hint = nearest(name, variables) or f"; they read {listing(variables)}"
+            raise InputError(f"--signal: no specification reads {name!r}{hint}")
+    group_idle, least = options.group_idle, options.min_duration
+    return WatchOptions(
+        specs,
+        reading,
+        columns,
+        options.format,
+        options.by,
+        options.max_groups,
+        None if group_idle is None else read_seconds("--group-idle", group_idle),
+        options.every,
+        options.stop,
+        options.skip_bad,
+        None if least is None else read_seconds("--min-duration", least),
+    )
+
+
+class _Output:
+    """Lines of JSON on standard output, written once for each block of the stream."""
+
+    def __init__(self) -> None:
+        self._texts: list[str] = []
+
+    def add(self, line: Line) -> None:
+        """Add a line."""
+        self._texts.append(line.to_json())
+        if len(self._texts) >= _MANY:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write all lines; waits for a slow reader."""
+        if self._texts:
+            texts, self._texts = self._texts, []
+            sys.stdout.write("\n".join(texts) + "\n")
+            sys.stdout.flush()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the reader of standard output has ended."""
+        return bool(getattr(sys.stdout, "closed_by_reader", False))
+
+
+_MANY: Final = 10_000
+"""Lines that are written before the block ends."""
+
+
+class _Interrupts:
+    """Ctrl-C, which ends the wait for input at once, and any other work after the block."""
+
+    def __init__(self) -> None:
+        self._waiting = self._pending = False
+
+    def handle(self, *_: object) -> None:
+        """Take in a signal."""
+        if self._waiting:
+            raise KeyboardInterrupt
+        self._pending = True
+
+    @contextmanager
+    def allowed(self) -> Iterator[None]:
+        """Raise KeyboardInterrupt in this context after Ctrl-C, also for one that came before."""
+        self._waiting = True
+        try:
+            if self._pending:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._waiting = False
+
+
+@contextmanager
+def _interrupts() -> Iterator[_Interrupts]:
+    interrupts = _Interrupts()
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupts
+        return
+    before = signal.signal(signal.SIGINT, interrupts.handle)
+    try:
+        yield interrupts
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,285 @@
+"""The trace of one group in dense time, of events at any times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import rtamt
+from rtamt import InputError, Verdict
+from rtamt.typing import End
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.dates import RawTimes
+from rtamt_gym.recorded.judge import viewed
+from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.times import same_as_before
+from rtamt_gym.results.extent import Extent
+from rtamt_gym.tables import number
+from rtamt_gym.watching.clock import Clock, ClockRules, plain_times
+from rtamt_gym.watching.lines import Line
+from rtamt_gym.watching.rows import RowFault
+from rtamt_gym.watching.states import Row, StreamRules
+from rtamt_gym.watching.values import without_place
+
+_TICK = 1e-9
+"""The resolution of dense time in seconds."""
+
+
+class EventState:
+    """A requirement on the events of one trace."""
+
+    def __init__(self, rules: StreamRules, name: str, absent: Sequence[str]) -> None:
+        spec, options = rules.specs[name], rules.reading
+        self.name = name
+        keywords: dict[str, Any] = {"semantics": options.semantics, "nan": options.nan}
+        if keywords["nan"] == "hold":
+            keywords["nan"] = "raise"
+        self.monitor = rtamt.dense.EpisodeMonitor(viewed(spec, options.view), **keywords)
+        declared = {*absent} & spec.defaults.keys()
+        names = [v for v in self.monitor.variables if v not in declared] or self.monitor.variables
+        self.variables = {v: rules.variables.index(v) for v in names}
+        self.verdict, self.reason = Verdict.UNDECIDED, ""
+        self._instants: rtamt.dense.Monitor | None = None
+        self.last_instant: Verdict | None = None
+        self.changes = 0
+        if rules.by_step and spec.horizon < math.inf:
+            self._instants = rtamt.dense.Monitor(spec, semantics=options.semantics)
+
+    def update(self, time: float, row: Row) -> None:
+        """Take in the values from a time on."""
+        events = {name: [(time, row[at])] for name, at in self.variables.items()}
+        self.monitor.update(events)
+
+    def instants(self, time: float, row: Row) -> list[tuple[float, float]]:
+        """Return the breakpoints of the robustness that the values settle."""
+        if self._instants is None:
+            return []
+        return self._instants.update(
+            {name: [(time, row[at])] for name, at in self.variables.items()}
+        )
+
+    @property
+    def violates(self) -> bool:
+        """Whether a violation is known that ``--stop violation`` waits for."""
+        if self._instants is not None:
+            return self.last_instant is Verdict.VIOLATED
+        return self.verdict is Verdict.VIOLATED
+
+
+class EventTrace:
+    """The events of one group.
+
+    Args:
+        rules: How traces are judged.
+        columns: How empty cells count.
+        clock: How times are read.
+        group: The name of the group; None without groups.
+        absent: The variables without a column.
+    """
+
+    def __init__(
+        self,
+        rules: StreamRules,
+        columns: Columns,
+        clock: ClockRules,
+        group: str | None,
+        absent: Sequence[str],
+    ) -> None:
+        self._rules, self._columns, self._clock_rules = rules, columns, clock
+        self.group, self._absent = group, absent
+        self._clock: Clock | None = None
+        self._states = [EventState(rules, name, absent) for name in rules.specs]
+        rules.undecided += len(rules.specs)
+        self._held: list[float] = []
+        self._pending: list[float] = []
+        self._raw: RawTimes | None = None
+        self._fed = self._gap = self._unit_known = False
+        self._time = self._judged = 0.0
+        self.samples = self.rows = 0
+        self.stopped = False
+
+    def lose(self) -> None:
+        """Note that a line was left out: values are unknown from the last row to the next."""
+        self._gap = True
+
+    def feed(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
+        """Take in rows, as `SampledTrace.feed` does."""
+        assert raw is not None, "events have times"  # noqa: S101 - for mypy
+        for at, row in enumerate(values.tolist()):
+            try:
+                self._row(row, raw[at : at + 1], lines[at])
+            except RowFault as fault:
+                fault.row = at
+                raise
+            except InputError as error:
+                raise RowFault(at, without_place(error), skippable=False) from error
+            if self.stopped:
+                return
+
+    def _row(self, row: list[float], raw: RawTimes, line: int) -> None:
+        if self._clock is None:
+            self._clock = self._begin(raw, line)
+        elif self._raw is not None:
+            both = plain_times(np.concatenate([self._raw, raw]))
+            if bool(same_as_before(both)[0]):
+                self._merge(row)
+                return
+            if both[1] < both[0]:
+                raise RowFault(
+                    0,
+                    f"expected times that increase, got {raw[0]} after {self._raw[0]}",
+                    skippable=False,
+                )
+            self._flush()
+            if self.stopped:
+                return
+        if self._raw is not None and not self._unit_known:
+            self._check_unit(raw, line)
+        time = self._clock.start + float(self._clock.since(raw)[0])
+        if not math.isfinite(time):
+            raise RowFault(0, f"expected a finite time, got {raw[0]}")
+        if self._gap and self.samples:
+            self._forget_values(time, len(row))
+        self._gap = False
+        self._raw, self._time, self._fed = raw, time, False
+        self._pending = row
+        if not any(map(self._is_no_event, row)):
+            self._flush()
+
+    def _begin(self, raw: RawTimes, line: int) -> Clock:
+        """Return the clock that starts with the first row."""
+        starts, variables = self._columns.starts, self._rules.variables
+        self._held = [starts.get(name, math.nan) for name in variables]
+        self._known = [name in starts for name in variables]
+        try:
+            return Clock(self._clock_rules, raw, [line])
+        except InputError as error:
+            raise RowFault(0, without_place(error)) from None
+
+    def _forget_values(self, time: float, width: int) -> None:
+        """Take values for unknown between the last row and a time, after a bad line."""
+        after = max(self._judged + _TICK, math.nextafter(self._judged, math.inf))
+        if after < time:
+            for state in self._states:
+                state.update(after, [math.nan] * width)
+
+    def _check_unit(self, raw: RawTimes, line: int) -> None:
+        assert self._raw is not None, "a row came before"  # noqa: S101 - for mypy
+        try:
+            self._clock_rules.axis(np.concatenate([self._raw, raw]), [line - 1, line])
+        except InputError as error:
+            raise RowFault(0, without_place(error), skippable=False) from None
+        self._unit_known = True
+
+    def _is_no_event(self, value: float) -> bool:
+        return math.isnan(value) and self._columns.missing != "unknown"
+
+    def _merge(self, row: Row) -> None:
+        """Add the values of a further row at the time of the last."""
+        for place, value in enumerate(row):
+            old = self._pending[place]
+            if self._is_no_event(value) or old == value or (old != old and value != value):  # noqa: PLR0124
+                continue
+            if not self._is_no_event(old):
+                raise RowFault(
+                    0,
+                    f"expected one value of '{self._rules.variables[place]}' at one time, got "
+                    f"{number(old)} and {number(value)}",
+                )
+            self._pending[place] = value
+
+    def _flush(self) -> None:
+        """Judge the values at the time of the last row, all of which have come."""
+        if self._fed or self._raw is None:
+            return
+        for place, value in enumerate(self._pending):
+            if not self._is_no_event(value):
+                self._held[place], self._known[place] = value, True
+        if not all(self._known):
+            name = self._rules.variables[self._known.index(False)]
+            raise RowFault(
+                0,
+                f"expected a value of '{name}' in the first row, got none. Declare its value "
+                f"before the first event, as in: input float {name} = 0",
+                skippable=False,
+            )
+        row = [*self._held]
+        for state in self._states:
+            state.update(self._time, row)
+        self._judged, self._fed = self._time, True
+        self.samples += 1
+        self._look(row)
+
+    def _look(self, row: Row) -> None:
+        rules = self._rules
+        for state in self._states:
+            verdict = state.monitor.verdict
+            decided = verdict is not state.verdict
+            if decided:
+                state.verdict = verdict
+                rules.undecided -= 1
+                state.reason = rules.values_text(state.monitor.variables, row)
+            if not rules.by_step:
+                if decided or rules.every or self.samples == 1:
+                    rules.emit(self._line(state))
+                continue
+            if self.samples == 1:
+                rules.emit(self._line(state))
+            self._emit_instants(state, state.instants(self._time, row))
+        if rules.stop == "violation":
+            self.stopped = any(state.violates for state in self._states)
+        elif rules.stop == "decided":
+            self.stopped = not rules.undecided
+
+    def _emit_instants(self, state: EventState, points: list[tuple[float, float]]) -> None:
+        for time, robustness in points:
+            verdict = Verdict.VIOLATED if math.copysign(1.0, robustness) < 0 else Verdict.SATISFIED
+            if verdict is state.last_instant and not self._rules.every:
+                continue
+            state.changes += verdict is not state.last_instant
+            state.last_instant = verdict
+            line = Line(
+                *(state.name, self.group, time, None, verdict),
+                *(robustness, robustness, robustness),
+                decided_at=self._time,
+            )
+            self._rules.emit(line)
+            if verdict is Verdict.VIOLATED and self._rules.stop == "violation":
+                return
+
+    def _line(self, state: EventState) -> Line:
+        monitor = state.monitor
+        return Line(
+            *(state.name, self.group, self._judged, None, state.verdict),
+            *(monitor.robustness, monitor.lower, monitor.upper),
+            decided_at=monitor.decided_at if state.verdict else None,
+            reason=state.reason,
+        )
+
+    def finish(self, end: End) -> list[Line]:
+        """End the trace; return the final line of each requirement."""
+        if not self.stopped:
+            self._flush()
+        self._rules.undecided -= sum(not state.verdict for state in self._states)
+        if not self.samples:
+            return []
+        if self._gap:
+            end = "open"
+        lines = []
+        for state in self._states:
+            state.monitor.finish(end)
+            if state.monitor.verdict is not state.verdict:
+                state.verdict, state.reason = state.monitor.verdict, f"the end of the trace ({end})"
+            counts: Mapping[str, int] | None = None
+            if self._rules.by_step:
+                counts = {"changes": state.changes}
+            lines.append(self._line(state)._replace(end=end, final=True, instants=counts))
+        return lines
+
+    def extent(self) -> Extent:
+        """Return how much of the trace has come."""
+        start = 0.0 if self._clock is None else self._clock.start
+        return Extent(None, self.samples, None, start, self._judged, 1.0)

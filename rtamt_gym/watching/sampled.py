@@ -1,0 +1,408 @@
+"""The trace of one group, of samples at even distances."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+
+from rtamt import InputError, Verdict
+from rtamt.typing import End
+from rtamt_gym.checks.names import listing
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.dates import RawTimes
+from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.times import same_as_before
+from rtamt_gym.results.extent import Extent
+from rtamt_gym.tables import number, time_text
+from rtamt_gym.watching.clock import Clock, ClockRules, on_grid, plain_times
+from rtamt_gym.watching.lines import Line
+from rtamt_gym.watching.rows import RowFault
+from rtamt_gym.watching.states import Row, SampledState, StreamRules
+from rtamt_gym.watching.values import without_place
+
+_UNKNOWN = 1_000_000
+"""The most instants that bad lines may leave out in a row."""
+
+
+class SampledTrace:
+    """The samples of one group.
+
+    Args:
+        rules: How traces are judged.
+        columns: How empty cells count.
+        clock: How times are read; None without a column of times.
+        group: The name of the group; None without groups.
+        lost: Whether rows may be missing after a bad line.
+    """
+
+    def __init__(
+        self,
+        rules: StreamRules,
+        columns: Columns,
+        clock: ClockRules | None,
+        group: str | None,
+        *,
+        lost: bool,
+    ) -> None:
+        self._rules, self._columns, self._clock_rules = rules, columns, clock
+        self.group, self._lost = group, lost
+        self._period = rules.reading.seconds
+        self._stated = self._period is not None
+        self._clock: Clock | None = None
+        self._states: list[SampledState] = []
+        self._first: tuple[Row, RawTimes, int] | None = None
+        self._held: Row | None = None
+        self._last_raw: RawTimes | None = None
+        self._last_row: Row = ()
+        self._last = 0.0
+        self._gap = False
+        self.samples = self.rows = 0
+        self.stopped = False
+        rules.undecided += len(rules.specs)
+        if self._stated or clock is None:
+            self._start()
+
+    def lose(self) -> None:
+        """Note that a line was left out: one unknown sample, or with times a gap."""
+        self._gap = True
+        self._held = None if self._held is None else [math.nan] * len(self._held)
+        if self._clock_rules is None or self._stated:
+            self._take(np.full((1, len(self._rules.variables)), math.nan))
+
+    def feed(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
+        """Take in rows.
+
+        Args:
+            values: The values of the variables, shape (rows, variables).
+            raw: The times; None without a column of times.
+            lines: The lines of the rows.
+
+        Raises:
+            RowFault: At a row that cannot be judged; all rows before it are.
+        """
+        values, kept = self._filled(values)
+        if kept is not None:
+            raw, lines = None if raw is None else raw[kept], [lines[i] for i in kept.tolist()]
+        if not len(values):
+            return
+        try:
+            self._feed(values, raw, lines)
+        except RowFault as fault:
+            if kept is not None:
+                fault.row = int(kept[fault.row])
+            raise
+
+    def _feed(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
+        if raw is None or self._clock_rules is None:
+            self._take(values)
+            return
+        at = 0
+        if self._clock is None and self._stated:
+            self._clock = Clock(self._clock_rules, raw[:1], lines)
+        while self._clock is None and at < len(values):
+            self._begin(values[at].tolist(), raw[at : at + 1], lines[at], at)
+            at += 1
+        if at < len(values) and not self.stopped:
+            try:
+                self._timed(values[at:], raw[at:], lines[at:])
+            except RowFault as fault:
+                fault.row += at
+                raise
+
+    def _begin(self, row: Row, raw: RawTimes, line: int, at: int) -> None:
+        """Take in the first row, and with the second the period."""
+        assert self._clock_rules is not None, "there are times"  # noqa: S101 - for mypy
+        if self._first is None:
+            try:
+                self._clock_rules.axis(raw, [line])
+            except InputError as error:
+                raise RowFault(at, without_place(error)) from None
+            self._first = row, raw, line
+            return
+        before, first, first_line = self._first
+        if self._gap:
+            raise RowFault(
+                at,
+                "expected the period from the first two rows, but a bad line lies between them; "
+                "give --period",
+                skippable=False,
+            )
+        both = np.concatenate([first, raw])
+        if (first.dtype.kind in "mM") != (raw.dtype.kind in "mM"):
+            raise RowFault(at, "expected times like the first, got numbers and dates")
+        if bool(same_as_before(plain_times(both))[0]):
+            self._check_same(before, row, at)
+            return
+        self._check_back(first, raw, at)
+        lines = [first_line, line]
+        clock = Clock(self._clock_rules, both, lines)
+        self._period = clock.period(self._clock_rules.source, lines)
+        self._clock, self._first = clock, None
+        self._start()
+        self._last, self._last_raw, self._last_row = float(clock.since(raw)[0]), raw, row
+        self._take(np.array([before, row]))
+
+    def _timed(self, values: Floats, raw: RawTimes, lines: Sequence[int]) -> None:
+        """Take in rows with times, after the clock is known."""
+        clock, period = self._clock, self._period
+        assert clock is not None and period is not None  # noqa: S101, PT018 - for mypy
+        try:
+            since = clock.since(raw)
+        except InputError as error:
+            raise RowFault(0, str(error)) from None
+        finite = np.isfinite(since)
+        count = len(values) if finite.all() else int(finite.argmin())
+        if self._stated:
+            previous = since[:1] if self._last_raw is None else np.array([self._last])
+            back = np.diff(np.concatenate([previous, since])) < 0
+            good = count if not back.any() else min(count, int(back.argmax()))
+        else:
+            near = on_grid(
+                since, self._last, self.samples, float(period), clock.precision(raw, since)
+            )
+            good = count if near.all() else min(count, int(near.argmin()))
+        if good:
+            self._gap = False
+            if self._take(values[:good]):
+                return
+            self._last = float(since[good - 1])
+            self._last_raw, self._last_row = raw[good - 1 : good], values[good - 1].tolist()
+        if good == len(values):
+            return
+        if good == count:
+            raise RowFault(good, f"expected a finite time, got {raw[good]}")
+        self._odd_row(values[good].tolist(), raw[good : good + 1], float(since[good]), good)
+        if good + 1 < len(values) and not self.stopped:
+            try:
+                self._timed(values[good + 1 :], raw[good + 1 :], lines[good + 1 :])
+            except RowFault as fault:
+                fault.row += good + 1
+                raise
+
+    def _odd_row(self, row: Row, raw: RawTimes, since: float, at: int) -> None:
+        """Take in a row that is not the next sample: the same instant, or after a gap."""
+        assert self._last_raw is not None, "a row came before"  # noqa: S101 - for mypy
+        self._check_back(self._last_raw, raw, at)
+        period = float(self._period or 1)
+        if bool(same_as_before(plain_times(np.concatenate([self._last_raw, raw])))[0]):
+            self._check_same(self._last_row, row, at)
+            return
+        steps = round((since - self._last) / period)
+        off = abs(since - self._last - steps * period)
+        if self._lost and self._gap and 2 <= steps <= _UNKNOWN and off <= 0.05 * period:
+            self._gap = False
+            self._last, self._last_raw, self._last_row = since, raw, row
+            self._take(np.array([*[[math.nan] * len(row)] * (steps - 1), row]))
+            return
+        start = 0.0 if self._clock is None else self._clock.start
+        text = f"{time_text(start + since, period)} after {time_text(start + self._last, period)}"
+        raise RowFault(
+            at,
+            f"expected samples {period:.6g} s apart, as the first two are, got {text}; give "
+            "--dense to take rows as events at any time, or --period to leave the times aside",
+        )
+
+    def _check_back(self, before: RawTimes, raw: RawTimes, at: int) -> None:
+        both = plain_times(np.concatenate([before, raw]))
+        if both[1] < both[0] and not bool(same_as_before(both)[0]):
+            raise RowFault(
+                at,
+                f"expected times that increase, got {raw[0]} after {before[0]}",
+                skippable=False,
+            )
+
+    def _check_same(self, before: Row, row: Row, at: int) -> None:
+        """Accept a row at the time of the one before it if it has the same values."""
+        for name, old, new in zip(self._rules.variables, before, row, strict=True):
+            if old != new and not (math.isnan(old) and math.isnan(new)):
+                raise RowFault(
+                    at,
+                    f"expected one value of '{name}' at one time, got {number(old)} and "
+                    f"{number(new)}",
+                )
+
+    def _filled(self, values: Floats) -> tuple[Floats, np.ndarray | None]:
+        """Return the rows after the treatment of empty cells, and their places if some are left."""
+        empty = np.isnan(values)
+        if self._columns.missing == "hold":
+            self._held = self._hold(values, empty)
+        if not empty.any():
+            return values, None
+        if self._columns.missing == "drop":
+            (kept,) = np.nonzero(~empty.any(axis=1))
+            return values[kept], kept
+        return values, None
+
+    def _hold(self, values: Floats, empty: np.ndarray) -> Row:
+        """Fill empty cells with the value before."""
+        held = self._held
+        if empty.any():
+            for row, (cells, gaps) in enumerate(zip(values, empty, strict=True)):
+                for place in np.nonzero(gaps)[0].tolist():
+                    name = self._rules.variables[place]
+                    start = self._columns.starts.get(name)
+                    value = start if held is None else held[place]
+                    if value is None:
+                        raise RowFault(
+                            row,
+                            f"column '{self._columns.column(name)}': expected a number to hold, "
+                            "got an empty cell; give --missing unknown",
+                        )
+                    cells[place] = value
+                held = cells.tolist()
+        last: Row = values[-1].tolist()
+        return last
+
+    def _start(self) -> None:
+        self._states = [SampledState(self._rules, name, self._period) for name in self._rules.specs]
+
+    def _take(self, values: Floats) -> bool:
+        """Update the monitors with samples; return whether the stream stops."""
+        before = self.samples
+        try:
+            return self._update(values)
+        except InputError as error:  # as of a term without a value, sqrt(-1)
+            at = max(state.monitor.samples for state in self._states) - before
+            self.samples = min(state.monitor.samples for state in self._states)
+            raise RowFault(at, str(error), skippable=False) from None
+
+    def _update(self, values: Floats) -> bool:
+        states, at = self._states, 0
+        if self.samples and not (self._rules.every or self._rules.by_step):
+            at = self._update_quietly(values)
+            decided = any(state.monitor.verdict is not state.verdict for state in states)
+            if decided and self._look(values[at - 1].tolist()):
+                return True
+        for row in values[at:].tolist():
+            for state in states:
+                state.update(*state.pick(row))
+            self.samples += 1
+            if self._look(row):
+                return True
+        return False
+
+    def _update_quietly(self, values: Floats) -> int:
+        """Update the monitors with samples without lines; return how many were taken.
+
+        The last of them may have decided a verdict.
+        """
+        states, taken = self._states, 0
+        if all(state.verdict for state in states):
+            for state in states:
+                deque(state.updates(values), maxlen=0)
+            taken = len(values)
+        elif len(states) == 1:
+            monitor = states[0].monitor
+            for taken, _ in enumerate(states[0].updates(values), 1):  # noqa: B007 - counts
+                if monitor.verdict:
+                    break
+        self.samples += taken
+        return taken
+
+    def _look(self, row: Row) -> bool:
+        """Emit the lines of the last sample; return whether the stream stops."""
+        rules, sample = self._rules, self.samples - 1
+        for state in self._states:
+            decided = state.decide(sample, row)
+            rules.undecided -= decided
+            if not rules.by_step:
+                if decided or rules.every or not sample:
+                    rules.emit(self._line(state, sample))
+                continue
+            settled = state.take_instant(sample, row)
+            if settled is not None and (settled[2] or rules.every):
+                rules.emit(self._instant_line(state, settled[0], settled[1]))
+            elif settled is None and not sample:
+                rules.emit(self._line(state, sample))
+        if rules.stop == "violation":
+            self.stopped = any(state.violates for state in self._states)
+        elif rules.stop == "decided":
+            self.stopped = not rules.undecided
+        return self.stopped
+
+    def _time(self, sample: int) -> float | None:
+        if self._period is None:
+            return None if self._first is None else self._start_time
+        return self._start_time + sample * self._period.numerator / self._period.denominator
+
+    @property
+    def _start_time(self) -> float:
+        if self._clock is not None:
+            return self._clock.start
+        if self._first is not None and self._clock_rules is not None:
+            return self._clock_rules.axis(self._first[1], [self._first[2]]).start
+        return 0.0
+
+    def _line(self, state: SampledState, sample: int) -> Line:
+        monitor = state.monitor
+        at = state.decided_at
+        time = None if at is None else (at if self._period is None else self._time(at))
+        return Line(
+            state.name,
+            self.group,
+            self._time(sample),
+            sample,
+            state.verdict,
+            monitor.robustness,
+            monitor.lower,
+            monitor.upper,
+            decided_at=time,
+            reason=state.reason,
+        )
+
+    def _instant_line(self, state: SampledState, at: int, robustness: float) -> Line:
+        verdict = Verdict.VIOLATED if math.copysign(1.0, robustness) < 0 else Verdict.SATISFIED
+        time = self._time(at)
+        return Line(
+            *(state.name, self.group, time, at, verdict, robustness, robustness, robustness),
+            decided_at=self.samples - 1 if time is None else self._time(self.samples - 1),
+        )
+
+    def finish(self, end: End) -> list[Line]:
+        """End the trace; return the final line of each requirement.
+
+        Raises:
+            InputError: If one row leaves the period of time bounds open.
+        """
+        if self._first is not None:
+            row = self._first[0]
+            timed = [name for name, spec in self._rules.specs.items() if spec.timed]
+            if timed and self._clock_rules is not None:
+                raise InputError(
+                    f"{self._clock_rules.source}: expected at least two rows to read the period "
+                    f"from, which {listing(timed)} needs, got one. Give --period in seconds."
+                )
+            self._start()
+            self._take(np.array([row]))
+        rules = self._rules
+        open_ = (
+            sum(not state.verdict for state in self._states) if self._states else len(rules.specs)
+        )
+        rules.undecided -= open_
+        if not self.samples:
+            return []
+        if self._gap:
+            end = "open"
+        lines = []
+        for state in self._states:
+            state.finish(end)
+            line = self._line(state, self.samples - 1)
+            counts = state.counts(self.samples)
+            lines.append(line._replace(end=end, final=True, instants=counts))
+        return lines
+
+    def extent(self) -> Extent:
+        """Return how much of the trace has come."""
+        if self._period is None:
+            return Extent(self.samples)
+        start, end = self._time(0), self._time(self.samples - 1)
+        return Extent(self.samples, None, self._period, start, end, float(self._period))
+
+    @property
+    def period(self) -> Fraction | None:
+        """Seconds between samples."""
+        return self._period

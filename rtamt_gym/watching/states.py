@@ -1,0 +1,167 @@
+"""The monitors of one requirement on the trace of one group, and its lines."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from operator import itemgetter
+from typing import Any, Literal
+
+import rtamt
+from rtamt import Verdict
+from rtamt.typing import End
+from rtamt_gym.options.evaluation import EvaluationOptions
+from rtamt_gym.recorded.judge import viewed
+from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.tables import number
+from rtamt_gym.watching.lines import Line
+
+Stop = Literal["end", "violation", "decided"]
+"""When a stream stops: at its end, at the first violation, or once everything is decided."""
+
+Row = Sequence[float]
+
+
+@dataclass
+class StreamRules:
+    """How the traces of a stream are judged.
+
+    Attributes:
+        specs: The requirements by name.
+        variables: The variables in the order of the values of a row.
+        reading: The options of evaluation, which allow unknown values if there may be some.
+        emit: Takes each line.
+        every: Whether every sample has lines.
+        stop: When the stream stops.
+        options: The keywords of monitors by the period.
+        undecided: The number of undecided verdicts of all groups so far.
+    """
+
+    specs: Mapping[str, rtamt.Specification]
+    variables: Sequence[str]
+    reading: EvaluationOptions
+    emit: Callable[[Line], None]
+    every: bool = False
+    stop: Stop = "end"
+    options: dict[Fraction | None, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
+    undecided: int = 0
+
+    @property
+    def by_step(self) -> bool:
+        """Whether lines are about instants."""
+        return self.reading.view == "step"
+
+    def keywords(self, name: str, period: Fraction | None) -> Mapping[str, Any]:
+        """Return the keywords of a monitor of a requirement."""
+        if period not in self.options:
+            reading = self.reading if period is None else self.reading.having(period=period)
+            viewed_specs = {n: viewed(spec, self.reading.view) for n, spec in self.specs.items()}
+            self.options[period] = reading.from_monitors(viewed_specs)
+        return self.options[period][name]
+
+    def picker(self, variables: Sequence[str]) -> Callable[[Row], Row]:
+        """Return the function that takes the values of some variables from a row."""
+        places = [self.variables.index(name) for name in variables]
+        if places == [*range(len(self.variables))]:
+            return _all_values
+        if len(places) == 1:
+            (place,) = places
+            return lambda row: (row[place],)
+        return itemgetter(*places) if places else lambda _: ()
+
+    def values_text(self, variables: Sequence[str], row: Row) -> str:
+        """Return the values of variables as text."""
+        values = dict(zip(self.variables, row, strict=True))
+        return ", ".join(
+            f"{name} = {'unknown' if math.isnan(values[name]) else number(values[name])}"
+            for name in variables
+        )
+
+
+def _all_values(row: Row) -> Row:
+    return row
+
+
+class SampledState:
+    """A requirement on the samples of one trace.
+
+    Args:
+        rules: How traces are judged.
+        name: The requirement.
+        period: Seconds between samples; None if bounds count samples.
+    """
+
+    def __init__(self, rules: StreamRules, name: str, period: Fraction | None) -> None:
+        spec, keywords = rules.specs[name], rules.keywords(name, period)
+        self.name, self._rules = name, rules
+        self.monitor = rtamt.EpisodeMonitor(viewed(spec, rules.reading.view), **keywords)
+        self.update = self.monitor.update
+        self.pick = rules.picker(self.monitor.variables)
+        self._places = [rules.variables.index(variable) for variable in self.monitor.variables]
+        self.verdict = Verdict.UNDECIDED
+        self.decided_at: int | None = None
+        self.reason = ""
+        self._instants: rtamt.Monitor | None = None
+        self.instants = Counter[Verdict]()
+        self._last_instant: Verdict | None = None
+        if rules.by_step and spec.horizon < math.inf:
+            self._instants = rtamt.Monitor(spec, **keywords)
+            self._pick_instant = rules.picker(self._instants.variables)
+            self._latency = self._instants.latency
+
+    def updates(self, values: Floats) -> Iterator[float]:
+        """Yield the robustness after each sample, of which the next call takes one more."""
+        if not self._places:
+            return (self.update() for _ in range(len(values)))
+        return map(self.update, *(values[:, place].tolist() for place in self._places))
+
+    def decide(self, sample: int, row: Row) -> bool:
+        """Note a decision; return whether the last sample has decided the verdict."""
+        verdict = self.monitor.verdict
+        if verdict is self.verdict:
+            return False
+        self.verdict, self.decided_at = verdict, sample
+        self.reason = self._rules.values_text(self.monitor.variables, row)
+        return True
+
+    def take_instant(self, sample: int, row: Row) -> tuple[int, float, bool] | None:
+        """Judge the instant that a sample settles: its number, its robustness, and if it changes.
+
+        None if no instant is settled, or instants are judged at the end only.
+        """
+        if self._instants is None:
+            return None
+        robustness = self._instants.update(*self._pick_instant(row))
+        at = sample - self._latency
+        if at < 0:
+            return None
+        verdict = Verdict.VIOLATED if math.copysign(1.0, robustness) < 0 else Verdict.SATISFIED
+        self.instants[verdict] += 1
+        changes = verdict is not self._last_instant
+        self._last_instant = verdict
+        return at, robustness, changes
+
+    @property
+    def violates(self) -> bool:
+        """Whether a violation is known that ``--stop violation`` waits for."""
+        if self._instants is not None:
+            return self._last_instant is Verdict.VIOLATED
+        return self.verdict is Verdict.VIOLATED
+
+    def finish(self, end: End) -> None:
+        """End the trace."""
+        self.monitor.finish(end)
+        if self.monitor.verdict is not self.verdict:
+            self.verdict = self.monitor.verdict
+            self.reason = f"the end of the trace ({end})"
+
+    def counts(self, samples: int) -> Mapping[str, int] | None:
+        """Return the numbers of instants by verdict; None unless lines are about instants."""
+        if not self._rules.by_step:
+            return None
+        satisfied, violated = self.instants[Verdict.SATISFIED], self.instants[Verdict.VIOLATED]
+        open_ = samples - satisfied - violated
+        return {"satisfied": satisfied, "violated": violated, "undecided": open_}

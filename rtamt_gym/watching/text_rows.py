@@ -1,0 +1,139 @@
+"""Rows of text: cells between separators, below a line of names."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+
+from rtamt import InputError
+from rtamt.errors import shown
+from rtamt_gym.checks.names import listed
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.text_layout import TOP, layout_of
+from rtamt_gym.watching.rows import BadLine, RowBlock
+
+_MARKS = b"\xff\xfe", b"\xfe\xff"
+
+
+class TextRows:
+    """Divides lines of text into cells, as `rtamt_gym.recorded.csv_reader` does.
+
+    Args:
+        columns: The separator, and the lines to skip.
+        source: The name of the stream, for messages.
+    """
+
+    def __init__(self, columns: Columns, source: str) -> None:
+        self._columns, self._source = columns, source
+        self._skip = columns.skip
+        self._top: list[str] = []
+        self._top_line = 0
+        self._wanted: list[tuple[str, int]] = []
+        self.names: list[str] = []
+        self.header = 0
+        """The number of the line of names."""
+
+    def rows(self, lines: list[bytes], first: int) -> Iterator[RowBlock | BadLine]:
+        """Yield the rows in lines, of which the first has a number."""
+        if first == 1 and lines:
+            if lines[0][:2] in _MARKS:
+                raise InputError(f"{self._source}: expected text in UTF-8, got UTF-16")
+            lines[0] = lines[0].removeprefix(b"\xef\xbb\xbf")
+        if self._skip:
+            skipped = min(self._skip, len(lines))
+            self._skip -= skipped
+            lines, first = lines[skipped:], first + skipped
+        if not lines:
+            return
+        text = b"\n".join(lines).decode("utf-8", "surrogateescape").replace("\r", "")
+        texts = text.split("\n")
+        if not self.names:
+            texts, first = self._below_names(texts, first)
+        if texts:
+            yield from self._divided(texts, first)
+
+    def choose(self, names: Sequence[str]) -> None:
+        """Set the columns of all further blocks."""
+        place = {name: at for at, name in reversed([*enumerate(self.names)])}
+        self._wanted = [(name, place[name]) for name in names]
+
+    def finish(self) -> None:
+        """Raise InputError if the names of the columns never came."""
+        if not self.names:
+            layout = layout_of(self._top, self._columns.separator)
+            if not layout.names:
+                raise InputError(
+                    f"{self._source}: expected a first line with the names of the columns, got none"
+                )
+            self.names = list(map(shown, layout.names))
+
+    def _below_names(self, texts: list[str], first: int) -> tuple[list[str], int]:
+        """Find the line of names, for which the first row is needed; return the lines below it."""
+        if not self._top:
+            self._top_line = first
+        self._top += texts
+        full = [at for at, text in enumerate(self._top) if text.strip()]
+        for at in full[1:]:
+            layout = layout_of(self._top[: at + 1], self._columns.separator)
+            if layout.names and layout.at < at:
+                self.names = list(map(shown, layout.names))
+                self._separator, self._width = layout.separator, layout.width
+                self.header = self._top_line + layout.at
+                below, line = self._top[layout.at + 1 :], self.header + 1
+                self._top = []
+                self.choose(self.names)
+                return below, line
+            if at > TOP:
+                raise InputError(
+                    f"{self._source}: expected the names of the columns above the first row; give "
+                    "--skip N if they are below the first N lines"
+                )
+        return [], first
+
+    def _divided(self, texts: list[str], first: int) -> Iterator[RowBlock | BadLine]:
+        separator, width = self._separator, self._width
+        plain = separator != " " and width == len(self.names)
+        if plain and not any('"' in text for text in texts):
+            count = width - 1
+            if all(text.count(separator) == count for text in texts) and (width > 1 or all(texts)):
+                yield self._block(texts, range(first, first + len(texts)))
+                return
+        good: list[list[str]] = []
+        lines: list[int] = []
+        for line, text in enumerate(texts, first):
+            row = self._row(text)
+            if row is None:
+                continue
+            if len(row) != width or "".join(row[len(self.names) :]).strip():
+                if good:
+                    yield self._transposed(good, lines)
+                    good, lines = [], []
+                names = listed(self.names)
+                yield BadLine(line, f"expected {len(self.names)} values ({names}), got {len(row)}")
+                continue
+            good.append(row)
+            lines.append(line)
+        if good:
+            yield self._transposed(good, lines)
+
+    def _block(self, texts: list[str], lines: range) -> RowBlock:
+        """Return lines that have as many separators as the line of names, without quotes."""
+        cells = self._separator.join(texts).split(self._separator)
+        width = self._width
+        return RowBlock(lines, {name: cells[at::width] for name, at in self._wanted})
+
+    def _transposed(self, rows: list[list[str]], lines: list[int]) -> RowBlock:
+        return RowBlock(lines, {name: [row[at] for row in rows] for name, at in self._wanted})
+
+    def _row(self, text: str) -> list[str] | None:
+        """Return the cells of a line; None for an empty line."""
+        if not text:
+            return None
+        if self._separator == " ":
+            return text.split() or None
+        if text.count('"') % 2:  # a quoted cell of several lines is no row
+            return []
+        try:
+            return next(csv.reader([text], delimiter=self._separator, skipinitialspace=True), None)
+        except csv.Error:
+            return []

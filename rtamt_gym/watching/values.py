@@ -1,0 +1,379 @@
+"""Numbers and times in the cells of a stream, by the rules for files.
+
+A file decides its decimal mark when it has been read. A stream must decide it at once: the first
+cell with one reading decides, and a cell with two readings before it is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import rtamt
+from rtamt import InputError
+from rtamt.columns import may_tell_objects
+from rtamt_gym.checks.numbers import read_floats
+from rtamt_gym.recorded.cells import (
+    NOT_KNOWN,
+    OTHER_MARK,
+    TextCells,
+    floats_in,
+    is_number,
+    times_in,
+)
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.dates import RawTimes, read_dates
+from rtamt_gym.recorded.names import (
+    are_long,
+    check_near,
+    check_recorded,
+    needed_columns,
+    recorded_variables,
+    take_default,
+)
+from rtamt_gym.recorded.recording import Floats, Recording
+from rtamt_gym.recorded.roles import has_time_bounds
+from rtamt_gym.recorded.times import TimeColumn, find_times, join_times
+from rtamt_gym.watching.one_trace import Guard
+from rtamt_gym.watching.rows import Cells, RowBlock, RowFault, cell_text
+
+
+class Numbered(NamedTuple):
+    """The numbers of a block.
+
+    Attributes:
+        values: A row for each line, a column for each variable; nan where a cell is empty.
+        times: The raw times; None without a column of times.
+        groups: The group of each line; None without groups.
+    """
+
+    values: Floats
+    times: RawTimes | None
+    groups: Sequence[str] | None
+
+
+class _Head(Recording):
+    """The first row of a stream, for the rules that choose columns."""
+
+    def __init__(self, source: str, names: Sequence[str], block: RowBlock) -> None:
+        first = {name: cell_text(cells[0]) for name, cells in block.columns.items()}
+        self.source, self.names = source, names
+        self.dates = [name for name, cell in first.items() if read_dates([cell]) is not None]
+        self.days = [name for name in self.dates if len(first[name].strip()) <= len("2024-10-10 ")]
+        self.texts = [
+            name
+            for name, cell in first.items()
+            if name not in self.dates and cell.strip() and not _is_number(cell)
+        ]
+        self.blank = [name for name, cell in first.items() if not cell.strip()]
+
+
+class StreamColumns:
+    """The columns of a stream, and the step from cells to numbers.
+
+    Args:
+        source: The name of the stream, for messages.
+        specs: The requirements by name.
+        columns: How columns are read, with the defaults of the requirements.
+        by: The column that names groups; None without groups.
+        dense: Whether rows are events.
+        period: Whether the period is stated, so that times are left aside.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        specs: dict[str, rtamt.Specification],
+        columns: Columns,
+        *,
+        by: str | None,
+        dense: bool,
+        period: bool,
+    ) -> None:
+        self._source, self._specs, self._columns, self._by = source, specs, columns, by
+        self._dense, self._period = dense, period
+        self._mark = columns.decimal
+        self._mark_line = 0
+        self.variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
+        self.there: list[str] = []
+        """The variables that have a column."""
+        self.time: TimeColumn | None = None
+        self.notes: list[str] = []
+        self._guards: dict[str, Guard] = {}
+
+    def choose(self, names: Sequence[str], block: RowBlock) -> list[str]:
+        """Find the columns to read, by the names and the first row; return their names."""
+        columns, variables = self._columns, self.variables
+        head = _Head(self._source, names, block)
+        read = {columns.column(name) for name in variables}
+        if are_long(names, variables):
+            raise InputError(
+                f"{self._source}: expected a column for each variable, got rows of one variable "
+                "each. Write a column for each, or evaluate the recording with rtamt monitor."
+            )
+        for spec in self._specs.values():
+            check_recorded(self._source, names, spec.variables, columns)
+        timed = any(map(has_time_bounds, self._specs.values()))
+        self.time = find_times(head, columns, read=read, needed=timed and not self._period)
+        if self.time is None and self._dense:
+            raise InputError(
+                f"{self._source}: expected a column of times for --dense, got none. Give --time "
+                "COLUMN."
+            )
+        if self.time is None and timed and not self._period:
+            raise InputError(
+                f"{self._source}: expected a column of times for the time bounds, got none. Give "
+                "--time COLUMN, or --period SECONDS, or --period 1 to count samples."
+            )
+        check_near(self._source, names, variables, columns)
+        self.there = recorded_variables(names, variables, columns)
+        needed = needed_columns(head, self.there, columns)
+        for name in variables:
+            if name not in self.there:
+                why = "there is no such column"
+                self.notes.append(take_default(self._source, name, columns, why))
+        if self._by is not None and self._by not in names:
+            raise InputError(
+                f"{self._source}: no column '{self._by}', which --by names; the columns are "
+                f"{', '.join(names)}"
+            )
+        times = [] if self.time is None else self.time.columns
+        by = [] if self._by is None else [self._by]
+        if self._by is None and not columns.one_trace:
+            used = {*needed, *times}
+            self._guards = {
+                name: Guard(name, texts=name in head.texts)
+                for name in dict.fromkeys(names)
+                if name not in used and may_tell_objects(name, read, timed=True)
+            }
+        return [*dict.fromkeys([*needed, *times, *by, *self._guards])]
+
+    @property
+    def absent(self) -> list[str]:
+        """The columns that variables with a default would have."""
+        return [self._columns.column(n) for n in self.variables if n not in self.there]
+
+    def numbers(self, block: RowBlock) -> Numbered:
+        """Return the numbers of a block.
+
+        Raises:
+            RowFault: At the first row that cannot be read.
+        """
+        mark = self._mark
+        try:
+            return self._numbers(block)
+        except (InputError, RowFault):
+            self._mark = mark
+            return self._one_by_one(block)
+
+    def check_one_trace(self, block: RowBlock) -> None:
+        """Check that rows belong to one object or episode; rows must come once each.
+
+        Raises:
+            RowFault: At the first row that shows another object.
+        """
+        for guard in self._guards.values():
+            guard.check(block.columns[guard.name])
+
+    def _one_by_one(self, block: RowBlock) -> Numbered:
+        """Raise the fault of the first bad row."""
+        mark = self._mark
+        for row in range(len(block.lines)):
+            one = block.part(row, row + 1)
+            try:
+                self._numbers(one)
+            except RowFault as fault:
+                self._mark = mark
+                raise RowFault(row, fault.reason, skippable=fault.skippable) from None
+            except InputError as error:
+                self._mark = mark
+                raise RowFault(row, str(error)) from None
+        self._mark = mark
+        return self._numbers(block)
+
+    def _numbers(self, block: RowBlock) -> Numbered:
+        count = len(block.lines)
+        columns = self._columns
+        names = [columns.column(name) for name in self.there]
+        times = [] if self.time is None else self.time.columns
+        kinds = {
+            name: frozenset(map(type, block.columns[name])) for name in dict.fromkeys(names + times)
+        }
+        if self._mark is None:
+            self._decide(block, [name for name, types in kinds.items() if str in types])
+        gaps, nan = columns.missing != "raise" or self._dense, columns.missing != "raise"
+        read: dict[str, Floats] = {}
+        for name in names:
+            if name not in read:
+                cells = block.columns[name]
+                read[name] = self._floats(cells, kinds[name], name, gaps=gaps, nan=nan)
+        values = np.empty((count, len(self.variables)))
+        for place, name in enumerate(self.variables):
+            column = columns.column(name)
+            values[:, place] = read[column] if name in self.there else columns.starts[name]
+        groups = None
+        if self._by is not None:
+            groups = [cell_text(cell).strip() for cell in block.columns[self._by]]
+            if "" in groups:
+                raise RowFault(groups.index(""), f"column '{self._by}': expected a group, got none")
+        return Numbered(values, self._times(block), groups)
+
+    def _decide(self, block: RowBlock, names: Sequence[str]) -> None:
+        """Find the decimal mark in texts, in the order of rows."""
+        texts = [block.columns[name] for name in names if _may_have_mark(block.columns[name])]
+        if not texts:
+            return
+        for row, cells in enumerate(zip(*texts, strict=True)):
+            marks: dict[str, str] = {}
+            unclear = ""
+            for raw in cells:
+                cell = raw.strip() if isinstance(raw, str) else ""
+                if ("." not in cell and "," not in cell) or cell.lower() in NOT_KNOWN:
+                    continue
+                readings = [mark for mark in OTHER_MARK if is_number(cell, mark)]
+                if len(readings) == 1:
+                    marks.setdefault(readings[0], cell)
+                elif readings:
+                    unclear = unclear or cell
+            if len(marks) == 2:
+                first, second = marks.values()
+                raise RowFault(
+                    row,
+                    f"expected one decimal mark, got {first!r} and {second!r}; give --decimal . or "
+                    "--decimal ,",
+                )
+            if marks:
+                (self._mark,) = marks
+                return
+            if unclear:
+                point, comma = (floats_in([unclear], mark) for mark in OTHER_MARK)
+                both = [f"{read[0]:.15g}" for read in (point, comma) if read is not None]
+                raise RowFault(
+                    row,
+                    f"expected numbers that can be read in one way, got {unclear!r}; give "
+                    f"--decimal . to read it as {both[0]}, or --decimal , to read it as {both[1]}",
+                    skippable=False,
+                )
+
+    def _floats(
+        self, cells: Cells, kinds: AbstractSet[type], name: str, *, gaps: bool, nan: bool
+    ) -> Floats:
+        mark = self._mark or "."
+        if kinds <= {str}:
+            read = None if mark == "," else read_floats(cells)
+            values = None if read is None else np.array(read)
+            if values is None or np.isnan(values).any():
+                values = floats_in(cells, mark, gaps=gaps, nan=nan)
+        elif kinds <= {float, int}:
+            values = _floats_of(cells)
+        else:
+            values = self._mixed(cells, mark, gaps=gaps, nan=nan)
+        if values is None:
+            raise self._not_a_number(cells, name, mark, gaps=gaps, nan=nan)
+        return values
+
+    def _mixed(self, cells: Cells, mark: str, *, gaps: bool, nan: bool) -> Floats | None:
+        """Return the numbers in values of JSON, of which some are null, truth values or texts."""
+        values = np.empty(len(cells))
+        for row, cell in enumerate(cells):
+            if cell is None:
+                cell = ""  # noqa: PLW2901 - an empty cell
+            if isinstance(cell, str):
+                one = floats_in([cell], mark, gaps=gaps, nan=nan)
+                if one is None:
+                    return None
+                values[row] = one[0]
+            elif isinstance(cell, bool | int | float):
+                values[row] = float(cell)
+            else:
+                return None
+        return values
+
+    def _not_a_number(
+        self, cells: Cells, name: str, mark: str, *, gaps: bool, nan: bool
+    ) -> RowFault:
+        for row, cell in enumerate(cells):  # noqa: B007 - the first wrong row
+            if self._mixed([cell], mark, gaps=gaps, nan=nan) is None:
+                break
+        text = cell_text(cell)
+        advice = ""
+        if not text.strip() or text.strip().lower() in NOT_KNOWN:
+            hold = "" if self._dense else "--missing hold or "
+            advice = f"; give {hold}--missing unknown"
+            advice = "; give --missing drop to read nan as no event" if self._dense else advice
+        return RowFault(row, f"column '{name}': expected a number, got {text!r}{advice}")
+
+    def _times(self, block: RowBlock) -> RawTimes | None:
+        if self.time is None:
+            return None
+        order, mark = self._columns.date_order, self._mark or "."
+        cells = block.columns[self.time.name]
+        part = self.time.part
+        if part is None:
+            return _raw_times(cells, mark, order=order)
+        parts = block.columns[part.column]
+        if not part.unit:
+            return _raw_times(cells, mark, days=list(map(cell_text, parts)), order=order)
+        return join_times(_raw_times(cells, mark), _raw_times(parts, mark), part.unit, str)
+
+    def unit_of_parts(self) -> str:
+        """Return the unit of times of two columns; empty if there is one column."""
+        return "ns" if self.time is not None and self.time.part and self.time.part.unit else ""
+
+
+def _raw_times(
+    cells: Cells,
+    mark: str,
+    days: Sequence[str] | None = None,
+    order: Any = None,  # noqa: ANN401
+) -> RawTimes:
+    """Return times of texts or of numbers of JSON."""
+    kinds = set(map(type, cells))
+    if kinds == {str}:
+        # Cells without a point may be integers of 64 bits.
+        points = days is None and mark == "." and all("." in cell for cell in cells)
+        if points and (read := read_floats(cells)) is not None:
+            return np.array(read)
+        times, _ = times_in(TextCells(cells), mark, _row_of, days, order)
+        return times
+    if kinds == {int}:
+        try:
+            return np.array(cells, np.int64)
+        except OverflowError:
+            raise InputError(f"expected times of 64 bits, got {cells[0]}") from None
+    if kinds <= {int, float}:
+        return _floats_of(cells)
+    wrong = next(cell for cell in cells if type(cell) not in (int, float))
+    raise InputError(f"expected a time, got {cell_text(wrong)!r}")
+
+
+def _may_have_mark(cells: Cells) -> bool:
+    together = "".join(cell for cell in cells if isinstance(cell, str))
+    return "." in together or "," in together
+
+
+def _floats_of(cells: Cells) -> Floats:
+    try:
+        return np.array(cells, np.float64)
+    except OverflowError:
+        raise InputError("expected numbers that a double can hold") from None
+
+
+def _row_of(row: int) -> str:
+    del row
+    return "column of times"
+
+
+def _is_number(cell: str) -> bool:
+    return any(is_number(cell.strip(), mark) for mark in OTHER_MARK)
+
+
+def without_place(error: InputError) -> str:
+    """Return the text of an error without the line, which the caller adds."""
+    text = str(error)
+    _, comma, rest = text.partition(", line ")
+    _, colon, fault = rest.partition(": ")
+    return fault if comma and colon else text

@@ -1,0 +1,401 @@
+"""The judge of a stream: from blocks of bytes to lines and an exit code."""
+
+from __future__ import annotations
+
+import gc
+import heapq
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from rtamt import InputError
+from rtamt.errors import shown
+from rtamt.typing import End
+from rtamt_gym.recorded.names import starts_of
+from rtamt_gym.results.extent import short_text
+from rtamt_gym.results.outcome import Word
+from rtamt_gym.results.warnings import VerdictWarning, exit_code
+from rtamt_gym.tables import counted
+from rtamt_gym.watching.clock import Clock, ClockRules
+from rtamt_gym.watching.events import EventTrace
+from rtamt_gym.watching.json_rows import JsonRows
+from rtamt_gym.watching.lines import Line
+from rtamt_gym.watching.rows import BadLine, Lines, RowBlock, RowFault
+from rtamt_gym.watching.sampled import SampledTrace
+from rtamt_gym.watching.settings import WatchOptions
+from rtamt_gym.watching.states import StreamRules
+from rtamt_gym.watching.text_rows import TextRows
+from rtamt_gym.watching.values import Numbered, StreamColumns, without_place
+
+_WORDS: Final[Mapping[str, Word]] = {
+    "VIOLATED": "violated",
+    "UNDECIDED": "undecided",
+    "SATISFIED": "satisfied",
+}
+
+_ENDED: Final = 10_000_000
+"""The most groups that have ended, whose names are remembered."""
+
+
+Trace = SampledTrace | EventTrace
+
+
+@contextmanager
+def few_collections() -> Iterator[None]:
+    """Let Python search for unused cycles seldom: rows are many objects, and none is in a cycle."""
+    before = gc.get_threshold()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+        gc.unfreeze()
+
+
+class Watch:
+    r"""A judge of a stream that comes in blocks of bytes, whatever the blocks are.
+
+    Args:
+        options: How the stream is read and judged.
+        source: The name of the stream, for messages.
+        emit: Takes each line.
+
+    Attributes:
+        stopped: Whether ``--stop`` has ended the stream.
+        notes: What was read otherwise than it is written.
+        bad: The number of bad lines that were left out.
+
+    Example:
+        >>> import rtamt
+        >>> specs = {"near": rtamt.parse("always(x < 2)")}
+        >>> watch = Watch(WatchOptions(specs, EvaluationOptions(), Columns()), "stdin", print)
+        >>> for block in (b"time,x\n0,1", b"\n1,3\n"):
+        ...     watch.add(block)
+        Line(requirement='near', group=None, time=0.0, sample=0, ...
+        Line(requirement='near', group=None, time=1.0, sample=1, ...
+    """
+
+    def __init__(self, options: WatchOptions, source: str, emit: Callable[[Line], None]) -> None:
+        self._options, self._source = options, source
+        columns = replace(options.columns, starts=starts_of(options.specs, options.columns))
+        reading = options.reading
+        if options.skip_bad or columns.missing == "unknown":
+            reading = reading.having(nan="unknown")
+        self._columns = columns
+        self._cells = StreamColumns(
+            source,
+            dict(options.specs),
+            columns,
+            by=options.by,
+            dense=reading.dense,
+            period=reading.period is not None,
+        )
+        if reading.period is not None:
+            reading = reading.having(period=reading.seconds)
+        self.rules = StreamRules(
+            options.specs, self._cells.variables, reading, emit, options.every, options.stop
+        )
+        self._lines, self._line = Lines(source), 1
+        self._reader: TextRows | JsonRows | None = None
+        self._chosen = False
+        self._clock: ClockRules | None = None
+        self.traces: dict[str | None, Trace] = {}
+        self._guarded = 0
+        self._ended: set[str] = set()
+        self._idle: list[tuple[float, str]] = []
+        self._last: dict[str, float] = {}
+        self._newest = -np.inf
+        self._stream_clock: Clock | None = None
+        self._words: set[Word] = set()
+        self._warnings: list[VerdictWarning] = []
+        self.failures: list[str] = []
+        self.rows = self.bad = 0
+        self._first_bad = ""
+        self.stopped = False
+
+    @property
+    def notes(self) -> list[str]:
+        """What was read otherwise than it is written."""
+        return self._cells.notes
+
+    def add(self, block: bytes) -> None:
+        """Judge the lines that a block completes.
+
+        Raises:
+            InputError: At a bad line, unless bad lines are left out.
+        """
+        self._take(self._lines.add(block))
+
+    def _take(self, lines: list[bytes]) -> None:
+        first = self._line
+        self._line += len(lines)
+        if self._reader is None:
+            self._reader = self._reader_for(lines)
+            if self._reader is None:
+                self._line = first + len(lines)
+                return
+        for item in self._reader.rows(lines, first):
+            if isinstance(item, BadLine):
+                self._left_out(item.line, item.reason)
+            else:
+                self._block(item)
+            if self.stopped:
+                return
+
+    def _reader_for(self, lines: Sequence[bytes]) -> TextRows | JsonRows | None:
+        """Return the reader for the first line; None if there is no line."""
+        if not lines:
+            return None
+        wanted = self._options.format
+        begin = lines[0].removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
+        if wanted == "ndjson" or (wanted is None and begin == b"{"):
+            return JsonRows(self._source)
+        return TextRows(self._columns, self._source)
+
+    def _left_out(self, line: int, reason: str, *, skippable: bool = True) -> None:
+        """Leave out a bad line, or raise its error."""
+        message = f"{self._source}, line {line}: {reason}"
+        if not (self._options.skip_bad and skippable):
+            raise InputError(message)
+        if not self.rows:
+            raise InputError(f"{message} (--skip-bad needs a good first row)")
+        if self._options.by is not None and self._cells.time is None:
+            raise InputError(
+                f"{message} (--skip-bad with --by needs a column of times, by which the groups "
+                "that miss a row are known)"
+            )
+        self.bad += 1
+        self._first_bad = self._first_bad or message
+        for trace in self.traces.values():
+            trace.lose()
+
+    def _block(self, block: RowBlock) -> None:
+        if not self._chosen:
+            self._choose(block)
+        at, count = 0, len(block.lines)
+        while at < count and not self.stopped:
+            part = block.part(at, count) if at else block
+            fault: RowFault | None = None
+            numbered = None
+            try:
+                numbered = self._cells.numbers(part)
+            except RowFault as error:
+                fault = error
+                if error.row:
+                    numbered = self._cells.numbers(part.part(0, error.row))
+            if numbered is not None:
+                fault = self._judge(numbered, part) or fault
+            if fault is None or self.stopped:
+                return
+            self._left_out(part.lines[fault.row], fault.reason, skippable=fault.skippable)
+            at += fault.row + 1
+
+    def _choose(self, block: RowBlock) -> None:
+        reader = self._reader
+        assert reader is not None, "it made the block"  # noqa: S101 - for mypy
+        chosen = self._cells.choose(reader.names, block)
+        if isinstance(reader, JsonRows):
+            reader.choose(chosen, self._cells.absent)
+        else:
+            reader.choose(chosen)
+        time = self._cells.time
+        if time is not None:
+            unit = self._cells.unit_of_parts()
+            self._clock = ClockRules(self._source, time.name, self._columns, unit)
+        elif self._options.group_idle is not None:
+            raise InputError(f"{self._source}: --group-idle needs a column of times, got none")
+        self._chosen = True
+
+    def _judge(self, numbered: Numbered, block: RowBlock) -> RowFault | None:
+        """Judge rows; return the first fault, or None."""
+        count, fault = len(numbered.values), None
+        first = next((i for i in range(count) if block.lines[i] > self._guarded), count)
+        if first < count:
+            try:
+                self._cells.check_one_trace(block.part(first, count))
+            except RowFault as error:
+                error.row += first
+                count, fault = error.row, error
+            self._guarded = block.lines[count - 1] if count else self._guarded
+        if not count:
+            return fault
+        lines = block.lines[:count]
+        times = None if numbered.times is None else numbered.times[:count]
+        if numbered.groups is None:
+            trace = self._trace(None)
+            before = trace.samples
+            try:
+                trace.feed(numbered.values[:count], times, lines)
+            except RowFault as error:
+                fault = error
+            self.rows += fault.row if fault else count
+            self.rows = max(self.rows, 1) if trace.samples > before else self.rows
+            self.stopped = trace.stopped
+            return fault
+        try:
+            self._by_group(numbered, lines)
+        except RowFault as error:
+            return error
+        return fault
+
+    def _by_group(self, numbered: Numbered, lines: Sequence[int]) -> None:
+        """Judge the rows of groups, in order."""
+        groups, times = numbered.groups, numbered.times
+        assert groups is not None, "there are groups"  # noqa: S101 - for mypy
+        at, count = 0, len(lines)
+        seconds = self._seconds(numbered, lines)
+        while at < count:
+            group, end = groups[at], at + 1
+            if seconds is None:
+                while end < count and groups[end] == group:
+                    end += 1
+            if group in self._ended:
+                raise RowFault(at, f"group {shown(group)!r} has ended by --group-idle before")
+            if seconds is not None:
+                self._last[group] = max(self._last.get(group, -np.inf), seconds[at])
+            trace = self._group(group, at)
+            try:
+                trace.feed(
+                    numbered.values[at:end], None if times is None else times[at:end], lines[at:end]
+                )
+            except RowFault as fault:
+                fault.row += at
+                raise
+            self.rows += end - at
+            self.stopped = trace.stopped
+            if self.stopped:
+                return
+            if seconds is not None:
+                self._newest = max(self._newest, seconds[at])
+                self._end_idle()
+                if self._options.stop == "decided" and self.traces and not self.rules.undecided:
+                    self.stopped = True
+                    return
+            at = end
+
+    def _seconds(self, numbered: Numbered, lines: Sequence[int]) -> list[float] | None:
+        """Return the times of rows on one clock, by which groups end; None if they do not."""
+        if self._options.group_idle is None or numbered.times is None or self._clock is None:
+            return None
+        try:
+            if self._stream_clock is None:
+                self._stream_clock = Clock(self._clock, numbered.times[:1], lines)
+            seconds: list[float] = self._stream_clock.since(numbered.times).tolist()
+        except InputError as error:
+            raise RowFault(0, without_place(error)) from None
+        return seconds
+
+    def _group(self, group: str, row: int) -> Trace:
+        if group not in self.traces:
+            if len(self.traces) >= self._options.max_groups:
+                raise RowFault(
+                    row,
+                    f"expected at most {self._options.max_groups} groups at one time, got another, "
+                    f"{shown(group)!r}. Give --group-idle TIME to end groups, or a larger "
+                    "--max-groups.",
+                    skippable=False,
+                )
+            if self._options.group_idle is not None:
+                heapq.heappush(self._idle, (self._last[group], group))
+        return self._trace(group)
+
+    def _end_idle(self) -> None:
+        """End the groups that have been idle for too long."""
+        idle = float(self._options.group_idle or 0)
+        while self._idle and self._newest - self._idle[0][0] > idle:
+            _, group = heapq.heappop(self._idle)
+            if self._newest - self._last[group] <= idle:
+                heapq.heappush(self._idle, (self._last[group], group))
+                continue
+            self._finish(self.traces.pop(group), self.rules.reading.end)
+            del self._last[group]
+            self._ended.add(group)
+            if len(self._ended) > _ENDED:
+                raise InputError(f"{self._source}: more than {_ENDED} groups have ended")
+
+    def _trace(self, group: str | None) -> Trace:
+        trace = self.traces.get(group)
+        if trace is None:
+            title = None if group is None else group
+            if self.rules.reading.dense:
+                assert self._clock is not None, "it was checked"  # noqa: S101 - for mypy
+                absent = [n for n in self._cells.variables if n not in self._cells.there]
+                trace = EventTrace(self.rules, self._columns, self._clock, title, absent)
+            else:
+                trace = SampledTrace(
+                    self.rules, self._columns, self._clock, title, lost=self._options.skip_bad
+                )
+            self.traces[group] = trace
+        return trace
+
+    def _finish(self, trace: Trace, end: End) -> None:
+        """End a trace and emit its final lines."""
+        try:
+            lines = trace.finish(end)
+        except (InputError, RowFault) as error:
+            place = "" if trace.group is None else f"group {shown(trace.group)!r}: "
+            source = "" if str(error).startswith(self._source) else f"{self._source}: "
+            self.failures.append(f"{place}{source}{error}")
+            self._words.add("failed")
+            return
+        for line in lines:
+            self._words.add(_WORDS[line.verdict.name])
+            self.rules.emit(line)
+        self._check_length(trace)
+
+    def _check_length(self, trace: Trace) -> None:
+        least = self._options.min_duration
+        if least is None:
+            return
+        extent = trace.extent()
+        name = self._source if trace.group is None else f"group {shown(trace.group)}"
+        if extent.length is None:
+            self.failures.append(
+                f"{name}: expected a column of times, by which --min-duration measures, got none; "
+                "give --time COLUMN or --period"
+            )
+            self._words.add("failed")
+        elif text := short_text({name: extent}, least):
+            self._warnings.append(VerdictWarning(text, "too short", fails=True))
+
+    def end_of_input(self) -> None:
+        """Judge a last line without an end, and check that there were rows.
+
+        Raises:
+            InputError: At a bad line, and if there was no row.
+        """
+        self._take(self._lines.finish())
+        if self._reader is None:
+            raise InputError(
+                f"{self._source}: expected a first line with the names of the columns, or one "
+                "JSON object in each line, got none"
+            )
+        self._reader.finish()
+        if not self.rows and not self.traces:
+            raise InputError(f"{self._source}: expected at least one row, got none")
+
+    def finish(self, *, early: bool) -> None:
+        """End all traces and emit their final lines.
+
+        Args:
+            early: Whether the input may go on, so that the traces are open.
+        """
+        end: End = "open" if early else self.rules.reading.end
+        for trace in self.traces.values():
+            self._finish(trace, end)
+        self.traces.clear()
+
+    def exit_code(self) -> int:
+        """Return the exit code, as `rtamt monitor` has it for these verdicts."""
+        return exit_code(self._words, self._warnings)
+
+    def messages(self) -> list[str]:
+        """Return what weakens the verdicts, in sentences to print."""
+        texts = [warning.text for warning in self._warnings]
+        if self.bad:
+            texts.append(f"{counted(self.bad, 'bad line')} left out, the first: {self._first_bad}")
+        return [*self.notes, *texts]

@@ -1,0 +1,397 @@
+"""`rtamt watch`: lines, stops, bad lines, groups, sources and exit codes."""
+
+import json
+import math
+import signal
+import socket
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import run_unread, run_without
+
+import rtamt
+from rtamt_gym.__main__ import main
+from rtamt_gym.options.evaluation import EvaluationOptions
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.watching.lines import Line
+from rtamt_gym.watching.settings import WatchOptions
+from rtamt_gym.watching.sources import Source
+from rtamt_gym.watching.watch import Watch
+
+Output = pytest.CaptureFixture[str]
+CALM = "always(x < 3)"
+
+
+@pytest.fixture
+def stream(tmp_path: Path) -> Path:
+    return tmp_path / "stream.csv"
+
+
+def watched(
+    capsys: Output, path: Path, text: str, *arguments: str
+) -> tuple[int, list[dict[str, Any]], str]:
+    """The exit code, the lines and the errors for a text."""
+    path.write_text(text)
+    code = main(["watch", arguments[0], str(path), *arguments[1:]])
+    captured = capsys.readouterr()
+    return code, [json.loads(line) for line in captured.out.splitlines()], captured.err
+
+
+def rows(values: Sequence[object]) -> str:
+    return "time,x\n" + "".join(f"{i}.0,{value}\n" for i, value in enumerate(values))
+
+
+def verdicts(lines: list[dict[str, Any]]) -> list[tuple[float, str, bool]]:
+    return [(line["time"], line["verdict"], line["final"]) for line in lines]
+
+
+def test_a_violation_stops_the_stream(capsys: Output, stream: Path) -> None:
+    text = rows([1, 2, 4, 1])
+    code, lines, _ = watched(capsys, stream, text, CALM, "--stop", "violation")
+    assert code == 1
+    assert verdicts(lines) == [
+        (0, "UNDECIDED", False),
+        (2, "VIOLATED", False),
+        (2, "VIOLATED", True),
+    ]
+    assert [lines[-1][key] for key in ("end", "decided_at", "reason")] == ["open", 2, "x = 4"]
+
+
+@pytest.mark.parametrize(
+    ("values", "code", "time"), [([1, 2, 5, 1], 0, 2), ([1, 2, 3, 4, 5], 1, 3)]
+)
+def test_decided_verdicts_stop_the_stream(
+    values: list[int], code: int, time: int, capsys: Output, stream: Path
+) -> None:
+    spec = "eventually[0:3](x > 4)"
+    got, lines, _ = watched(capsys, stream, rows(values), spec, "--stop", "decided")
+    assert (got, lines[-1]["time"]) == (code, time)
+
+
+@pytest.mark.parametrize(("end", "code"), [("cut", 3), ("complete", 1), ("open", 3)])
+def test_the_end_finishes_what_is_undecided(
+    end: str, code: int, capsys: Output, stream: Path
+) -> None:
+    spec = "eventually[0:9](x > 4)"
+    got, lines, _ = watched(capsys, stream, rows([1, 2]), spec, "--end", end)
+    assert (got, lines[-1]["end"], "decided_at" in lines[-1]) == (code, end, False)
+
+
+@pytest.mark.parametrize(
+    ("line", "fault"),
+    [
+        ("2.0,x", "expected a number, got 'x'"),
+        ("2.0,", "expected a number, got ''; give --missing hold"),
+        ("2.0", "expected 2 values"),
+        ("2.0,1,1", "expected 2 values"),
+        ('2.0,"1', "expected 2 values"),
+        ("2.5,1", "samples 1 s apart"),
+        ("3.0,1", "samples 1 s apart"),
+        ("inf,1", "finite"),
+        ("never,1", "expected a number, got 'never'"),
+        ("1.0,9", "expected one value of 'x' at one time, got 4 and 9"),
+        ("0.5,1", "expected times that increase, got 0.5 after 1.0"),
+    ],
+)
+def test_a_bad_line_is_an_error_with_its_number(
+    line: str, fault: str, capsys: Output, stream: Path
+) -> None:
+    code, lines, errors = watched(capsys, stream, f"{rows([1, 4])}{line}\n9,9\n", CALM)
+    assert code == 2
+    assert f"{stream}, line 4: " in errors
+    assert fault in errors
+    assert verdicts(lines)[1:] == [(1, "VIOLATED", False), (1, "VIOLATED", True)]
+    assert lines[-1]["end"] == "open"
+
+
+def test_skipped_lines_are_unknown_samples(capsys: Output, stream: Path) -> None:
+    """The lines are those of an episode monitor that gets nan for each lost instant."""
+    text = rows([1, 1, 1, "x", "?", 1, 1, 2])
+    code, lines, errors = watched(capsys, stream, text, CALM, "--skip-bad", "--every")
+    assert code == 3
+    assert "2 bad lines left out, the first" in errors
+    monitor = rtamt.EpisodeMonitor(CALM, 1, nan="unknown")
+    values = [1, 1, 1, math.nan, math.nan, 1, 1, 2]
+    for value, line in zip(values, lines, strict=False):
+        monitor.update(x=value)
+        assert line["upper"] == monitor.upper
+        assert float(line["robustness"]) == monitor.robustness
+    assert len(lines) == 9
+    assert lines[-1]["verdict"] == "UNDECIDED"
+
+
+def test_a_lost_row_at_the_end_leaves_the_trace_open(capsys: Output, stream: Path) -> None:
+    code, lines, _ = watched(capsys, stream, rows([1, 1, 1, "x"]), CALM, "--skip-bad")
+    assert (code, lines[-1]["verdict"], lines[-1]["end"]) == (3, "UNDECIDED", "open")
+
+
+def test_a_lost_row_in_dense_time_is_unknown_until_the_next(capsys: Output, stream: Path) -> None:
+    text = "time,x\n0.0,1\n1.5,1\n1.7,x\n4.0,1\n"
+    late, near = ("always[2:3](x < 3)", "always[0:1](x < 3)")
+    code, _, _ = watched(capsys, stream, text, late, "--skip-bad", "--dense")
+    assert code == 3
+    code, _, _ = watched(capsys, stream, text, near, "--skip-bad", "--dense")
+    assert code == 0
+
+
+@pytest.mark.parametrize("kind", [[], ["--period", "1"]])
+def test_without_times_a_lost_line_is_one_sample(
+    kind: list[str], capsys: Output, stream: Path
+) -> None:
+    text = "x\n1\nx\n1\n" if not kind else rows([1, "x", 1])
+    _, lines, _ = watched(capsys, stream, text, CALM, "--skip-bad", "--every", *kind)
+    assert [line["sample"] for line in lines] == [0, 1, 2, 2]
+    assert lines[1]["lower"] == "-inf"
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "fault"),
+    [
+        ("time,x\n0.0,x\n1.0,1\n", ["--skip-bad"], "needs a good first row"),
+        ("time,x\n0.0,1\n1.0,?\n2.0,1\n", ["--skip-bad"], "a bad line lies between them"),
+        ("x\n1\n", [], "expected a column of times for the time bounds"),
+        ("time,x\n0,12.500\n", [], "--decimal . to read it as 12.5"),
+        ("time,x,car\n0,1,a\n1,1,a\n2,1,b\n", [], "--by car to judge each by itself"),
+        ("", [], "expected a first line with the names"),
+        ("time,x\n", [], "expected at least one row"),
+        ("time,y\n0,1\n", [], "no column 'x'"),
+        ("time,x\n0.0,1\n", [], "expected at least two rows to read the period from"),
+        ("time,x\n0.0,1\n1,1\n", ["--min-duration", "5", "--stop", "decided"], "without --stop"),
+        ("time,x\n0.0,1\n", ["--group-idle", "5"], "which --by COLUMN makes"),
+        ("time,x\n0.0,1\n", ["--idle", "5"], "Add --follow"),
+        ('{"time": 0, "x": 1}\n{"time": 1}\n', [], "expected a number, got ''"),
+        ('{"time": 0, "x": 1}\n[1]\n', [], "expected one JSON object, got list"),
+        ('{"time": 0, "x": 1}\n{"time": 1, "x": NaN}\n', [], "expected one JSON object"),
+    ],
+)
+def test_a_doubtful_stream_is_refused(
+    text: str, arguments: list[str], fault: str, capsys: Output, stream: Path
+) -> None:
+    code, _, errors = watched(capsys, stream, text, "always[0:5](x < 3)", *arguments)
+    assert code == 2
+    assert fault in errors
+
+
+def test_a_short_trace_exits_with_3(capsys: Output, stream: Path) -> None:
+    for least, code in (("3", 0), ("4", 3)):
+        got, _, errors = watched(
+            capsys, stream, rows([1, 1, 1, 1]), CALM, "--min-duration", f"{least}s"
+        )
+        assert (got, "shorter than 4 s" in errors) == (code, code == 3)
+
+
+@pytest.mark.parametrize("spec", ["x < 3", "x < 3 or eventually[0:1](x > 4)", "prev(x < 3)"])
+def test_instants_are_judged_as_evaluate_does(spec: str, capsys: Output, stream: Path) -> None:
+    values = np.random.default_rng(2).integers(0, 6, 30).astype(float)
+    code, lines, _ = watched(
+        capsys, stream, rows(values.tolist()), spec, "--view", "step", "--every"
+    )
+    parsed = rtamt.parse(spec)
+    robustness = rtamt.evaluate(parsed, {"x": values}, period=1)
+    settled = len(values) - int(parsed.horizon)
+    instants = {line["time"]: float(line["robustness"]) for line in lines if "decided_at" in line}
+    final = lines[-1]
+    for at in range(settled):
+        assert instants[at] == robustness[at] or at == final["time"]
+    held = rtamt.holds(robustness[:settled])
+    counts = Counter("satisfied" if holds else "violated" for holds in held.tolist())
+    counts["undecided"] = len(values) - settled
+    assert final["instants"] == {name: counts[name] for name in final["instants"]}
+    assert (code, final["verdict"]) == (1, "VIOLATED")
+
+
+def test_the_first_violated_instant_stops(capsys: Output, stream: Path) -> None:
+    text = rows([1, 1, 5, 1, 1])
+    _, lines, _ = watched(capsys, stream, text, "x < 3", "--view", "step", "--stop", "violation")
+    assert verdicts(lines)[-2:] == [(2, "VIOLATED", False), (2, "VIOLATED", True)]
+    assert lines[-1]["instants"] == {"satisfied": 2, "violated": 1, "undecided": 0}
+
+
+def fleet(count: int, seed: int) -> list[tuple[float, str, float]]:
+    """Rows of several vehicles in the order of time, each with a period of its own."""
+    draw = np.random.default_rng(seed)
+    made = [
+        (start + i * step, f"car {car}", float(draw.integers(0, 5)))
+        for car, (start, step) in enumerate([(0.0, 1.0), (0.5, 0.5), (3.0, 0.25)])
+        for i in range(count)
+    ]
+    return sorted(made)
+
+
+@pytest.mark.parametrize("dense", [False, True])
+@pytest.mark.parametrize("idle", [None, 2])
+def test_groups_are_traces_of_their_own(dense: bool, idle: int | None) -> None:  # noqa: FBT001
+    spec = rtamt.parse("always(x > 3 implies eventually[0:1](x < 2))")
+    made = fleet(12, 5)
+    text = "time,x,car\n" + "".join(f"{time},{x},{car}\n" for time, car, x in made)
+    lines: list[Line] = []
+    options = WatchOptions(
+        {"it": spec},
+        EvaluationOptions(dense=dense),
+        Columns(),
+        by="car",
+        every=True,
+        group_idle=None if idle is None else Fraction(idle),
+    )
+    watch = Watch(options, "stream", lines.append)
+    for piece in (text[:33], text[33:34], text[34:500], text[500:]):
+        watch.add(piece.encode())
+    watch.end_of_input()
+    watch.finish(early=False)
+    assert {line.group for line in lines} == {"car 0", "car 1", "car 2"}
+    for car in {group for _, group, _ in made}:
+        own = [(time, x) for time, group, x in made if group == car]
+        got = [line for line in lines if line.group == car]
+        assert [line.final for line in got] == [False] * len(own) + [True]
+        monitor: rtamt.EpisodeMonitor | rtamt.dense.EpisodeMonitor
+        monitor = rtamt.EpisodeMonitor(spec, own[1][0] - own[0][0])
+        if dense:
+            monitor = rtamt.dense.EpisodeMonitor(spec)
+        for (time, x), line in zip(own, got, strict=False):
+            monitor.update({"x": [(time, x)]} if dense else {"x": x})
+            assert (line.time, line.robustness, line.lower, line.upper) == (
+                time,
+                monitor.robustness,
+                monitor.lower,
+                monitor.upper,
+            )
+        monitor.finish("cut")
+        assert (got[-1].robustness, got[-1].verdict) == (monitor.robustness, monitor.verdict)
+
+
+def test_an_idle_group_ends_and_may_not_come_back(capsys: Output, stream: Path) -> None:
+    text = "time,x,car\n0,1,a\n1,1,a\n1,1,b\n2,1,b\n3,1,b\n4,1,b\n5,1,a\n"
+    arguments = [CALM, "--by", "car", "--group-idle", "2.5s"]
+    code, lines, errors = watched(capsys, stream, text, *arguments)
+    assert code == 2
+    assert "line 8: group 'a' has ended by --group-idle before" in errors
+    finals = [(line["group"], line["end"]) for line in lines if line["final"]]
+    assert finals == [("a", "cut"), ("b", "open")]
+    code, _, _ = watched(capsys, stream, text, *arguments, "--skip-bad")
+    assert code == 3
+
+
+def test_groups_are_limited(capsys: Output, stream: Path) -> None:
+    text = "time,x,car\n0,1,a\n0,1,b\n0,1,c\n"
+    code, _, errors = watched(capsys, stream, text, CALM, "--by", "car", "--max-groups", "2")
+    assert code == 2
+    assert "at most 2 groups" in errors
+
+
+def test_names_with_control_characters_are_escaped(capsys: Output, stream: Path) -> None:
+    text = '{"time":0,"x":1,"car":"\\u001b[31m"}\n{"time":1,"x":1,"car":"\\u001b[31m"}\n'
+    path = stream.with_suffix(".ndjson")
+    path.write_text(text)
+    assert main(["watch", CALM, str(path), "--by", "car"]) == 0
+    assert "\x1b" not in capsys.readouterr().out
+
+
+def test_json_is_read_alike_without_orjson(tmp_path: Path) -> None:
+    path = tmp_path / "stream.ndjson"
+    path.write_text('{"time": 0, "a": {"x": 1.5}}\n{"time": 1, "a": {"x": true}}\n')
+    arguments = ["watch", "always(a.x < 3)", str(path), "--every"]
+    done = run_without(["orjson"], arguments)
+    assert done.returncode == 0
+    assert [json.loads(line)["robustness"] for line in done.stdout.splitlines()] == [1.5, 1.5, 1.5]
+
+
+def test_the_writer_ends_at_a_stop() -> None:
+    writer = "print('time,x')\nfor i in range(10**7): print(f'{i}.0,{i % 9}', flush=True)"
+    with (
+        subprocess.Popen(
+            [sys.executable, "-c", writer], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        ) as simulator,
+        subprocess.Popen(
+            [sys.executable, "-m", "rtamt_gym", "watch", CALM, "--stop", "violation"],
+            stdin=simulator.stdout,
+            stdout=subprocess.PIPE,
+        ) as watch,
+    ):
+        assert simulator.stdout is not None
+        simulator.stdout.close()
+        output, _ = watch.communicate()
+        assert simulator.wait() != 0
+    assert watch.returncode == 1
+    assert json.loads(output.splitlines()[-1])["time"] == 3
+
+
+def test_lines_come_before_the_end_and_ctrl_c_finishes() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-m", "rtamt_gym", "watch", CALM],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    ) as watch:
+        assert watch.stdin is not None
+        assert watch.stdout is not None
+        watch.stdin.write(b"time,x\n0,1\n1,1\n2,")
+        watch.stdin.flush()
+        first = json.loads(watch.stdout.readline())
+        assert first["verdict"] == "UNDECIDED"
+        watch.send_signal(signal.SIGINT)
+        output = watch.stdout.read()
+        assert watch.wait() == 130
+    last = json.loads(output.splitlines()[-1])
+    assert (last["final"], last["end"], last["sample"]) == (True, "open", 1)
+
+
+def test_a_reader_that_ends_ends_the_command(tmp_path: Path) -> None:
+    (tmp_path / "trace.csv").write_text(rows([1] * 50_000))
+    code, errors = run_unread(["watch", CALM, "trace.csv", "--every"], tmp_path)
+    assert (code, errors) == (141, b"")
+
+
+def test_a_growing_file_is_followed(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"a\n")
+    blocks = Source(str(path), follow=True, idle=0.3).blocks()
+    assert next(blocks) == b"a\n"
+    with path.open("ab") as file:
+        file.write(b"b\n")
+    assert [*blocks] == [b"b\n"]
+
+
+def test_a_file_that_shrinks_is_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"a\nb\n")
+    blocks = Source(str(path), follow=True).blocks()
+    next(blocks)
+    path.write_bytes(b"a\n")
+    with pytest.raises(rtamt.InputError, match="has become shorter"):
+        next(blocks)
+
+
+@pytest.mark.parametrize("kind", ["tcp", "unix"])
+def test_a_socket_takes_one_client(kind: str, tmp_path: Path) -> None:
+    name = "tcp:0" if kind == "tcp" else f"unix:{tmp_path}/socket"
+    with subprocess.Popen(
+        [sys.executable, "-m", "rtamt_gym", "watch", CALM, name],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as watch:
+        assert watch.stderr is not None
+        assert watch.stdout is not None
+        message = watch.stderr.readline()
+        assert message.startswith("waiting for a client at")
+        where: Any = f"{tmp_path}/socket"
+        if kind == "tcp":
+            where = ("127.0.0.1", int(message.split()[-1]))
+        with socket.socket(socket.AF_INET if kind == "tcp" else socket.AF_UNIX) as client:
+            client.connect(where)
+            client.sendall(rows([1, 4]).encode())
+        last = json.loads(watch.stdout.read().splitlines()[-1])
+    assert (watch.returncode, last["verdict"], last["time"]) == (1, "VIOLATED", 1)
+    assert not (tmp_path / "socket").exists()
+
+
+@pytest.mark.parametrize("name", ["tcp:0.0.0.0:9000", "tcp:example.org:80", "tcp:x"])
+def test_sockets_listen_on_loopback_only(name: str) -> None:
+    with pytest.raises(rtamt.InputError, match="loopback"):
+        next(Source(name).blocks())

@@ -1,0 +1,187 @@
+"""However a stream is cut, its lines are those of a monitor and its end that of the whole file."""
+
+import json
+import math
+from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from fractions import Fraction
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
+
+import strategies
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from profiles import examples
+
+import rtamt
+from rtamt.typing import End
+from rtamt_gym.__main__ import main
+from rtamt_gym.options.evaluation import EvaluationOptions
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.watching.lines import Line
+from rtamt_gym.watching.settings import WatchOptions
+from rtamt_gym.watching.watch import Watch
+
+Kind = Literal["csv", "ndjson"]
+Trace = strategies.Trace
+
+PERIODS = {"0.5": Fraction(1, 2), "1": Fraction(1), "100ms": Fraction(1, 10)}
+
+times = st.lists(st.integers(1, 5), min_size=12, max_size=12)
+cuts = st.lists(st.integers(0, 400), max_size=8)
+ends = st.sampled_from(("cut", "complete", "open"))
+
+
+def text_of(kind: Kind, rows: Sequence[dict[str, float]]) -> bytes:
+    if kind == "ndjson":
+        return "".join(json.dumps(row) + "\n" for row in rows).encode()
+    lines = [",".join(rows[0]), *(",".join(map(repr, row.values())) for row in rows)]
+    return "\n".join(lines).encode()
+
+
+def played(options: WatchOptions, text: bytes, places: Sequence[int]) -> tuple[list[Line], int]:
+    """The lines of a stream in pieces, some of them empty, and its exit code."""
+    lines: list[Line] = []
+    watch = Watch(options, "stdin", lines.append)
+    bounds = sorted(place % (len(text) + 1) for place in places)
+    for begin, end in zip([0, *bounds], [*bounds, len(text)], strict=True):
+        watch.add(text[begin:end])
+        watch.add(b"")
+    watch.end_of_input()
+    watch.finish(early=False)
+    assert not watch.failures
+    return lines, watch.exit_code()
+
+
+def monitored(arguments: Sequence[str], text: bytes, kind: Kind) -> tuple[int, dict[str, Any]]:
+    """The exit code of `rtamt monitor` on the whole input, and its outcome."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"trace.{kind}"
+        path.write_bytes(text)
+        output = StringIO()
+        with redirect_stdout(output), redirect_stderr(StringIO()):
+            code = main(["monitor", *arguments, str(path), "--json"])
+    ((outcome,),) = [
+        [*trial["outcomes"].values()] for trial in json.loads(output.getvalue())["trials"]
+    ]
+    return code, outcome
+
+
+def spec_of(formula: rtamt.Formula) -> rtamt.Specification:
+    """A requirement that looks ahead and reads a variable."""
+    spec = rtamt.parse(str(formula))
+    spec = spec if spec.variables else rtamt.parse(f"({formula}) or a > 9")
+    return spec if spec.looks_ahead else rtamt.parse(f"always({spec.formula})")
+
+
+def number(value: float | str | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def same(line: Line, robustness: float, lower: float, upper: float, verdict: rtamt.Verdict) -> None:
+    got = [line.robustness, line.lower, line.upper]
+    assert [*map(repr, got)] == [*map(repr, [robustness, lower, upper])]
+    assert line.verdict is verdict
+
+
+@settings(max_examples=examples(50))
+@given(
+    strategies.formulas(endless=True),
+    strategies.traces(least=2),
+    st.sampled_from(("csv", "ndjson")),
+    st.sampled_from(sorted(PERIODS)),
+    st.booleans(),
+    ends,
+    cuts,
+)
+def test_sampled_lines_equal_the_episode_monitor(
+    formula: rtamt.Formula,
+    trace: Trace,
+    kind: Kind,
+    period: str,
+    stated: bool,  # noqa: FBT001 - drawn
+    end: End,
+    places: list[int],
+) -> None:
+    seconds = PERIODS[period]
+    rows = [
+        {"time": float(i * seconds), **strategies.sample(trace, i)}
+        for i in range(strategies.length(trace))
+    ]
+    text = text_of(kind, rows)
+    # Bounds of a parsed formula are in seconds; those that no period divides are rounded.
+    spec = spec_of(formula)
+    reading = EvaluationOptions(end=end, align="nearest", period=period if stated else None)
+    options = WatchOptions({"it": spec}, reading, Columns(), every=True)
+    try:
+        monitor = rtamt.EpisodeMonitor(spec, seconds, align="nearest")
+    except rtamt.SpecificationError:
+        return
+    lines, code = played(options, text, places)
+    *live, final = lines
+    for i, (row, line) in enumerate(zip(rows, live, strict=True)):
+        monitor.update({name: row[name] for name in monitor.variables})
+        same(line, monitor.robustness, monitor.lower, monitor.upper, monitor.verdict)
+        assert (line.sample, line.time, line.final) == (i, row["time"], False)
+    monitor.finish(end)
+    same(final, monitor.robustness, monitor.lower, monitor.upper, monitor.verdict)
+    assert (final.final, final.end) == (True, end)
+    changes = WatchOptions({"it": spec}, reading, Columns())
+    few, few_code = played(changes, text, places)
+    assert few == [
+        line
+        for before, line in zip([None, *live], live, strict=False)
+        if before is None or before.verdict is not line.verdict
+    ] + [final]
+    arguments = [f"it = {spec.formula}", "--end", end, "--align", "nearest"]
+    monitor_code, outcome = monitored(
+        [*arguments, *(["--period", period] if stated else [])], text, kind
+    )
+    assert code == few_code == monitor_code
+    assert outcome["verdict"] == final.verdict.name
+    values = [number(outcome[name]) for name in ("robustness", "lower", "upper")]
+    assert values == [final.robustness, final.lower, final.upper]
+
+
+@settings(max_examples=examples(40))
+@given(
+    strategies.formulas(endless=True, dense=True),
+    strategies.traces(least=2),
+    times,
+    st.sampled_from(("csv", "ndjson")),
+    ends,
+    cuts,
+)
+def test_dense_lines_equal_the_episode_monitor(
+    formula: rtamt.Formula,
+    trace: Trace,
+    steps: list[int],
+    kind: Kind,
+    end: End,
+    places: list[int],
+) -> None:
+    rows = [
+        {"time": sum(steps[:i]) / 4, **strategies.sample(trace, i)}
+        for i in range(strategies.length(trace))
+    ]
+    text = text_of(kind, rows)
+    spec = spec_of(formula)
+    reading = EvaluationOptions(end=end, dense=True)
+    lines, code = played(WatchOptions({"it": spec}, reading, Columns(), every=True), text, places)
+    *live, final = lines
+    monitor = rtamt.dense.EpisodeMonitor(spec)
+    for row, line in zip(rows, live, strict=True):
+        monitor.update({name: [(row["time"], row[name])] for name in monitor.variables})
+        same(line, monitor.robustness, monitor.lower, monitor.upper, monitor.verdict)
+        assert line.time == row["time"]
+        if line.verdict:
+            assert line.decided_at == monitor.decided_at
+    monitor.finish(end)
+    same(final, monitor.robustness, monitor.lower, monitor.upper, monitor.verdict)
+    monitor_code, outcome = monitored([f"it = {spec.formula}", "--end", end, "--dense"], text, kind)
+    assert code == monitor_code
+    assert outcome["verdict"] == final.verdict.name
+    values = [number(outcome[name]) for name in ("robustness", "lower", "upper")]
+    assert values == [final.robustness, final.lower, final.upper]
