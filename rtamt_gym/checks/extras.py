@@ -45,7 +45,6 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "plotly": ("report",),
     "minari": ("minari",),
     "z3": ("check",),
-    "orjson": ("watch",),
     "rich": ("watch",),
 }
 """The extras that install each optional package, the smallest first; ``all`` installs each

@@ -128,15 +128,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Judge the stream; return the exit code."""
-    from rtamt_gym.watching.sources import Source
-    from rtamt_gym.watching.watch import Watch, few_collections
+    from rtamt_gym.watching.sources import StreamSource
+    from rtamt_gym.watching.watch import StreamWatch, few_collections
 
     settings = _settings(options)
     idle = None if options.idle is None else float(read_seconds("--idle", options.idle))
-    source = Source(options.source, options.follow, idle)
+    source = StreamSource(options.source, options.follow, idle)
     source.check()
     output = _Output()
-    watch = Watch(settings, source.title, output.add)
+    watch = StreamWatch(settings, source.title, output.add)
     code: int | None = None
     with _interrupts() as interrupts, few_collections():
         try:

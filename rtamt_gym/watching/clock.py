@@ -61,7 +61,7 @@ def plain_times(raw: RawTimes) -> RawTimes:
     return raw
 
 
-class Clock:
+class StreamClock:
     """The times of one trace.
 
     Args:

@@ -18,10 +18,10 @@ from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import same_as_before
 from rtamt_gym.results.extent import Extent
 from rtamt_gym.tables import number
-from rtamt_gym.watching.clock import Clock, ClockRules, plain_times
+from rtamt_gym.watching.clock import ClockRules, StreamClock, plain_times
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.rows import RowFault
-from rtamt_gym.watching.states import Row, StreamRules
+from rtamt_gym.watching.states import RowValues, StreamRules
 from rtamt_gym.watching.values import without_place
 
 _TICK = 1e-9
@@ -48,12 +48,12 @@ class EventState:
         if rules.by_step and spec.horizon < math.inf:
             self._instants = rtamt.dense.Monitor(spec, semantics=options.semantics)
 
-    def update(self, time: float, row: Row) -> None:
+    def update(self, time: float, row: RowValues) -> None:
         """Take in the values from a time on."""
         events = {name: [(time, row[at])] for name, at in self.variables.items()}
         self.monitor.update(events)
 
-    def instants(self, time: float, row: Row) -> list[tuple[float, float]]:
+    def instants(self, time: float, row: RowValues) -> list[tuple[float, float]]:
         """Return the breakpoints of the robustness that the values settle."""
         if self._instants is None:
             return []
@@ -69,7 +69,7 @@ class EventState:
         return self.verdict is Verdict.VIOLATED
 
 
-class EventTrace:
+class EventGroup:
     """The events of one group.
 
     Args:
@@ -90,7 +90,7 @@ class EventTrace:
     ) -> None:
         self._rules, self._columns, self._clock_rules = rules, columns, clock
         self.group, self._absent = group, absent
-        self._clock: Clock | None = None
+        self._clock: StreamClock | None = None
         self._states = [EventState(rules, name, absent) for name in rules.specs]
         rules.undecided += len(rules.specs)
         self._held: list[float] = []
@@ -106,7 +106,7 @@ class EventTrace:
         self._gap = True
 
     def feed(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
-        """Take in rows, as `SampledTrace.feed` does."""
+        """Take in rows, as `SampledGroup.feed` does."""
         assert raw is not None, "events have times"  # noqa: S101 - for mypy
         for at, row in enumerate(values.tolist()):
             try:
@@ -149,13 +149,13 @@ class EventTrace:
         if not any(map(self._is_no_event, row)):
             self._flush()
 
-    def _begin(self, raw: RawTimes, line: int) -> Clock:
+    def _begin(self, raw: RawTimes, line: int) -> StreamClock:
         """Return the clock that starts with the first row."""
         starts, variables = self._columns.starts, self._rules.variables
         self._held = [starts.get(name, math.nan) for name in variables]
         self._known = [name in starts for name in variables]
         try:
-            return Clock(self._clock_rules, raw, [line])
+            return StreamClock(self._clock_rules, raw, [line])
         except InputError as error:
             raise RowFault(0, without_place(error)) from None
 
@@ -177,7 +177,7 @@ class EventTrace:
     def _is_no_event(self, value: float) -> bool:
         return math.isnan(value) and self._columns.missing != "unknown"
 
-    def _merge(self, row: Row) -> None:
+    def _merge(self, row: RowValues) -> None:
         """Add the values of a further row at the time of the last."""
         for place, value in enumerate(row):
             old = self._pending[place]
@@ -213,7 +213,7 @@ class EventTrace:
         self.samples += 1
         self._look(row)
 
-    def _look(self, row: Row) -> None:
+    def _look(self, row: RowValues) -> None:
         rules = self._rules
         for state in self._states:
             verdict = state.monitor.verdict

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from rtamt.columns import names_objects
-from rtamt_gym.watching.rows import Cells, RowFault, cell_text
+from rtamt_gym.watching.rows import ColumnCells, RowFault, cell_text
 
 _KEYS: Final = 10_000
 """Different values of a column after which it does not tell objects: it counts rows."""
@@ -25,7 +25,7 @@ class Guard:
         self._values: set[str] = set()
         self._repeats = False
 
-    def check(self, cells: Cells) -> None:
+    def check(self, cells: ColumnCells) -> None:
         """Take in the cells of a block.
 
         Raises:

@@ -11,7 +11,7 @@ from rtamt import InputError
 _LINE: Final = 1 << 26
 """The most bytes of a line."""
 
-Cells = Sequence[Any]
+ColumnCells = Sequence[Any]
 """The cells of a column: texts, or values of JSON."""
 
 
@@ -25,7 +25,7 @@ class RowBlock:
     """
 
     lines: Sequence[int]
-    columns: Mapping[str, Cells]
+    columns: Mapping[str, ColumnCells]
 
     def part(self, begin: int, end: int) -> RowBlock:
         """Return some of the rows."""
@@ -82,7 +82,7 @@ class Lines:
         return [bytes(self._rest)] if self._rest else []
 
 
-class RowFault(Exception):  # noqa: N818 - the fault of a line, which `Watch` reports or leaves out
+class RowFault(Exception):  # noqa: N818 - the fault of a line, which `StreamWatch` reports or leaves out
     """A row that cannot be read or judged; all rows before it in its block can.
 
     Attributes:

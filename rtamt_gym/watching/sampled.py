@@ -18,17 +18,17 @@ from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import same_as_before
 from rtamt_gym.results.extent import Extent
 from rtamt_gym.tables import number, time_text
-from rtamt_gym.watching.clock import Clock, ClockRules, on_grid, plain_times
+from rtamt_gym.watching.clock import ClockRules, StreamClock, on_grid, plain_times
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.rows import RowFault
-from rtamt_gym.watching.states import Row, SampledState, StreamRules
+from rtamt_gym.watching.states import RowValues, SampledState, StreamRules
 from rtamt_gym.watching.values import without_place
 
 _UNKNOWN = 1_000_000
 """The most instants that bad lines may leave out in a row."""
 
 
-class SampledTrace:
+class SampledGroup:
     """The samples of one group.
 
     Args:
@@ -52,12 +52,12 @@ class SampledTrace:
         self.group, self._lost = group, lost
         self._period = rules.reading.seconds
         self._stated = self._period is not None
-        self._clock: Clock | None = None
+        self._clock: StreamClock | None = None
         self._states: list[SampledState] = []
-        self._first: tuple[Row, RawTimes, int] | None = None
-        self._held: Row | None = None
+        self._first: tuple[RowValues, RawTimes, int] | None = None
+        self._held: RowValues | None = None
         self._last_raw: RawTimes | None = None
-        self._last_row: Row = ()
+        self._last_row: RowValues = ()
         self._last = 0.0
         self._gap = False
         self.samples = self.rows = 0
@@ -102,7 +102,7 @@ class SampledTrace:
             return
         at = 0
         if self._clock is None and self._stated:
-            self._clock = Clock(self._clock_rules, raw[:1], lines)
+            self._clock = StreamClock(self._clock_rules, raw[:1], lines)
         while self._clock is None and at < len(values):
             self._begin(values[at].tolist(), raw[at : at + 1], lines[at], at)
             at += 1
@@ -113,7 +113,7 @@ class SampledTrace:
                 fault.row += at
                 raise
 
-    def _begin(self, row: Row, raw: RawTimes, line: int, at: int) -> None:
+    def _begin(self, row: RowValues, raw: RawTimes, line: int, at: int) -> None:
         """Take in the first row, and with the second the period."""
         assert self._clock_rules is not None, "there are times"  # noqa: S101 - for mypy
         if self._first is None:
@@ -139,7 +139,7 @@ class SampledTrace:
             return
         self._check_back(first, raw, at)
         lines = [first_line, line]
-        clock = Clock(self._clock_rules, both, lines)
+        clock = StreamClock(self._clock_rules, both, lines)
         self._period = clock.period(self._clock_rules.source, lines)
         self._clock, self._first = clock, None
         self._start()
@@ -183,7 +183,7 @@ class SampledTrace:
                 fault.row += good + 1
                 raise
 
-    def _odd_row(self, row: Row, raw: RawTimes, since: float, at: int) -> None:
+    def _odd_row(self, row: RowValues, raw: RawTimes, since: float, at: int) -> None:
         """Take in a row that is not the next sample: the same instant, or after a gap."""
         assert self._last_raw is not None, "a row came before"  # noqa: S101 - for mypy
         self._check_back(self._last_raw, raw, at)
@@ -215,7 +215,7 @@ class SampledTrace:
                 skippable=False,
             )
 
-    def _check_same(self, before: Row, row: Row, at: int) -> None:
+    def _check_same(self, before: RowValues, row: RowValues, at: int) -> None:
         """Accept a row at the time of the one before it if it has the same values."""
         for name, old, new in zip(self._rules.variables, before, row, strict=True):
             if old != new and not (math.isnan(old) and math.isnan(new)):
@@ -237,7 +237,7 @@ class SampledTrace:
             return values[kept], kept
         return values, None
 
-    def _hold(self, values: Floats, empty: np.ndarray) -> Row:
+    def _hold(self, values: Floats, empty: np.ndarray) -> RowValues:
         """Fill empty cells with the value before."""
         held = self._held
         if empty.any():
@@ -254,7 +254,7 @@ class SampledTrace:
                         )
                     cells[place] = value
                 held = cells.tolist()
-        last: Row = values[-1].tolist()
+        last: RowValues = values[-1].tolist()
         return last
 
     def _start(self) -> None:
@@ -303,7 +303,7 @@ class SampledTrace:
         self.samples += taken
         return taken
 
-    def _look(self, row: Row) -> bool:
+    def _look(self, row: RowValues) -> bool:
         """Emit the lines of the last sample; return whether the stream stops."""
         rules, sample = self._rules, self.samples - 1
         for state in self._states:

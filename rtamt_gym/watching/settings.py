@@ -12,7 +12,7 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.watching.states import Stop
+from rtamt_gym.watching.states import StreamStop
 
 RowFormat = Literal["csv", "ndjson"]
 """How lines hold rows."""
@@ -44,7 +44,7 @@ class WatchOptions:
     max_groups: int = 100_000
     group_idle: Fraction | None = None
     every: bool = False
-    stop: Stop = "end"
+    stop: StreamStop = "end"
     skip_bad: bool = False
     min_duration: Fraction | None = None
 

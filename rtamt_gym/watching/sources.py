@@ -25,7 +25,7 @@ _POLL: Final = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class StreamSource:
     """A stream of bytes.
 
     Attributes:

@@ -19,10 +19,10 @@ from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.tables import number
 from rtamt_gym.watching.lines import Line
 
-Stop = Literal["end", "violation", "decided"]
+StreamStop = Literal["end", "violation", "decided"]
 """When a stream stops: at its end, at the first violation, or once everything is decided."""
 
-Row = Sequence[float]
+RowValues = Sequence[float]
 
 
 @dataclass
@@ -45,7 +45,7 @@ class StreamRules:
     reading: EvaluationOptions
     emit: Callable[[Line], None]
     every: bool = False
-    stop: Stop = "end"
+    stop: StreamStop = "end"
     options: dict[Fraction | None, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     undecided: int = 0
 
@@ -62,7 +62,7 @@ class StreamRules:
             self.options[period] = reading.from_monitors(viewed_specs)
         return self.options[period][name]
 
-    def picker(self, variables: Sequence[str]) -> Callable[[Row], Row]:
+    def picker(self, variables: Sequence[str]) -> Callable[[RowValues], RowValues]:
         """Return the function that takes the values of some variables from a row."""
         places = [self.variables.index(name) for name in variables]
         if places == [*range(len(self.variables))]:
@@ -72,7 +72,7 @@ class StreamRules:
             return lambda row: (row[place],)
         return itemgetter(*places) if places else lambda _: ()
 
-    def values_text(self, variables: Sequence[str], row: Row) -> str:
+    def values_text(self, variables: Sequence[str], row: RowValues) -> str:
         """Return the values of variables as text."""
         values = dict(zip(self.variables, row, strict=True))
         return ", ".join(
@@ -81,7 +81,7 @@ class StreamRules:
         )
 
 
-def _all_values(row: Row) -> Row:
+def _all_values(row: RowValues) -> RowValues:
     return row
 
 
@@ -118,7 +118,7 @@ class SampledState:
             return (self.update() for _ in range(len(values)))
         return map(self.update, *(values[:, place].tolist() for place in self._places))
 
-    def decide(self, sample: int, row: Row) -> bool:
+    def decide(self, sample: int, row: RowValues) -> bool:
         """Note a decision; return whether the last sample has decided the verdict."""
         verdict = self.monitor.verdict
         if verdict is self.verdict:
@@ -127,7 +127,7 @@ class SampledState:
         self.reason = self._rules.values_text(self.monitor.variables, row)
         return True
 
-    def take_instant(self, sample: int, row: Row) -> tuple[int, float, bool] | None:
+    def take_instant(self, sample: int, row: RowValues) -> tuple[int, float, bool] | None:
         """Judge the instant that a sample settles: its number, its robustness, and if it changes.
 
         None if no instant is settled, or instants are judged at the end only.

@@ -38,7 +38,7 @@ from rtamt_gym.recorded.recording import Floats, Recording
 from rtamt_gym.recorded.roles import has_time_bounds
 from rtamt_gym.recorded.times import TimeColumn, find_times, join_times
 from rtamt_gym.watching.one_trace import Guard
-from rtamt_gym.watching.rows import Cells, RowBlock, RowFault, cell_text
+from rtamt_gym.watching.rows import ColumnCells, RowBlock, RowFault, cell_text
 
 
 class Numbered(NamedTuple):
@@ -259,7 +259,7 @@ class StreamColumns:
                 )
 
     def _floats(
-        self, cells: Cells, kinds: AbstractSet[type], name: str, *, gaps: bool, nan: bool
+        self, cells: ColumnCells, kinds: AbstractSet[type], name: str, *, gaps: bool, nan: bool
     ) -> Floats:
         mark = self._mark or "."
         if kinds <= {str}:
@@ -275,7 +275,7 @@ class StreamColumns:
             raise self._not_a_number(cells, name, mark, gaps=gaps, nan=nan)
         return values
 
-    def _mixed(self, cells: Cells, mark: str, *, gaps: bool, nan: bool) -> Floats | None:
+    def _mixed(self, cells: ColumnCells, mark: str, *, gaps: bool, nan: bool) -> Floats | None:
         """Return the numbers in values of JSON, of which some are null, truth values or texts."""
         values = np.empty(len(cells))
         for row, cell in enumerate(cells):
@@ -293,7 +293,7 @@ class StreamColumns:
         return values
 
     def _not_a_number(
-        self, cells: Cells, name: str, mark: str, *, gaps: bool, nan: bool
+        self, cells: ColumnCells, name: str, mark: str, *, gaps: bool, nan: bool
     ) -> RowFault:
         for row, cell in enumerate(cells):  # noqa: B007 - the first wrong row
             if self._mixed([cell], mark, gaps=gaps, nan=nan) is None:
@@ -325,7 +325,7 @@ class StreamColumns:
 
 
 def _raw_times(
-    cells: Cells,
+    cells: ColumnCells,
     mark: str,
     days: Sequence[str] | None = None,
     order: Any = None,  # noqa: ANN401
@@ -333,7 +333,7 @@ def _raw_times(
     """Return times of texts or of numbers of JSON."""
     kinds = set(map(type, cells))
     if kinds == {str}:
-        # Cells without a point may be integers of 64 bits.
+        # ColumnCells without a point may be integers of 64 bits.
         points = days is None and mark == "." and all("." in cell for cell in cells)
         if points and (read := read_floats(cells)) is not None:
             return np.array(read)
@@ -350,12 +350,12 @@ def _raw_times(
     raise InputError(f"expected a time, got {cell_text(wrong)!r}")
 
 
-def _may_have_mark(cells: Cells) -> bool:
+def _may_have_mark(cells: ColumnCells) -> bool:
     together = "".join(cell for cell in cells if isinstance(cell, str))
     return "." in together or "," in together
 
 
-def _floats_of(cells: Cells) -> Floats:
+def _floats_of(cells: ColumnCells) -> Floats:
     try:
         return np.array(cells, np.float64)
     except OverflowError:

@@ -19,12 +19,12 @@ from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.warnings import VerdictWarning, exit_code
 from rtamt_gym.tables import counted
-from rtamt_gym.watching.clock import Clock, ClockRules
-from rtamt_gym.watching.events import EventTrace
+from rtamt_gym.watching.clock import ClockRules, StreamClock
+from rtamt_gym.watching.events import EventGroup
 from rtamt_gym.watching.json_rows import JsonRows
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.rows import BadLine, Lines, RowBlock, RowFault
-from rtamt_gym.watching.sampled import SampledTrace
+from rtamt_gym.watching.sampled import SampledGroup
 from rtamt_gym.watching.settings import WatchOptions
 from rtamt_gym.watching.states import StreamRules
 from rtamt_gym.watching.text_rows import TextRows
@@ -40,7 +40,7 @@ _ENDED: Final = 10_000_000
 """The most groups that have ended, whose names are remembered."""
 
 
-Trace = SampledTrace | EventTrace
+Group = SampledGroup | EventGroup
 
 
 @contextmanager
@@ -56,7 +56,7 @@ def few_collections() -> Iterator[None]:
         gc.unfreeze()
 
 
-class Watch:
+class StreamWatch:
     r"""A judge of a stream that comes in blocks of bytes, whatever the blocks are.
 
     Args:
@@ -71,8 +71,10 @@ class Watch:
 
     Example:
         >>> import rtamt
+        >>> from rtamt_gym import EvaluationOptions
+        >>> from rtamt_gym.recorded.columns import Columns
         >>> specs = {"near": rtamt.parse("always(x < 2)")}
-        >>> watch = Watch(WatchOptions(specs, EvaluationOptions(), Columns()), "stdin", print)
+        >>> watch = StreamWatch(WatchOptions(specs, EvaluationOptions(), Columns()), "stdin", print)
         >>> for block in (b"time,x\n0,1", b"\n1,3\n"):
         ...     watch.add(block)
         Line(requirement='near', group=None, time=0.0, sample=0, ...
@@ -103,13 +105,13 @@ class Watch:
         self._reader: TextRows | JsonRows | None = None
         self._chosen = False
         self._clock: ClockRules | None = None
-        self.traces: dict[str | None, Trace] = {}
+        self.traces: dict[str | None, Group] = {}
         self._guarded = 0
         self._ended: set[str] = set()
         self._idle: list[tuple[float, str]] = []
         self._last: dict[str, float] = {}
         self._newest = -np.inf
-        self._stream_clock: Clock | None = None
+        self._stream_clock: StreamClock | None = None
         self._words: set[Word] = set()
         self._warnings: list[VerdictWarning] = []
         self.failures: list[str] = []
@@ -283,13 +285,13 @@ class Watch:
             return None
         try:
             if self._stream_clock is None:
-                self._stream_clock = Clock(self._clock, numbered.times[:1], lines)
+                self._stream_clock = StreamClock(self._clock, numbered.times[:1], lines)
             seconds: list[float] = self._stream_clock.since(numbered.times).tolist()
         except InputError as error:
             raise RowFault(0, without_place(error)) from None
         return seconds
 
-    def _group(self, group: str, row: int) -> Trace:
+    def _group(self, group: str, row: int) -> Group:
         if group not in self.traces:
             if len(self.traces) >= self._options.max_groups:
                 raise RowFault(
@@ -317,22 +319,22 @@ class Watch:
             if len(self._ended) > _ENDED:
                 raise InputError(f"{self._source}: more than {_ENDED} groups have ended")
 
-    def _trace(self, group: str | None) -> Trace:
+    def _trace(self, group: str | None) -> Group:
         trace = self.traces.get(group)
         if trace is None:
             title = None if group is None else group
             if self.rules.reading.dense:
                 assert self._clock is not None, "it was checked"  # noqa: S101 - for mypy
                 absent = [n for n in self._cells.variables if n not in self._cells.there]
-                trace = EventTrace(self.rules, self._columns, self._clock, title, absent)
+                trace = EventGroup(self.rules, self._columns, self._clock, title, absent)
             else:
-                trace = SampledTrace(
+                trace = SampledGroup(
                     self.rules, self._columns, self._clock, title, lost=self._options.skip_bad
                 )
             self.traces[group] = trace
         return trace
 
-    def _finish(self, trace: Trace, end: End) -> None:
+    def _finish(self, trace: Group, end: End) -> None:
         """End a trace and emit its final lines."""
         try:
             lines = trace.finish(end)
@@ -347,7 +349,7 @@ class Watch:
             self.rules.emit(line)
         self._check_length(trace)
 
-    def _check_length(self, trace: Trace) -> None:
+    def _check_length(self, trace: Group) -> None:
         least = self._options.min_duration
         if least is None:
             return

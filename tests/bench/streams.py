@@ -23,7 +23,7 @@ from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.settings import WatchOptions
-from rtamt_gym.watching.watch import Watch, few_collections
+from rtamt_gym.watching.watch import StreamWatch, few_collections
 
 SPEC = "always(speed < 100 and gap > -1 implies eventually[0:2](x > -5))"
 BLOCK = 1 << 16
@@ -49,7 +49,7 @@ def watched(text: bytes, *, every: bool = False, dense: bool = False) -> None:
         {"r": rtamt.parse(SPEC)}, EvaluationOptions(dense=dense), Columns(), every=every
     )
     with few_collections():
-        watch = Watch(options, "stream", emit)
+        watch = StreamWatch(options, "stream", emit)
         for begin in range(0, len(text), BLOCK):
             watch.add(text[begin : begin + BLOCK])
         watch.end_of_input()

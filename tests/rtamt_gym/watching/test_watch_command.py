@@ -22,8 +22,8 @@ from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.settings import WatchOptions
-from rtamt_gym.watching.sources import Source
-from rtamt_gym.watching.watch import Watch
+from rtamt_gym.watching.sources import StreamSource
+from rtamt_gym.watching.watch import StreamWatch
 
 Output = pytest.CaptureFixture[str]
 CALM = "always(x < 3)"
@@ -240,7 +240,7 @@ def test_groups_are_traces_of_their_own(dense: bool, idle: int | None) -> None: 
         every=True,
         group_idle=None if idle is None else Fraction(idle),
     )
-    watch = Watch(options, "stream", lines.append)
+    watch = StreamWatch(options, "stream", lines.append)
     for piece in (text[:33], text[33:34], text[34:500], text[500:]):
         watch.add(piece.encode())
     watch.end_of_input()
@@ -350,7 +350,7 @@ def test_a_reader_that_ends_ends_the_command(tmp_path: Path) -> None:
 def test_a_growing_file_is_followed(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(b"a\n")
-    blocks = Source(str(path), follow=True, idle=0.3).blocks()
+    blocks = StreamSource(str(path), follow=True, idle=0.3).blocks()
     assert next(blocks) == b"a\n"
     with path.open("ab") as file:
         file.write(b"b\n")
@@ -360,7 +360,7 @@ def test_a_growing_file_is_followed(tmp_path: Path) -> None:
 def test_a_file_that_shrinks_is_an_error(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(b"a\nb\n")
-    blocks = Source(str(path), follow=True).blocks()
+    blocks = StreamSource(str(path), follow=True).blocks()
     next(blocks)
     path.write_bytes(b"a\n")
     with pytest.raises(rtamt.InputError, match="has become shorter"):
@@ -394,4 +394,4 @@ def test_a_socket_takes_one_client(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["tcp:0.0.0.0:9000", "tcp:example.org:80", "tcp:x"])
 def test_sockets_listen_on_loopback_only(name: str) -> None:
     with pytest.raises(rtamt.InputError, match="loopback"):
-        next(Source(name).blocks())
+        next(StreamSource(name).blocks())

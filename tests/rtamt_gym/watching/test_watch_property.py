@@ -22,7 +22,7 @@ from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.settings import WatchOptions
-from rtamt_gym.watching.watch import Watch
+from rtamt_gym.watching.watch import StreamWatch
 
 Kind = Literal["csv", "ndjson"]
 Trace = strategies.Trace
@@ -44,7 +44,7 @@ def text_of(kind: Kind, rows: Sequence[dict[str, float]]) -> bytes:
 def played(options: WatchOptions, text: bytes, places: Sequence[int]) -> tuple[list[Line], int]:
     """The lines of a stream in pieces, some of them empty, and its exit code."""
     lines: list[Line] = []
-    watch = Watch(options, "stdin", lines.append)
+    watch = StreamWatch(options, "stdin", lines.append)
     bounds = sorted(place % (len(text) + 1) for place in places)
     for begin, end in zip([0, *bounds], [*bounds, len(text)], strict=True):
         watch.add(text[begin:end])
