@@ -106,7 +106,7 @@ def columns(
             refused(reader, InputError, text)
         expected = tuple(arrays[0].shape if shape is None else shape)
         if tuple(array.shape) != expected:
-            why = f"'{names[0]}' has it" if shape is None else "the lanes are those of init()"
+            why = f"'{names[0]}' has it" if shape is None else "init() set the batch size"
             text = f"expected shape {expected} of '{name}', got {tuple(array.shape)}; {why}"
             refused(reader, InputError, text)
     return arrays
@@ -137,10 +137,10 @@ def checked_lanes(reader: ArrayReader, lanes: object) -> int:
     """Return the size of a batch, or raise an error."""
     number = whole(lanes)
     if number is None:
-        text = f"expected a whole number of lanes, got {reader.shown(lanes)}"
+        text = f"expected a whole number of batch entries, got {reader.shown(lanes)}"
         refused(reader, InputTypeError, text)
     if number < 1:
-        refused(reader, InputError, f"expected 1 lane or more, got {number}")
+        refused(reader, InputError, f"expected 1 or more batch entries, got {number}")
     return number
 
 
@@ -162,12 +162,13 @@ def checked_mask(reader: ArrayReader, mask: object, like: Tensor) -> Tensor:
         text = (
             f"expected a mask of booleans in {reader.kind} of shape {shape}, got "
             f"{reader.shown(mask)}; numbers != 0 are one, and "
-            f"{module}.isin({module}.arange({lanes}), lanes) makes one from numbers of lanes"
+            f"{module}.isin({module}.arange({lanes}), lanes) makes a mask from indices"
         )
         refused(reader, InputTypeError, text)
     if tuple(array.shape) != shape:
         text = (
-            f"expected a mask of shape {shape}, a boolean for each lane, got {tuple(array.shape)}"
+            f"expected a mask of shape {shape}, a boolean for each batch entry, got "
+            f"{tuple(array.shape)}"
         )
         refused(reader, InputError, text)
     return array
@@ -180,7 +181,7 @@ def checked_state(
     if not isinstance(state, kind):
         text = (
             f"expected a state of this monitor, an {kind.__name__}, got {reader.shown(state)}; "
-            "init(lanes) makes the first, and a step gives the next one and a reading"
+            "init(lanes) returns the first, and a step returns the next one and a reading"
         )
         refused(reader, InputTypeError, text)
     for name, field in fields.items():
@@ -198,8 +199,8 @@ def checked_state(
         shape = tuple(getattr(state, name).shape)
         if shape != expected:
             text = (
-                f"expected a state of this monitor, whose '{name}' has the shape {expected}, got "
-                f"{shape}: it is that of another specification, or has other lanes"
+                f"expected a state of this monitor, in which '{name}' has the shape {expected}, "
+                f"got {shape}: it belongs to another specification or batch size"
             )
             refused(reader, InputError, text)
 

@@ -114,7 +114,7 @@ def _part(signal: ParsedSignal, value: Any, part: int | str) -> Any:  # noqa: AN
     shape = tuple(getattr(value, "shape", ()))[1:]
     if not shape or isinstance(part, str) or not -shape[0] <= part < shape[0]:
         raise InputError(
-            f"signal {signal.name!r}: {signal} does not fit what one environment gives, "
-            f"an array of shape {shape}"
+            f"signal {signal.name!r}: {signal} does not fit the values of one environment, an "
+            f"array of shape {shape}"
         )
     return value[:, part]

@@ -13,15 +13,15 @@ Let r be the environment's reward, x the robustness of the episode before the st
 | ``hierarchical`` | the value of the first negative level, below | the order of the levels |
 | ``verdict`` | 0 | |
 
-Beside every mode, `settle` pays a bonus once all specifications are certainly satisfied, and takes
-a penalty once one is certainly violated, each once an episode, at the step that shows it or at the
-last one if only the end decides. ``potential`` then keeps the policy that is optimal for r with
-bonus and penalty, not the one for r alone.
+In every mode, `settle` pays a bonus once all specifications are certainly satisfied, and a penalty
+once any is certainly violated. Each is paid once an episode, at the step of the decision, or at the
+last step if only the end decides. ``potential`` then keeps the policy that is optimal for r with
+bonus and penalty, not the policy for r alone.
 
-``progress`` pays what the bounds of the robustness gain, each clipped. Its sum over an episode is
-weight times their middle at the end less that at the reset, which no action changes. At the end the
-middle has the sign of the verdict, and where only the end decides it is the robustness, as
-``terminal`` pays it; but each gain is paid at the step that has earned it.
+``progress`` pays the gain of the bounds of the robustness, each clipped. Its sum over an episode is
+weight times their middle at the end minus their middle at the reset, which no action changes. At
+the end the middle has the sign of the verdict; if only the end decides, it is the robustness, as
+``terminal`` pays it. But each gain is paid at the step that earned it.
 
 ``potential`` keeps x' at a truncation: that episode could have gone on, and the learner bootstraps
 with the value of its last state. After a termination, by the environment or by the monitor, there
@@ -34,8 +34,8 @@ episode that fails early may earn more than one that succeeds late; ``terminal``
 ``potential`` do not depend on the number of steps in this way.
 
 Functions that take several specifications take a sequence with an element for each: floats, or
-arrays of shape (lanes,), of NumPy, of JAX or of torch. Flags (``ended``, ``terminated``) are 1 or
-0, or True and False where they are no arrays.
+arrays of shape (lanes,), of NumPy, of JAX or of torch. Flags (``ended``, ``terminated``) are 1 or 0
+in arrays, otherwise True or False.
 
 To add a mode: its name in `Mode`, one function, one case of `Shaping.reward` and a row of the table
 above; if it depends on the episode or on bounds, also `pays_episode` or `pays_bounds`. Describe it
@@ -152,18 +152,18 @@ def _least_of_lanes(values: Sequence[Any], temperature: float | None) -> Any:  #
         lowest = library.where((lowest == 0.0) & negative, -0.0, lowest)
     if temperature is None:
         return lowest
-    # Differences to the least, so that no exponential overflows.
+    # differences to the minimum, so that no exponential overflows
     powers = sum(library.exp((lowest - value) / temperature) for value in values)
     return lowest - temperature * library.log(powers)
 
 
 def hierarchical(levels: Sequence[Numeric], bound: float) -> Numeric:
-    """The first negative level, else the last, raised by ``bound`` for every level before it.
+    """Return the first negative level, or the last, raised by ``bound`` for every level before it.
 
-    With all levels in [-bound, bound] the ranges do not overlap: a violated level gives at most
-    what any violation of later levels alone gives, whatever the margins. The value is negative
-    exactly where the first level is, -0.0 included, and never falls when a level rises. The margin
-    of a level that holds counts for the last level alone.
+    With all levels in [-bound, bound] the ranges do not overlap: a violated level returns at most
+    as much as any violation of later levels only, for all margins. The value is negative exactly if
+    a level is, -0.0 included, and never falls when a level rises. The margin of a satisfied level
+    counts for the last level only.
 
     Args:
         levels: Robustness of each level, the most important first.
@@ -183,7 +183,7 @@ def hierarchical(levels: Sequence[Numeric], bound: float) -> Numeric:
 
 
 def _of_first_negative(levels: Sequence[Numeric], values: Sequence[Numeric]) -> Numeric:
-    """The value that belongs to the first negative level, else the last value."""
+    """Return the value for the first negative level, or the last value."""
     value = values[-1]
     for rank in range(len(levels) - 2, -1, -1):
         level = levels[rank]
@@ -257,11 +257,11 @@ def progress(reward: Numeric, before: Numeric, after: Numeric, weight: float) ->
 
 
 def outcome(lower: Numeric, upper: Numeric) -> Numeric:
-    """1 where the bounds say that nothing can violate, -1 where nothing can satisfy, else 0.
+    """Return 1 if the bounds exclude a violation, -1 if they exclude satisfaction, otherwise 0.
 
     Args:
-        lower: The least robustness that the episode can still have, its sign bit included.
-        upper: The greatest.
+        lower: The minimum robustness that the episode can still have, its sign bit included.
+        upper: The maximum.
 
     Example:
         >>> outcome(0.5, 2.0), outcome(-1.0, -0.0), outcome(-1.0, 0.0)
@@ -312,15 +312,15 @@ class Shaping:
 
     Attributes:
         mode: How robustness becomes reward.
-        weight: Factor of the robustness beside the environment's reward; 0 pays none.
+        weight: Factor of the robustness next to the environment's reward; 0 pays no robustness.
         clip: Bound of the robustness.
         gamma: Discount of the learner.
         temperature: Temperature of the smooth minimum over the specifications; None: exact.
         weights: Factor of every specification's robustness.
         levels: Indices of the specifications in each level; all modes but ``hierarchical`` have one
             level.
-        bonus: What a certain satisfaction pays.
-        penalty: What a certain violation costs.
+        bonus: The reward of a certain satisfaction.
+        penalty: The cost of a certain violation.
     """
 
     mode: Mode
@@ -351,8 +351,8 @@ class Shaping:
         """The shaping for the specifications named; `StlReward` documents the arguments.
 
         Raises:
-            InputError: If an argument is none of its choices, out of its range, or names a
-                specification that is not there.
+            InputError: If an argument is not among its choices, out of its range, or names an
+                unknown specification.
         """
         check_choice("mode", mode, get_args(Mode))
         if weights is not None:
@@ -364,7 +364,7 @@ class Shaping:
         }
         if mode == "verdict" and bonus == penalty == 0.0:
             raise InputError(
-                "mode='verdict' pays only bonus= and penalty=, which are both 0; give one of them, "
+                "mode='verdict' pays only bonus= and penalty=, which are both 0; set at least one, "
                 "such as bonus=1.0, penalty=1.0"
             )
         return cls(
@@ -409,7 +409,7 @@ class Shaping:
 
     @property
     def factor(self) -> float | None:
-        """The weight of all specifications, if `robustness` is but their least one times that.
+        """Return the common weight, if `robustness` is the minimum robustness times this weight.
 
         Then it is ``clip(factor * least)``: weights and clips keep the order of numbers.
         """
@@ -423,9 +423,9 @@ class Shaping:
     def deciding(self, values: Sequence[Numeric]) -> Numeric:
         """The robustness that decides `robustness`, as it is before it is clipped.
 
-        It is the least over the specifications, each times its weight; in the mode ``hierarchical``
-        the least over the level that pays. Where it is beyond the clip, no small change of any
-        specification of that level changes the reward.
+        It is the minimum over the specifications, each times its weight; in the mode
+        ``hierarchical`` the minimum over the level that pays. If it is beyond the clip, no small
+        change of a specification of that level changes the reward.
         """
         weighted = [factor * value for factor, value in zip(self.weights, values, strict=True)]
         lows = [least([weighted[i] for i in level]) for level in self.levels]

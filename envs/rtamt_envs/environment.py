@@ -167,7 +167,7 @@ def numbers(action: ArrayLike, shape: tuple[int, ...], scenario: Scenario) -> Fl
         ) from None
     if array.shape != shape:
         raise InputError(
-            f"expected an action ({names}) of shape {shape} for {scenario.id}, got one of shape "
+            f"expected an action ({names}) of shape {shape} for {scenario.id}, got shape "
             f"{array.shape}"
         )
     return array

@@ -136,14 +136,14 @@ class ScenarioLanes:
         """Raise StateError if a chosen simulation has no episode."""
         unbegun = chosen & (self.steps < 0)
         if unbegun.any():
-            where = f" in lane {int(unbegun.argmax())}" if len(chosen) > 1 else ""
+            where = f" in environment {int(unbegun.argmax())}" if len(chosen) > 1 else ""
             raise StateError(f"no episode of {self._scenario.id} runs{where}; call reset() first")
 
     def _refuse_nan(self, actions: Floats, chosen: Bools) -> None:
         """Raise InputError if an action of a chosen simulation is nan."""
         for step, lane, index in np.argwhere(np.isnan(actions) & chosen[:, None]):
             where = f" of step {step}" if len(actions) > 1 else ""
-            where += f" in lane {lane}" if len(chosen) > 1 else ""
+            where += f" in environment {lane}" if len(chosen) > 1 else ""
             raise InputError(
                 f"expected a number as action {self._scenario.actions[index].name!r}{where}, "
                 "got nan"

@@ -169,7 +169,7 @@ class Scenario:
                     f"expected a number as parameter {name!r} of {self.id}, got {value!r}"
                 ) from None
             if numbers.shape not in {(), row.shape[:-1]} or np.isnan(numbers).any():
-                lanes = f" or {row.shape[0]} of them" if row.ndim > 1 else ""
+                lanes = f" or {row.shape[0]} numbers" if row.ndim > 1 else ""
                 raise InputError(
                     f"expected a number{lanes} as parameter {name!r} of {self.id}, got {value!r}"
                 )
@@ -189,8 +189,7 @@ def scenario_of(name: str) -> Scenario:
     """Return the scenario of a name, such as ``"ChasingCars"``, or raise InputError."""
     if name not in SCENARIOS:
         raise InputError(
-            f"there is no scenario {name!r}{nearest(name, SCENARIOS)}; "
-            f"there are {listing(SCENARIOS)}"
+            f"unknown scenario {name!r}{nearest(name, SCENARIOS)}; there are {listing(SCENARIOS)}"
         )
     found: Scenario = import_module(f"rtamt_envs.{SCENARIOS[name][0]}").SCENARIO
     return found

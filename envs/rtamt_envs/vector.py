@@ -109,7 +109,9 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         if isinstance(seeds, SupportsIndex):
             seeds = [int(seeds) + lane for lane in range(self.num_envs)]
         if len(seeds) != self.num_envs:
-            raise InputError(f"expected a seed for each of {self.num_envs} lanes, got {len(seeds)}")
+            raise InputError(
+                f"expected a seed for each of {self.num_envs} environments, got {len(seeds)}"
+            )
         for lane in np.flatnonzero(chosen).tolist():
             if seeds[lane] is not None:
                 self._generators[lane] = gym.utils.seeding.np_random(seeds[lane])[0]
@@ -132,7 +134,7 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         begins = self._ended.copy()
         if self.autoreset_mode is AutoresetMode.DISABLED and begins.any():
             raise InputError(
-                f"lane {int(begins.argmax())} has ended; reset it with "
+                f"environment {int(begins.argmax())} has ended; reset it with "
                 "options={'reset_mask': ...} before the next step"
             )
         self._lanes.step(acted, ~begins, self._generators)

@@ -71,7 +71,7 @@ class _Sampled(AbstractSpecification):
         if sampling_period != 0:
             as_period(sampling_period)
         if unit not in UNITS:
-            raise SpecificationError(f"expected one of the units {', '.join(UNITS)}, got {unit!r}")
+            raise SpecificationError(f"expected a unit ({', '.join(UNITS)}), got {unit!r}")
         if not 0 <= tolerance <= 1:
             raise SpecificationError(f"expected a tolerance between 0 and 1, got {tolerance!r}")
         self.sampling_period = sampling_period

@@ -16,7 +16,7 @@ class _Word(Enum):
     @classmethod
     def _missing_(cls, value: object) -> None:
         words = ", ".join(repr(str(member)) for member in cls)
-        raise InputError(f"expected a member of {cls.__name__}, or one of {words}, got {value!r}")
+        raise InputError(f"expected a member of {cls.__name__}, or {words}, got {value!r}")
 
     def __str__(self) -> str:
         return str(self.value)

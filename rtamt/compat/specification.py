@@ -483,7 +483,7 @@ _ADVICE = (
         r"or take samples \1 s apart and say so with set_sampling_period()",
     ),
     (
-        r"give resolution=('.*'), of which it is one$",
+        r"give resolution=('.*')$",
         r"write whole nanoseconds, or use rtamt.dense.Monitor with resolution=\1",
     ),
     (

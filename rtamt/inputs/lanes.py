@@ -52,8 +52,8 @@ class LaneReader:
         others |= {name: named.pop(name) for name in arguments if name in named}
         if others.get("upper") is not None:
             raise InputError(
-                "expected upper= beside an array; by name, values that are not known are a "
-                "UncertainValue: update(x=UncertainValue(lower, upper))"
+                "expected an array together with upper=; pass an uncertain value by name, as in "
+                "update(x=UncertainValue(lower, upper))"
             )
         if not isinstance(values, tuple) or values:
             raise InputError(
@@ -75,8 +75,8 @@ class LaneReader:
         begun = bank.samples > 0
         if self._bounds and (unknown := begun & bank.unknown[:, column]).any():
             raise InputError(
-                f"expected a value for '{self._program.inputs[column]}', whose last value is not "
-                f"known in lane {unknown.argmax()}"
+                f"expected a value for '{self._program.inputs[column]}': batch entry "
+                f"{unknown.argmax()} has no known last value"
             )
         values: Floats = np.where(begun, bank.inputs[:, column], default)
         return values
@@ -89,10 +89,10 @@ class LaneReader:
         """Return the values as a contiguous array of shape (entries, variables)."""
         names = self._program.inputs
         self._refuse_named(values, names)
-        table = array_of_numbers(values, "the lanes")
+        table = array_of_numbers(values, "the batch")
         if table.shape != (self._num, len(names)):
-            hint = "; lanes that a mask leaves out have rows too"
-            raise wrong_shape(table, str(self._num), names, "a row for each lane and ", hint)
+            hint = "; batch entries outside the mask need rows too"
+            raise wrong_shape(table, str(self._num), names, "a row for each batch entry and ", hint)
         return np.require(table, requirements=["C", "ALIGNED"])
 
     def _refuse_named(self, values: object, names: Sequence[str]) -> None:
@@ -103,8 +103,8 @@ class LaneReader:
         columns = [name_text(name) for name in data.keys()]  # noqa: SIM118 - of a data frame
         if isinstance(data, Mapping) or (columns != [*names] and {*columns} & {*names}):
             raise InputTypeError(
-                f"expected an array with a row for each lane, got {kind_of(values)}, whose columns "
-                "have names; pass them by name, as in update(**columns)"
+                f"expected an array with a row for each batch entry, got {kind_of(values)} with "
+                "named columns; pass the columns by name, as in update(**columns)"
             )
 
     def named(
@@ -140,8 +140,8 @@ class LaneReader:
             for name, column in columns.items():
                 if len(column) != self._num:
                     raise InputError(
-                        f"expected {self._num} values of '{name}', one for each lane, got "
-                        f"{len(column)}; lanes that a mask leaves out have values too"
+                        f"expected {self._num} values of '{name}', one for each batch entry, got "
+                        f"{len(column)}; entries outside the mask need values too"
                     )
             columns |= {name: held(names.index(name), value) for name, value in defaults.items()}
             rows = [columns[name] for name in names]
@@ -162,12 +162,12 @@ class LaneReader:
         if chosen.dtype != np.bool_:
             raise InputTypeError(
                 f"expected a mask of {self._num} booleans, got dtype {chosen.dtype}; "
-                f"np.isin(range({self._num}), [0, 2]) makes one from lane numbers"
+                f"np.isin(range({self._num}), [0, 2]) makes a mask from indices"
             )
         if chosen.shape != (self._num,):
             raise InputError(
-                f"expected a mask of {self._num} booleans, one for each lane, "
-                f"got shape {chosen.shape}; without a mask all lanes are meant"
+                f"expected a mask of {self._num} booleans, one for each batch entry, got shape "
+                f"{chosen.shape}; without a mask, all entries are updated"
             )
         # numpy miscounts booleans whose bytes are not 0 or 1.
         booleans: Lanes = np.ascontiguousarray(chosen).view(np.uint8) != 0
@@ -242,7 +242,7 @@ class LaneReader:
             expected = f"a lower end of '{name}' that is not above the upper one"
         raise InputError(
             f"expected {expected}, got {least!r} and {greatest!r} at sample {samples[lane]} of "
-            f"lane {lane}"
+            f"batch entry {lane}"
         )
 
     def refuse(self, values: Sequence[float | UncertainValue], sample: int, lane: int) -> NoReturn:
@@ -252,15 +252,15 @@ class LaneReader:
     def refuse_update(self, lane: int) -> NoReturn:
         """Raise the error that refuses a sample of a finished episode."""
         raise StateError(
-            f"the episode of lane {lane} is finished; "
-            "reset it before its next update, or leave it out with a mask"
+            f"the episode of batch entry {lane} is finished; reset it before its next update, or "
+            "exclude it with a mask"
         )
 
     def refuse_finish(self, lane: int) -> NoReturn:
         """Raise the error that refuses to finish an episode without a sample."""
         raise StateError(
-            f"finish() needs at least one sample, lane {lane} has got none since its reset; "
-            "leave it out with a mask"
+            f"finish() needs at least one sample, batch entry {lane} got 0 since its reset; "
+            "exclude it with a mask"
         )
 
 

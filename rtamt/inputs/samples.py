@@ -35,6 +35,7 @@ from rtamt.program.memory import limit_episode
 from rtamt.program.program import Program, ranges_of
 
 NanPolicy = Literal["raise", "hold", "unknown"]
+"""Meaning of nan: an error, the last value of the variable, or an unknown value."""
 SampleValues = list[float | UncertainValue]
 """A value for each variable, in their order; known values are numbers."""
 
@@ -81,7 +82,7 @@ class SampleReader:
         self.intervals_fit = True
         self._known = frozenset(self.variables)
         self._messages = Messages(program.specification, self.variables)
-        self._where = "" if lane is None else f" of lane {lane}"
+        self._where = "" if lane is None else f" of batch entry {lane}"
 
     def read(
         self,
@@ -275,7 +276,7 @@ class SampleReader:
             raise InputError(f"expected columns of one length, got {got}{wanted}")
         if not lengths:
             what = "every variable has its default" if held else "the formula has no variables"
-            raise InputError(f"{what}: say how many samples with n=")
+            raise InputError(f"{what}: pass the number of samples as n=")
         length = lengths.pop()
         columns = {v: np.full(length, value) for v, value in held.items()} | columns
         values = [columns[v] for v in self.variables]

@@ -39,7 +39,7 @@ _LARGEST = 10**300
 
 def no_unit(text: object) -> str:
     """Return the reason to refuse an unknown unit."""
-    return f"expected one of the units {', '.join(UNITS)}, got {brief(text)}"
+    return f"expected a unit ({', '.join(UNITS)}), got {brief(text)}"
 
 
 def exact(value: Exact, what: str) -> Fraction:

@@ -166,8 +166,8 @@ def _number_path(spec: Specification, name: str) -> tuple[PathStep, ...]:
     if declared is None or (declared[0] == "std_msgs" and declared[1] in _STD.values()):
         return ("data",)
     raise SpecificationError(
-        f"expected a field of the message '{name}', such as {name}.x, got '{name}' as a number; "
-        f"a {'/'.join(declared)} is none"
+        f"expected a field of the message '{name}', such as {name}.x, got '{name}' as a number; a "
+        f"{'/'.join(declared)} is not a number"
     )
 
 

@@ -115,8 +115,8 @@ class OperatorClocks:
         chosen: Lanes = np.ascontiguousarray(mask)
         if chosen.dtype != np.bool_ or chosen.shape != self._shape[1:]:
             raise InputError(
-                f"expected a mask of {self._shape[1]} booleans, one for each lane, "
-                f"got {chosen.dtype} of the shape {chosen.shape}"
+                f"expected a mask of {self._shape[1]} booleans, one for each batch entry, got "
+                f"{chosen.dtype} of the shape {chosen.shape}"
             )
         return chosen
 
@@ -129,7 +129,7 @@ class OperatorClocks:
 
     def __repr__(self) -> str:
         parts, num = self._shape
-        return f"<OperatorClocks: {len(self._clocks)} over {parts} parts in {num} lanes>"
+        return f"<OperatorClocks: {len(self._clocks)} over {parts} parts in {num} batch entries>"
 
 
 def _check(clock: OperatorClock, parts: int) -> None:
@@ -137,7 +137,7 @@ def _check(clock: OperatorClock, parts: int) -> None:
     read = [part for part, _ in clock.operands]
     for part in read if clock.asked is None else [*read, clock.asked]:
         if not 0 <= part < parts:
-            raise InputError(f"expected clocks of the parts 0 to {parts - 1}, got one of {part}")
+            raise InputError(f"expected clocks of the parts 0 to {parts - 1}, got part {part}")
     count = 1 if clock.event in {"holds", "fails"} else 2
     if len(read) != count:
         raise InputError(

@@ -207,33 +207,30 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
 class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram]):
     """A monitor of the robustness of a whole trace in dense time, with bounds as events come.
 
-    It is `EpisodeMonitor` for events: everything is about the start of the trace, the first time at
-    which all variables are known, and exact at that instant; invariants are written
-    ``always(...)``. Future operators need no end. The trace so far ends at the earliest of the
-    variables' last events, `settled`. After every update
+    The robustness is about the start of the trace, the first time when all variables are known;
+    write invariants with ``always(...)``. Future operators need no end. The trace so far ends at
+    `settled`, the earliest of the variables' last events. After every update
 
     * ``robustness`` is the robustness if the trace ends there, where windows are cut to it;
     * ``lower`` and ``upper`` bound the robustness over all continuations and ends: ``lower`` never
       falls, ``upper`` never rises;
     * ``verdict`` is decided as soon as both have the same sign bit, at the time `decided_at`.
 
-    With ``nan="unknown"`` an event may be nan or an `UncertainValue`: until its next event the
-    variable may be any number, or any number between the two. The bounds hold for all of them, and
-    ``robustness`` is the smallest. Events come in chunks of any size. A variable with a declared
-    value has it until its first event, which must be later than `settled`.
+    With ``nan="unknown"`` an event may be nan or an `UncertainValue`; the bounds hold for all
+    values that it may have, and ``robustness`` is the minimum. Events come in chunks of any size. A
+    variable has its declared default until its first event, which must be later than `settled`.
 
     Args:
         spec: Text, a formula, or a parsed specification.
         resolution: As for `rtamt.dense.Monitor`.
-        nan: What an event of nan is: ``"raise"``, an error; ``"unknown"``, a value of which nothing
-            is known until the variable's next event. An `UncertainValue` is an error under
-            ``"raise"`` too.
+        nan: ``"raise"`` refuses nan and uncertain values; ``"unknown"`` reads nan as a value of
+            which nothing is known until the next event.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:
-        SpecificationError: As for `rtamt.dense.Monitor`, but futures need no end; on too many
-            operators without an end inside others.
-        InputError: As for `Monitor`, and on another ``nan``.
+        SpecificationError: As for `rtamt.dense.Monitor`, but future operators need no end; if too
+            many operators without an end are nested.
+        InputError: As for `Monitor`.
 
     Example:
         >>> import rtamt
@@ -246,8 +243,6 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
         (-2.0, 'VIOLATED')
         >>> m.decided_at
         2.5
-
-    Source: as for `EpisodeMonitor`.
     """
 
     __slots__ = {

@@ -272,8 +272,8 @@ def _tables(reader: SampleReader, data: TraceColumns) -> tuple[list[Floats], tup
 def _named_tables(names: Sequence[str], data: Mapping[str, ArrayLike]) -> list[Floats]:
     if not names:
         raise InputError(
-            "the formula has no variables: say how many samples with an array of shape "
-            "(traces, samples, 0)"
+            "the formula has no variables: pass an array of shape (traces, samples, 0) for the "
+            "number of samples"
         )
     for name in names:
         if name not in data:

@@ -336,21 +336,15 @@ def judge_dense(
     Example:
         >>> import rtamt
         >>> trace = {"req": [(0, 0), (1, 4), (1.5, 0), (6, 0)], "gnt": [(0, 0), (2.25, 5), (6, 5)]}
-        >>> rtamt.dense.judge(
-        ...     "always(req >= 3 implies eventually[0:2](gnt >= 3))", trace
-        ... ).verdict.name
-        'SATISFIED'
+        >>> response = "always(req >= 3 implies eventually[0:2](gnt >= 3))"
+        >>> verdict = rtamt.dense.judge(response, trace)
+        >>> print(verdict.verdict.name, verdict.triggers[0], sep=", ")
+        SATISFIED, triggered 1 time, first at time 1
         >>> print(rtamt.dense.judge("always[0:8](gnt < 9)", trace))
         UNDECIDED: always[0:8](gnt < 9)
         robustness 4, bounds -inf to 4 under end="cut"
         always[0:8](gnt < 9): not recorded: 6 s to 8 s
         if nothing follows (end="complete"), the verdict is SATISFIED
-        >>> print(
-        ...     rtamt.dense.judge(
-        ...         "always(req >= 3 implies eventually[0:2](gnt >= 3))", trace
-        ...     ).triggers[0]
-        ... )
-        triggered 1 time, first at time 1
 
         A value that is written once holds to the end of the others:
 

@@ -85,28 +85,24 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
 
     At sample t, ``update`` returns the robustness at time ``t - latency``: positive if satisfied by
     that margin, negative if violated; at 0 the sign bit decides (`holds`). The first ``latency``
-    values are nan. Every value equals the value of `evaluate` where the formula's future lies
-    inside the trace. An update costs the same for windows of any length.
-
-    Future operators need an end (``eventually[0:5]``), except a top-level ``always p`` or
-    ``eventually p``: there ``update`` returns the minimum or maximum robustness of p so far.
+    values are nan. An update costs the same for windows of any length. Future operators need an
+    end (``eventually[0:5]``), except a top-level ``always p`` or ``eventually p``: there
+    ``update`` returns the minimum or maximum robustness of p so far.
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        period: Seconds between samples, as a number or as text (``"100ms"``). None: the bounds of
-            the formula are numbers of samples.
+        period: Seconds between samples, as a number or text (``"100ms"``). Default: bounds count
+            samples.
         **options: See `OPTIONS`.
 
     Raises:
-        SpecificationError: On text that is not a specification, bounds that are not a whole number
-            of periods (unless ``align`` rounds them), a window that ``align="inward"`` leaves
-            empty, a future without an end, or windows of more than `rtamt.limits.window_bytes`.
-        InputError: On an option that has no such value, or ``backend="native"`` that was not built.
+        SpecificationError: If the text is not a specification, a bound does not fit the period, a
+            window is empty after rounding, a future operator has no end, or windows need more than
+            `rtamt.limits.window_bytes`.
+        InputError: If an option has a wrong value, or the native backend was not built.
 
     Example:
         >>> m = Monitor("always[0:2](x > 1)")
-        >>> m.latency, m.variables
-        (2, ('x',))
         >>> [m.update(x=value) for value in (5, 4, 3, 0)]
         [nan, nan, 2.0, -1.0]
 
@@ -162,8 +158,7 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
 class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     """A monitor of the robustness of a whole episode, with bounds at every sample.
 
-    Everything is about time 0 of the episode; invariants are written ``always(...)``. Future
-    operators need no end. After every sample
+    Write invariants with ``always(...)``; future operators need no end. After every sample
 
     * ``robustness`` is the robustness if the episode ends now, as `evaluate` returns for sample 0;
     * ``lower`` and ``upper`` bound the robustness over all continuations and all ends, including an
@@ -172,23 +167,20 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     * ``verdict`` is decided as soon as both bounds have the same sign bit (+0.0 holds, -0.0 does
       not), and stays wherever the trace then ends.
 
-    A value may be an `UncertainValue`, which is known only to lie between two numbers. Then the
-    bounds hold for all values in these intervals, ``robustness`` is the smallest if the episode
-    ends now, and `finish` may leave the verdict undecided.
+    With an `UncertainValue`, the bounds hold for all values in its interval, ``robustness`` is the
+    minimum if the episode ends now, and `finish` may leave the verdict undecided.
 
     Args:
         spec: Text, a formula, or a parsed specification.
         period: As for `Monitor`.
         history: Whether to keep the samples for `explain`, with 8 bytes a value, until the reset.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
-            for `Monitor`; ``nan="unknown"`` takes a nan for a value of which nothing is known,
-            ``UncertainValue(-math.inf, math.inf)``.
+            for `Monitor`; ``nan="unknown"`` reads nan as ``UncertainValue(-math.inf, math.inf)``.
 
     Raises:
-        SpecificationError: On text that is not a specification, bounds that are not a whole number
-            of periods, too many operators without an end inside others, or streams of values of
-            more than `rtamt.limits.window_bytes`, with ``nan="unknown"`` twice as many; without it
-            `update` raises it at the first value that is not known, if those are too many.
+        SpecificationError: As for `Monitor`, but future operators need no end; if too many
+            operators without an end are nested. Uncertain values double the memory, so `update` may
+            raise it at the first of them.
         InputError: As for `Monitor`.
 
     Example:

@@ -61,7 +61,7 @@ class VerdictBook:
         lanes = sorted({monitor.num for monitor in self.monitors})
         if len(lanes) != 1:
             got = f"monitors of {' and '.join(map(str, lanes))}" if lanes else "no monitor"
-            raise InputError(f"expected one or more monitors of as many lanes, got {got}")
+            raise InputError(f"expected one or more monitors with equal batch sizes, got {got}")
         (self.num,) = lanes
         shape = len(self.monitors), self.num
         self.settled_at: NDArray[np.int64] = np.full(shape, -1, np.int64)

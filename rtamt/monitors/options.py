@@ -83,14 +83,14 @@ OPTIONS: Final[Mapping[str, MonitorOption]] = {
     "inputs": MonitorOption(
         None,
         (),
-        "Variables that the system reads; a message stands for its fields. None: those that the "
-        "text declares ``input``. Only interface-aware semantics need them.",
+        "Variables that the system reads, for interface-aware semantics; a message stands for its "
+        "fields. Default: variables declared ``input``.",
     ),
     "outputs": MonitorOption(
         None,
         (),
-        "Variables that the system sets; a message stands for its fields. None: those that the "
-        "text declares ``output``. Only interface-aware semantics need them.",
+        "Variables that the system sets, for interface-aware semantics; a message stands for its "
+        "fields. Default: variables declared ``output``.",
     ),
     "backend": MonitorOption(
         "auto",
@@ -107,18 +107,17 @@ OPTIONS: Final[Mapping[str, MonitorOption]] = {
     "align": MonitorOption(
         None,
         (None, *get_args(Align)),
-        "How to round a bound that is not a whole number of samples. None refuses it; "
-        '``"outward"`` takes the floor of the begin and the ceiling of the end, ``"inward"`` the '
-        'reverse, and ``"nearest"`` the nearest sample, of two the sample that widens the window. '
-        "The operator does not matter: outward, ``always`` asks for more and ``eventually`` for "
-        "less. The listing of the program, ``str(monitor.program)``, shows each interval.",
+        "How to round a bound that is not a whole number of samples; None raises an error. "
+        '``"outward"`` takes the floor of the start and the ceiling of the end, ``"inward"`` the '
+        'reverse, and ``"nearest"`` the nearest sample; at a tie, it widens the window. '
+        "``str(monitor.program)`` lists the rounded intervals.",
     ),
     "max_gap": MonitorOption(
         None,
         (),
-        "The longest time, in seconds or as text with a unit, between neighbouring events of a "
-        "variable that its value lasts: in a longer gap it is unknown from one tick after the "
-        "first event up to the second. None: it lasts however long.",
+        "The maximum time between events of a variable, in seconds or as text with a unit, over "
+        "which its value holds. In a longer gap the value is unknown, from one tick after the "
+        "first event to the second. Default: no limit.",
     ),
 }
 """Every option once; signatures, defaults and docstrings come from here."""

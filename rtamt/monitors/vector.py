@@ -143,7 +143,7 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
         return BACKENDS[self.backend].discrete_bank(self.program, self.num, reader)
 
     def __repr__(self) -> str:
-        what = f"{self.num} lanes of {self.specification.formula}"
+        what = f"{self.num} batch entries of {self.specification.formula}"
         return f"<VectorMonitor of {what}, latency {self.latency}>"
 
 
@@ -230,18 +230,19 @@ class VectorEpisodeMonitor(
         return self._machine.finish(mask, checked_end(end))
 
     def __repr__(self) -> str:
-        return f"<VectorEpisodeMonitor of {self.num} lanes of {self.specification.formula}>"
+        return f"<VectorEpisodeMonitor of {self.num} batch entries of {self.specification.formula}>"
 
 
 def _counted(num: object) -> int:
     """Return the batch size."""
     if isinstance(num, bool | np.bool_) or not isinstance(num, SupportsIndex):
         raise InputTypeError(
-            f"expected a whole number of lanes, got {num!r}; the period is the third argument"
+            f"expected a whole number of batch entries, got {num!r}; the period is the third "
+            "argument"
         )
     lanes = operator.index(num)
     if lanes < 1:
-        raise InputError(f"expected 1 or more lanes, got {lanes}")
+        raise InputError(f"expected 1 or more batch entries, got {lanes}")
     if lanes > _MAX_LANES:
-        raise InputError(f"expected at most {_MAX_LANES} lanes, got {lanes}")
+        raise InputError(f"expected at most {_MAX_LANES} batch entries, got {lanes}")
     return lanes

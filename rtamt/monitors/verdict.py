@@ -82,8 +82,8 @@ def holds(robustness: object) -> object:
             place = np.argwhere(missing)[0].tolist()
             where = f" at index {place[0] if len(place) == 1 else tuple(place)}"
         raise InputError(
-            f"nan{where} is no robustness; a monitor gives it as long as the value is unknown: for "
-            "the first `latency` samples, or before the first"
+            f"nan{where} is not a robustness: a monitor returns nan while the value is unknown, "
+            "for the first `latency` samples or before the first sample"
         )
     held = ~np.signbit(values)
     return held if values.ndim else bool(held)

@@ -111,7 +111,7 @@ class DenseBuilder(ProgramBuilder):
             raise self.specification.error(
                 node,
                 f"bound {text} is not a whole number of ticks of {duration_text(self._resolution)}",
-                Advice("give ", Argument("resolution", finer), ", of which it is one"),
+                Advice("give ", Argument("resolution", finer)),
             )
         if ticks >= MAX_TICKS:
             raise self._too_far(node, f"bound {text} is", ticks)
@@ -171,7 +171,7 @@ class DenseBuilder(ProgramBuilder):
             ways = "eventually[0:d]" if node.op.future else "once[0:d]"
             raise self.specification.error(
                 node,
-                f"'{symbol}' speaks of neighbouring samples, and dense time has none",
+                f"'{symbol}' reads the next or previous sample, and dense time has events only",
                 Message(
                     f"look a time d away with {ways}, or ",
                     Argument("dense", words="use Monitor with a period"),
@@ -223,7 +223,7 @@ def _cached(
     if not program.variables:
         raise specification.error(
             specification.formula,
-            "without variables there are no events, which give a trace its begin and end",
+            "a formula without variables has no events to set the start and end of a trace",
             "use evaluate() with n=, or a formula of a variable",
         )
     return DenseProgram(program, resolution)

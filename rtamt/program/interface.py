@@ -56,7 +56,9 @@ SemanticsName = Literal[
     "input-robustness",
     "output-vacuity",
 ]
+"""Semantics of predicates: standard, boolean, or interface-aware (IA-STL)."""
 Names = Iterable[str]
+"""Names of variables, or of messages for all their fields."""
 PredicateValue = Literal["value", "sign", "zero"]
 """The usual value of a predicate, +inf or -inf by whether it holds, or a neutral 0."""
 
@@ -147,7 +149,7 @@ def as_interface(
             some = next((v for v in spec.variables if v not in (*reads, *sets)), "x")
             raise InputError(
                 Argument("semantics", str(semantics)),
-                f" is about {role}s, and there are none; declare them in the text "
+                f" needs {role} variables, and none are declared; declare them in the text "
                 f"({role} float {some})",
                 Advice(" or name them: ", Argument(f"{role}s", (some,))),
             )

@@ -130,7 +130,7 @@ def _machines(program: Program, *, unknown: bool) -> int:
 
 
 def _where(lanes: int) -> str:
-    return f" in {lanes} lanes" if lanes > 1 else ""
+    return f" in {lanes} batch entries" if lanes > 1 else ""
 
 
 def _checked_limit() -> float:

@@ -178,8 +178,8 @@ class Program:
                 symbol = source.op.symbol if source.op else ""
                 raise program.specification.error(
                     source,
-                    f"'{symbol}' without an end needs the whole future, "
-                    f"for which {monitor} cannot wait",
+                    f"'{symbol}' without an end needs the whole future, and {monitor} cannot wait "
+                    "for it",
                     Message(f"write an end, as in {symbol}[0:10], or ", instead),
                 )
         return program

@@ -15,7 +15,7 @@ __all__ = ["check_amount", "check_choice", "check_count", "check_known", "check_
 
 
 def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
-    """Refuses a value that is none of the choices."""
+    """Raise InputError if a value is not among the choices."""
     if value not in choices:
         first, *others = choices
         options = "".join(f" or {choice!r}" for choice in others)
@@ -41,7 +41,7 @@ def check_amount(name: str, value: object) -> float:
 
 
 def _is_number(value: object) -> TypeGuard[Real]:
-    """Whether it is a real number; a flag is none."""
+    """Return whether a value is a real number; a boolean is not."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
@@ -59,6 +59,6 @@ def check_known(name: str, given: Iterable[str], known: Collection[str]) -> None
     for key in given:
         if key not in known:
             raise InputError(
-                f"{name}= names {key!r}, which is no specification; the specifications are "
+                f"{name}= names an unknown specification {key!r}; the specifications are "
                 f"{listing(known)}{nearest(key, known) or '; leave it out'}"
             )

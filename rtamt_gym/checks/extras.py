@@ -1,4 +1,4 @@
-"""The packages that extras install, and the error that names the extra of one that is missing."""
+"""The packages that extras install, and the error that names the extra of a missing package."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ ALONE: Final[Mapping[str, str]] = {"staliro": "psy-taliro"}
 
 
 def missing(error: ModuleNotFoundError) -> str | None:
-    """The optional package that an import has not found; None if it is no optional package."""
+    """Return the optional package that an import did not find; None for other packages."""
     package = (error.name or "").partition(".")[0]
     return package if package in EXTRAS else None
 
@@ -65,7 +65,7 @@ def advice(package: str, wanted: str = "") -> str:
 
     Args:
         package: It.
-        wanted: The extra of what needs it, which may need more than this one package.
+        wanted: The extra of the caller, which may need more than this package.
 
     Example:
         >>> advice("scipy", "search")
@@ -83,7 +83,7 @@ def naming_extra(error: ModuleNotFoundError, what: str, extra: str = "") -> Modu
 
     Args:
         error: Why an import has failed.
-        what: What needs the package.
+        what: The caller that needs the package.
         extra: The extra that installs all that it needs.
     """
     package = missing(error)

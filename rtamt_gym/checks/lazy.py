@@ -1,4 +1,4 @@
-"""Packages whose names are imported when they are first used, and may need an optional package."""
+"""Packages that import names at their first use and may need an optional package."""
 
 from collections.abc import Callable, Mapping
 
@@ -7,7 +7,7 @@ from rtamt_gym.checks.extras import naming_extra
 
 
 def lazy_names(package: str, definitions: Mapping[str, str]) -> Callable[[str], object]:
-    """Return the ``__getattr__`` of a package, whose errors name the extra that is missing.
+    """Return the ``__getattr__`` of a package, with errors that name the missing extra.
 
     Args:
         package: The package, its ``__name__``.

@@ -11,7 +11,7 @@ __all__ = ["check_mapping", "levels_of"]
 
 
 def check_mapping(name: str, given: object, such: Mapping[str, str]) -> None:
-    """Refuses what is no mapping; ``such`` is one that would do."""
+    """Raise InputTypeError if a value is not a mapping; ``such`` is a valid example."""
     if not isinstance(given, Mapping):
         raise InputError(
             f"expected {name}= as a mapping from specifications, got {given!r}; such as "
@@ -27,8 +27,8 @@ def levels_of(
     All modes but ``"hierarchical"`` have one level.
 
     Raises:
-        InputError: If the mode needs priorities and has none, or has some and needs none; if one is
-            no rank or names no specification, or if a specification has none.
+        InputError: If priorities and mode do not fit, a priority is not a rank, or the names differ
+            from the specifications.
     """
     if mode != "hierarchical":
         if priorities is not None:
@@ -38,8 +38,8 @@ def levels_of(
     example = {name: f'"{rank}"' for name, rank in zip(names, such, strict=False)}
     if priorities is None:
         raise InputError(
-            "expected priorities= with mode='hierarchical', got None; say what every specification "
-            f"is for, such as priorities={_written(example)}"
+            "expected priorities= with mode='hierarchical', got None; pass the purpose of every "
+            f"specification, such as priorities={_written(example)}"
         )
     check_mapping("priorities", priorities, example)
     check_known("priorities", priorities, names)

@@ -14,7 +14,8 @@ __all__ = ["exact", "read_floats"]
 def exact(seconds: float | Fraction) -> Fraction:
     """The fraction that a float stands for, also where its last digits were rounded off.
 
-    That is the nearest one of six digits if it lies beside the float, else the number as written.
+    This is the nearest number of six digits if it is next to the float; otherwise, the number as
+    written.
 
     Example:
         >>> exact(0.1), exact(0.1 + 0.2), exact(1 / 3), exact(1e-9)
@@ -27,7 +28,7 @@ def exact(seconds: float | Fraction) -> Fraction:
 
 
 def read_floats(texts: Sequence[str]) -> list[float] | None:
-    """The numbers in texts of plain decimal ASCII, ``inf`` or ``nan``; None if one is no number.
+    """Return the numbers in texts of plain decimal ASCII, ``inf`` or ``nan``, or None.
 
     `float` alone would read more: ``1_0`` as 10, and the digits of every script.
 

@@ -1,4 +1,4 @@
-"""What other packages add to the tables of this one: the entry points of their distributions.
+"""Additions of other packages to the tables of this one, by the entry points of distributions.
 
 To add a table that other packages may extend: a function that reads the table with `plugins`, a
 contract in `rtamt_gym.testing` and a section of ``docs/extending.md``.
@@ -24,15 +24,15 @@ def plugins(group: str) -> Mapping[str, Any]:
         group: The table, as in ``[project.entry-points."rtamt.optimizers"]``.
 
     Raises:
-        InputError: If one of them cannot be loaded, or two have one name; names the package.
+        InputError: If an entry cannot be loaded, or two have one name; the error names the package.
     """
     found: dict[str, Any] = {}
     for entry in entry_points(group=group):
         package = entry.dist.name if entry.dist else "a package"
         if entry.name in found:
             raise InputError(
-                f"expected one {entry.name!r} among the entry points {group}, got another of "
-                f"{package}; remove one of the packages"
+                f"expected one {entry.name!r} among the entry points {group}, got a second from "
+                f"{package}; uninstall one package"
             )
         try:
             found[entry.name] = entry.load()

@@ -1,4 +1,4 @@
-"""Whether the released library, whose package is called `rtamt` too, lies over this one."""
+"""Check whether the released library, also named `rtamt`, was installed over this one."""
 
 import rtamt
 

@@ -21,10 +21,10 @@ _V = TypeVar("_V")
 def requirement_named(
     text: object, own: Mapping[str, rtamt.Specification]
 ) -> rtamt.Specification | None:
-    """The requirement that a text names; None if it is no name of one, but a specification.
+    """Return the requirement that a text names; None if the text is a specification.
 
     Args:
-        text: What was given as a specification.
+        text: The specification as passed.
         own: The requirements that the system has of its own, by name.
 
     Raises:
@@ -42,7 +42,9 @@ def requirement_named(
     if any(text in spec.variables for spec in own.values()):
         return None
     if meant := nearest(text, own):
-        raise InputError(f"there is no requirement {text!r}; there are {listing(own)}{meant}")
+        raise InputError(
+            f"unknown requirement {text!r}; the requirements are {listing(own)}{meant}"
+        )
     return None
 
 
@@ -57,7 +59,7 @@ def load_file(
     """Return the specification in a file, with those constants that its text names.
 
     Raises:
-        MissingFileError: If there is no such file.
+        MissingFileError: If the file does not exist.
     """
     if not constants:
         return rtamt.load(path)

@@ -64,7 +64,7 @@ def read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
             at_reset = [None] if reset.strip() == "unknown" else read_floats([reset])
             if at_reset is None:
                 raise InputError(
-                    "--signal: expected a number behind the comma, the value at reset, or unknown, "
+                    "--signal: expected a number after the comma, the value at reset, or unknown, "
                     f"got {argument!r}"
                 )
             signals[name] = (value, *at_reset)
@@ -91,7 +91,9 @@ def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[st
         if path.is_dir():
             raise InputError(f"cannot write {shown(str(path))}: it is a folder")
         if not path.parent.is_dir():
-            raise InputError(f"cannot write {shown(str(path))}: there is no folder {path.parent}")
+            raise InputError(
+                f"cannot write {shown(str(path))}: the folder {path.parent} does not exist"
+            )
     if picture:
         from rtamt_gym.drawing import check_format
 

@@ -78,7 +78,7 @@ def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
         yield ""
     period, sources = read_period(env), find_period(env.unwrapped)
     if period is None or sources is None:
-        yield f"{name} does not say how long a step lasts;"
+        yield f"{name} does not state the duration of a step;"
         if conflict := conflicting_times(env.unwrapped):
             yield _filled(f"{conflict};")
         yield "for bounds in time give --period in seconds, or --period 1 if bounds count steps"

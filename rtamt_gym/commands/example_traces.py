@@ -82,11 +82,11 @@ def read_rates(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
             lower = upper = math.nan
         if match is None or math.isnan(lower) or math.isnan(upper):
             raise InputError(
-                f"--rate: expected a variable and what it changes by at least and at most, such as "
-                f"'x in [-2, 2]', got {text!r}"
+                "--rate: expected a variable and the range of its change, such as 'x in [-2, 2]', "
+                f"got {text!r}"
             )
         if match[1] in rates:
-            raise InputError(f"--rate: '{match[1]}' has two rates; give one of them")
+            raise InputError(f"--rate: '{match[1]}' has two rates; give one rate")
         rates[match[1]] = lower, upper
     return rates
 
@@ -100,8 +100,8 @@ def read_period(
         bounds = (node.interval for node in spec.formula.nodes())
         if period is None and any(bound is not None and bound.unit for bound in bounds):
             raise InputError(
-                f"--period: {name} has bounds with units, and nobody said how long a sample is; "
-                "give --period 100ms, for instance"
+                f"--period: {name} has bounds with units, and the period of the samples is "
+                "unknown; give it, such as --period 100ms"
             )
     return period
 

@@ -81,13 +81,13 @@ def check_arguments(options: argparse.Namespace, asked: TracesAsked) -> None:
     if not options.mutants:
         for option in ("--max-mutants", "--mutation", "--min-killed", "--write-killing-traces"):
             if getattr(options, option.strip("-").replace("-", "_")) not in (None, []):
-                raise InputError(f"{option} says something of mutants; give --mutants with it")
+                raise InputError(f"{option} needs mutants; give --mutants with it")
         return
     for option in ("--junit", "--markdown"):
         if getattr(options, option.strip("-")) is not None:
             raise InputError(
-                f"expected --mutants, which judges the traces as tests, or {option}, which tells "
-                "of their verdicts; run the command twice"
+                f"expected --mutants, which evaluates the traces as tests, or {option}, which "
+                "writes their verdicts; run the command twice"
             )
     if options.write_killing_traces is not None and asked.reading.dense:
         raise InputError(

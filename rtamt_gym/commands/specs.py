@@ -183,7 +183,7 @@ def _name(argument: str, specs: Mapping[str, rtamt.Specification]) -> str:
 
 def _add(specs: dict[str, rtamt.Specification], name: str, spec: rtamt.Specification) -> None:
     if name in specs:
-        raise InputError(f"expected one specification {name!r}, got two; name one of them")
+        raise InputError(f"expected one specification {name!r}, got two; rename one")
     specs[name] = spec
 
 
@@ -227,9 +227,9 @@ def with_stages(
     for name in named:
         if reading.dense and stages[name].deciders:
             raise InputError(
-                f"--stage: stages of {name!r} look at other times, such as those of operators with "
-                "an interval; in dense time a stage is reached at an event, by what holds then; "
-                "leave out such operators, or --dense"
+                f"--stage: stages of {name!r} have temporal operators, and in dense time a stage "
+                "is reached at an event by the values there; remove the temporal operators or "
+                "--dense"
             )
     return reading
 

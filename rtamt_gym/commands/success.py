@@ -81,7 +81,7 @@ def success_requirements(
     }
     for name in requirements:
         if name in specs:
-            raise InputError(f"expected one specification {name!r}, got two; name one of them")
+            raise InputError(f"expected one specification {name!r}, got two; rename one")
     return {**specs, **requirements}
 
 
@@ -112,8 +112,9 @@ def flag_signal(
         if len(there) != 1:
             got = "both of them" if there else f"{listing(keys) if keys else 'no key at all'}"
             raise InputError(
-                f"--success: expected {' or '.join(_KEYS)} in the info of a step, got {got}; "
-                "--success-key KEY names another, --signal success=SELECTOR reads what is none"
+                f"--success: expected {' or '.join(_KEYS)} in the info of a step, got {got}; name "
+                "another key with --success-key KEY, or read a signal with --signal "
+                "success=SELECTOR"
             )
         key = there[0]
     return {**signals, _FLAG: (f"info[{key!r}]", 0.0)}

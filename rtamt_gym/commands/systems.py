@@ -56,7 +56,7 @@ def opened_system(options: argparse.Namespace) -> Iterator[SearchedSystem]:
 
     if options.policy == "random":
         raise InputError(
-            "--policy random: expected a policy that acts alike each time; vary what acts with "
+            "--policy random: expected a policy that repeats its actions; vary the actions with "
             "--vary NAME=LOW:HIGH,points=N"
         )
     name = _named(options.env_id, read_options(options.env_kwarg))

@@ -325,8 +325,8 @@ def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None
         )
     if options.max_gap is not None:
         raise InputError(
-            f"--max-gap: {command} {does}, which a sample that is not known does not have; leave "
-            "one of them out"
+            f"--max-gap: {command} {does}, and an unknown sample has no single value; omit "
+            "--max-gap"
         )
 
 
@@ -365,7 +365,7 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
         specs, traces = list(words[:at]), list(words[at + 1 :])
         if SEPARATOR in traces or not (specs and traces):
             raise InputError(
-                "expected SPEC... -- TRACE..., specifications before -- and traces behind it"
+                "expected SPEC... -- TRACE..., specifications before -- and traces after it"
             )
     else:
         specs, traces = list(words[:-1]), list(words[-1:])

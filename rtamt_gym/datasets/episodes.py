@@ -37,7 +37,7 @@ class RecordedEpisode:
         rewards: n numbers.
         terminations: n booleans.
         truncations: n booleans.
-        infos: Arrays by key, with n + 1 elements, or n if the reset had none.
+        infos: Arrays by key, with n + 1 elements, or n without a value at reset.
         seed: The seed of the reset, if it is known.
         options: The options of the reset, if they are known.
     """
@@ -66,9 +66,9 @@ class RelabelledEpisode(RecordedEpisode):
     Attributes:
         outcomes: For each specification ``{"robustness", "verdict", "satisfied", "decided_at"}``,
             as in ``info["stl_episode"]`` of a monitored environment.
-        violated_by: The specification that was violated first; None if none was.
-        violated_at: The sample that showed it, the last one if only the end did; None if none was
-            violated.
+        violated_by: The specification that was violated first; None without a violation.
+        violated_at: The sample of the violation, the last one if only the end decided; None without
+            a violation.
     """
 
     outcomes: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -229,7 +229,7 @@ class SignalReader:
         self._selected = [at for at in range(len(signals)) if at not in self._called]
         self._spaces = observations, actions
         self._nan = nan
-        self._compare = True  # in the first episode, what marked functions give
+        self._compare = True  # compare the results of marked functions in the first episode
         self._columns(1)  # so that a selector that does not fit is refused now
 
     def table(self, episode: RecordedEpisode, rewards: Floats) -> Floats:

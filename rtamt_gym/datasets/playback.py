@@ -1,8 +1,8 @@
 """Recorded episodes as a vector environment for monitors and rewards.
 
 Only the wrappers of vector environments define robustness, verdicts, costs and shaped rewards. So
-the signals of recorded episodes become the observations of a vector environment, whose environments
-play one episode after the other.
+the signals of recorded episodes become the observations of a vector environment, and each
+environment plays one episode after the other.
 """
 
 from __future__ import annotations
@@ -106,10 +106,10 @@ class JudgedTape:
     """The results of the wrappers for every sample of a tape, and for the ends of its episodes.
 
     Attributes:
-        columns: By key of the infos, a value for every row, 0 if there is none; nested as the
+        columns: By key of the infos, a value for every row, 0 if it is missing; nested as the
             infos.
         rewards: The shaped rewards of every row.
-        outcomes: The outcomes of each episode, by the row in which it ends.
+        outcomes: The outcomes of each episode, by its last row.
         violations: The specification that was violated first and the sample, by the same row.
     """
 

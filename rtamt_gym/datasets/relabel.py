@@ -88,75 +88,58 @@ def relabel(
 ) -> Any:
     """Add robustness, costs and rewards to recorded episodes.
 
-    The results equal those of `StlMonitor` with ``on_violation="report"``, to the last bit; with a
-    ``mode`` the rewards equal those of `StlReward`. The infos get arrays with an element for every
-    sample, the first for the reset:
+    The results equal the results of `StlMonitor` with ``on_violation="report"``, to the last bit;
+    with a ``mode``, the rewards equal the rewards of `StlReward`. The infos get arrays with an
+    element for every sample, the first for the reset; entries of these names are replaced:
 
     * ``robustness``, ``stl_lower``, ``stl_upper``, ``stl_violated``; with ``details=True`` also
       ``stl``, ``{spec: {"robustness", "lower", "upper"}}``
-    * ``stl_progress`` of requirements in stages, as `StlMonitor` has it
-    * ``cost`` with ``cost=``, and ``cost_NAME`` of each of several specifications; 0 at the reset
+    * ``stl_progress`` of requirements in stages
+    * ``cost`` with ``cost=``, and ``cost_NAME`` for each of several specifications; 0 at the reset
     * ``stl_success``, ``stl_undecided``, ``is_success``: true at the last sample only, if at all;
       an existing ``is_success`` stays
     * ``reward`` with ``mode=``: the environment's own reward; 0 at the reset
 
-    Entries of these names are replaced; a relabelled dataset has its own rewards in ``reward``. An
-    episode whose last step neither terminates nor truncates counts as truncated.
-
-    A dataset is read and written in parts of at most 2^18 samples or 256 MB of observations and
-    actions, or one episode if that is longer. So a new dataset may be larger than memory; without a
-    ``dataset_id`` the result is in memory.
+    An episode with a last step that neither terminates nor truncates counts as truncated. A dataset
+    is read and written in parts, so a new dataset may be larger than memory.
 
     Args:
-        dataset: A dataset of Minari, or any iterable of episodes: Minari's ``EpisodeData`` or
-            ``EpisodeBuffer``, or mappings with ``observations`` (one more than steps), ``actions``,
-            ``rewards``, ``terminations``, ``truncations`` and, if there are any, ``infos``,
-            ``seed`` and ``options``.
+        dataset: A dataset of Minari, or an iterable of episodes: ``EpisodeData``, ``EpisodeBuffer``
+            or mappings with ``observations`` (one more than steps), ``actions``, ``rewards``,
+            ``terminations``, ``truncations`` and optionally ``infos``, ``seed`` and ``options``.
         specs: As for `StlMonitor`.
-        signals: As for `StlMonitor`, except selectors that read a simulation. An ``info`` needs an
-            entry for every step, and for the reset or a default. A callable gets a `Step` for every
-            sample, whose ``env`` is None.
-        dataset_id: The name of a new dataset of Minari for the result, such as
-            ``"cart/satisfied-v0"``; None returns a list.
-        keep: ``"satisfied"`` keeps the episodes that satisfy all specifications; a function keeps
-            episodes for which it is true.
-        mode: The reward, as for `StlReward`; None keeps the rewards.
-        **options: ``period``, ``at_termination``, ``at_truncation``, ``view``, ``nan``, ``align``,
-            ``semantics``, ``inputs``, ``outputs``, ``details`` and ``cost`` of `StlMonitor`, and
-            with a mode ``weight``, ``clip``, ``gamma``, ``temperature``, ``weights``,
-            ``priorities``, ``bonus`` and ``penalty`` of `StlReward`. If a bound needs a period and
-            none is set, the environment that the dataset names is made once to read it.
+        signals: As for `StlMonitor`, except selectors that read a simulation. A callable gets a
+            `Step` with ``env`` None.
+        dataset_id: The name of a new dataset of Minari, such as ``"cart/safe-v0"``. Default: a list
+            in memory.
+        keep: ``"all"``, ``"satisfied"``, or a function of an episode that selects episodes.
+        mode: The reward, as for `StlReward`. Default: the recorded rewards.
+        **options: Evaluation options, ``details`` and ``cost`` of `StlMonitor`; with a mode, also
+            ``weight``, ``clip``, ``gamma``, ``temperature``, ``weights``, ``priorities``, ``bonus``
+            and ``penalty`` of `StlReward`. A missing period is read from the dataset's environment.
 
     Returns:
-        The episodes kept, in their order: a list of `RelabelledEpisode`, or a dataset of Minari,
-        with the metadata of the old one and an entry ``rtamt`` that describes the options.
+        The selected episodes in order: a list of `RelabelledEpisode`, or a dataset of Minari with
+        the old metadata and an entry ``rtamt`` that describes the options.
 
     Raises:
         SpecificationError: As `StlMonitor` does.
-        InputError: As `StlMonitor` and `StlReward` do; if an episode is incomplete or lacks a
-            signal; if the name of the new dataset is taken or invalid; if no episode is left.
-            Nothing is written then.
+        InputError: As `StlMonitor` and `StlReward` do; if an episode is incomplete, the new name is
+            taken or invalid, or no episode is left. Then no dataset is written.
         ModuleNotFoundError: If ``dataset_id`` is set and Minari is not installed.
 
     Example:
         >>> from rtamt_gym import relabel
-        >>> episodes = [
-        ...     {
-        ...         "observations": [[0.5], [0.2], [last]],
-        ...         "actions": [[0.0], [0.0]],
-        ...         "rewards": [1.0, 1.0],
-        ...         "terminations": [False, False],
-        ...         "truncations": [False, True],
-        ...     }
-        ...     for last in (0.9, -0.1)
-        ... ]
-        >>> found = relabel(episodes, "always(x > 0)", {"x": "obs[0]"}, mode="add", weight=10)
-        >>> for episode in found:
-        ...     print(episode.satisfied, episode.rewards, episode.infos["robustness"])
-        True [3. 3.] [0.5 0.2 0.2]
-        False [3. 0.] [ 0.5  0.2 -0.1]
-        >>> len(relabel(episodes, "always(x > 0)", {"x": "obs[0]"}, keep="satisfied"))
-        1
+        >>> episode = {
+        ...     "observations": [[0.5], [0.2], [-0.1]],
+        ...     "actions": [[0.0], [0.0]],
+        ...     "rewards": [1.0, 1.0],
+        ...     "terminations": [False, False],
+        ...     "truncations": [False, True],
+        ... }
+        >>> found = relabel([episode], "always(x > 0)", {"x": "obs[0]"}, mode="add", weight=10)
+        >>> found[0].satisfied, found[0].rewards, found[0].infos["robustness"]
+        (False, array([3., 0.]), array([ 0.5,  0.2, -0.1]))
     """
     check_options(mode, keep, options)
     loaded = load_specs(specs)

@@ -84,7 +84,7 @@ class Store:
 
     Args:
         dataset_id: Its name.
-        source: The dataset whose metadata it copies, or None.
+        source: The dataset to copy metadata from, or None.
         said: A description of how it is made, for the metadata.
 
     Raises:
@@ -167,13 +167,13 @@ class Store:
         """Return the dataset; raise InputError if it has no episode."""
         if self._dataset is None:
             raise InputError(
-                f"no episode is left for {self._id!r}: keep= keeps none, or there are none; "
-                "nothing was written"
+                f"no episode is left for {self._id!r}: there are no episodes, or keep= rejects "
+                "all; no dataset was written"
             )
         return self._dataset
 
     def discard(self) -> None:
-        """Remove what was written."""
+        """Remove the written files."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
 

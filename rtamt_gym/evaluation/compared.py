@@ -1,4 +1,4 @@
-"""`Compared`: one requirement under two policies, and what is shown about it."""
+"""`Compared`: one requirement under two policies, with the significant differences."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Compared:
         interval: The 95 % interval of Tango for the difference, `paired.tango`.
         p: The p-value of McNemar's exact test.
         adjusted: The same, adjusted by Holm's method for the number of requirements.
-        robustness: The robustness of B minus the robustness of A, over the seeds with which
-            neither failed; None if there is no such seed.
+        robustness: The robustness of B minus the robustness of A, over seeds without a failure;
+            None without such a seed.
     """
 
     name: str
@@ -58,12 +58,12 @@ class Compared:
 
     @property
     def rate_a(self) -> float:
-        """The share of the seeds with which A satisfies it."""
+        """The share of seeds where A satisfies it."""
         return (self.both + self.only_a) / self.pairs
 
     @property
     def rate_b(self) -> float:
-        """The share of the seeds with which B satisfies it."""
+        """The share of seeds where B satisfies it."""
         return (self.both + self.only_b) / self.pairs
 
     @property
@@ -78,7 +78,7 @@ class Compared:
 
     @property
     def sentence(self) -> str:
-        """What is shown about the rates, and about the robustness."""
+        """The significant differences of rates and robustness, in a sentence."""
         parts = [_rates(self)]
         if self.robustness is not None:
             parts.append(effect_sentence(self.robustness, "its robustness"))
@@ -92,9 +92,9 @@ def compared_of(
     robustness: Effect | None,
     kinds: tuple[IntervalKind, IntervalKind] = ("exact", "exact"),
 ) -> Compared:
-    """One requirement, from how often A and B satisfy it: counts by what both did, A first.
+    """Return one requirement from the counts of joint results of A and B, A first.
 
-    The kinds are those of the intervals of both rates.
+    The kinds are the interval kinds of both rates.
     """
     both, neither = counts[True, True], counts[False, False]
     only_a, only_b = counts[True, False], counts[False, True]
@@ -138,7 +138,7 @@ def _rates(compared: Compared) -> str:
 
 
 def effect_sentence(effect: Effect, what: str) -> str:
-    """What is shown about a measurement, such as ``"the return"``."""
+    """Return the significant difference of a measurement, such as ``"the return"``, in words."""
     middle = "on average" if effect.statistic == "mean" else "in the median"
     low, high = effect.interval
     name = what[0].upper() + what[1:]

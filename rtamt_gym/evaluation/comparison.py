@@ -40,19 +40,19 @@ if TYPE_CHECKING:  # it is optional
 class Comparison:
     """Two policies under the same requirements, on the same seeds; `compare` makes it.
 
-    ``print`` shows a table and says what is shown. All differences are B less A.
+    ``print`` shows a table and the significant differences. All differences are B minus A.
 
     Attributes:
         system: The name of the environment.
-        a: What the policy A is called.
-        b: What the policy B is called.
+        a: The name of policy A.
+        b: The name of policy B.
         seeds: The seeds that both have episodes of.
         requirements: The comparison for every requirement, by name.
         success: The comparison for all requirements at once, with a p-value that is not adjusted.
         returns: How far the returns are apart, the sums of the environment's own rewards; None
             without rewards.
-        notes: What a reader should know about the pairs, each a sentence.
-        ids: The ids of requirements, by name, of those that have one.
+        notes: Remarks on the pairs, each a sentence.
+        ids: The ids of requirements with an id, by name.
     """
 
     system: str
@@ -69,7 +69,7 @@ class Comparison:
 
     @property
     def sentence(self) -> str:
-        """What is shown about each requirement, and if there are several about all at once."""
+        """The differences for each requirement, and for several also for all at once."""
         return " ".join(result.sentence for result in self.results)
 
     @property
@@ -142,17 +142,17 @@ def compare(
 ) -> Comparison:
     """Compare two policies on the same seeds: how much more often B satisfies each requirement.
 
-    Episodes with the same seed start alike, so they are compared pair by pair, which takes fewer
-    episodes than two evaluations apart. Episodes whose seed the other has not are left out.
+    Episodes with the same seed have the same start, so they are compared in pairs, which takes
+    fewer episodes than two separate evaluations. Episodes without a partner are left out.
 
     Args:
         a: An `Evaluation`; or a policy, as `evaluate_policy` takes it.
-        b: What A is compared with, of the same kind.
+        b: The evaluation or policy to compare with A, of the same kind.
         env: The environment of two policies; None with evaluations.
         specs: The specifications for two policies, as `evaluate_policy` takes them.
-        signals: What their variables read, as there.
-        names: What A and B are called, two different texts. None: as the policies are; where both
-            are called alike, with ``(A)`` and ``(B)`` behind it.
+        signals: As for `evaluate_policy`.
+        names: The names of A and B, two different texts. Default: the names of the policies; if
+            they are equal, followed by ``(A)`` and ``(B)``.
         accept_changed: Whether to compare evaluations although the environment, its source, rtamt
             or the simulator has changed between them, which is an error otherwise; a note states
             the change. Policies may differ.
@@ -226,7 +226,7 @@ def _told_apart(a: str, b: str) -> tuple[str, str]:
 
 
 def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
-    """Refuse what is neither two evaluations nor two policies with an environment."""
+    """Raise InputTypeError for other arguments than two evaluations or two policies with env."""
     evaluations = sum(isinstance(item, Evaluation) for item in (a, b))
     if evaluations == 2:
         if given:
@@ -251,7 +251,7 @@ def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
 def _paired(
     a: Evaluation, b: Evaluation, names: tuple[str, str], changes: Sequence[str]
 ) -> Comparison:
-    """Compare two evaluations, whose policies have these names."""
+    """Compare two evaluations under these names of the policies."""
     _check_alike(a, b)
     places = [{row.seed: place for place, row in enumerate(item.record)} for item in (a, b)]
     seeds = [seed for seed in places[0] if seed is not None and seed in places[1]]
@@ -315,7 +315,7 @@ def _check_alike(a: Evaluation, b: Evaluation) -> None:
 
 
 def _check_read_alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> None:
-    """Refuse evaluations whose episodes were read differently, as far as that is known."""
+    """Raise InputError if the evaluations are known to have different options."""
     differences = [
         f"{name} is {one!r} of A and {two!r} of B" for name, one, two in _differences(a, b)
     ]
@@ -327,7 +327,7 @@ def _check_read_alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> None:
 
 
 def _differences(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
-    """What differs, with the values of both."""
+    """Return the differences with both values."""
     for name in a:
         if name != "signals" and name in b and a[name] != b[name]:
             yield f"{name}=", a[name], b[name]
@@ -343,7 +343,7 @@ def _seeds(of: Evaluation) -> str:
 
 
 def _satisfies(row: Trial, names: Collection[str]) -> bool:
-    """Return whether an episode satisfies requirements; one that an error has ended does not."""
+    """Return whether an episode satisfies requirements; a failed episode does not."""
     return not row.error and all(
         name in row.outcomes and row.outcomes[name].verdict is Verdict.SATISFIED for name in names
     )
@@ -358,7 +358,7 @@ def _effect(pairs: Sequence[tuple[float, float]]) -> Effect | None:
 def _notes(
     a: Evaluation, b: Evaluation, rows: Sequence[tuple[Trial, Trial]], requirements: int
 ) -> Iterator[str]:
-    """What a reader should know about the pairs."""
+    """Return remarks on the pairs."""
     for name, each, side in (("A", a, 0), ("B", b, 1)):
         if left := len(each.record) - len(rows):
             yield (
@@ -423,7 +423,7 @@ def _cells(compared: Compared) -> dict[str, Any]:
 def _written(comparison: Comparison) -> str:
     """Return a comparison as a result of the kind ``"comparison"``.
 
-    What follows from the rest, such as rates and sentences, is there for other programs.
+    Derived values, such as rates and sentences, are included for other programs.
     """
     stored = {field.name: getattr(comparison, field.name) for field in fields(comparison)}
     del stored["ids"]

@@ -83,124 +83,60 @@ def evaluate_policy(
     progress: bool = False,
     **reading: Unpack[EvaluationKeywords],
 ) -> Evaluation:
-    r"""Plays episodes of a policy and counts how many satisfy each requirement.
+    """Play episodes of a policy and count how many satisfy each requirement.
 
-    Episode i has the seed ``seed + i``, for its reset and for whatever is random in the policy.
-    The result depends on nothing else: not on how many episodes run side by side, in which process,
-    or which is over first; but see ``n_envs`` for networks.
-
-    | policy | who acts |
-    |---|---|
-    | a model of Stable-Baselines3 | its ``predict``; the memory of a recurrent one starts anew |
-    | a function | the action for an observation; it is taken to have no memory |
-    | a class of such | an object for each episode: ``Class()``, or ``Class(seed=...)`` |
-    | ``"random"``, ``"zero"`` | actions drawn from their space; the action nearest to zero |
-    | ``"baseline"`` | the environment's own policy, as scenarios have one |
-    | ``"sb3:FILE.zip"`` | a model that Stable-Baselines3 has saved, which is trusted code |
-    | ``"module:function"``, ``"module:Class"`` | a function, or a class of such, of a module |
-
-    A model is anything with ``predict(observation, state, episode_start, deterministic=...)`` for
-    one observation or a batch. It sees observations normalised where it has its ``VecNormalize``
-    from the training; the file of a model does not hold it.
-
-    An environment may have an `StlMonitor` or `StlReward`, with wrappers around it. Then the policy
-    sees what they append, specifications, signals, period and readings are the monitor's unless
-    specifications are given, and returns are sums of the rewards that the monitor reads. It ends no
-    episode here.
-
-    With ``until_width`` or ``target`` no more episodes are played than the answer needs, and
-    ``episodes`` is the most: the episodes are looked at in their order until every requirement has
-    its answer, and those beyond are left out. `Evaluation.decision` says the answers.
-
-    ``stop="violation"`` saves the rest of every episode that violates a requirement. The rate at
-    which all requirements are satisfied at once stays as without it, and so does the rate of a
-    single requirement. The other requirements may be undecided at the stop, so that their rates are
-    too low. Robustness, returns and lengths end at the stop. ``"decided"`` and ``"known"`` stop
-    at the first violation too. ``"verdicts"`` stops once all verdicts are certain and leaves all
-    rates as they are; robustness, returns and lengths end at the stop.
+    Episode i has the seed ``seed + i``, for its reset and for a random policy. The result does not
+    depend on the number of processes. docs/evaluation.md describes intervals, tests and traps.
 
     Args:
-        policy: Who acts, see above.
+        policy: A model of Stable-Baselines3 (or any object with its ``predict``), a function from
+            observation to action, a class of such functions (created for each episode, with
+            ``seed=`` if it takes one), ``"random"``, ``"zero"``, ``"baseline"``,
+            ``"sb3:FILE.zip"`` or ``"module:name"``.
         env: The id of an environment, a function that makes one, an environment, or a vector
-            environment that takes a seed for each of its own. One that resets by itself plays one
-            episode in each of its environments, and begins anew once all are over.
-        specs: The specifications, as for `simulate`, or names of requirements that the environment
-            has. None: what its monitor monitors, or all that it has of its own.
-        signals: What their variables read, as for `simulate`.
-        episodes: How many episodes are played.
-        seed: The seed of the first episode; each further one has one more.
-        n_envs: How many episodes run side by side in a process: a model that gives the action that
-            it holds for best acts in all of them at once. A network may round otherwise for a batch
-            than for one observation; in a chaotic simulation that can change single verdicts.
-        n_jobs: How many processes play episodes; -1: as many as there are cores. None: this one.
-        backend: Where the processes run: None: on this machine; ``"dask"``, ``"ray"``.
-        timeout: Seconds that an episode may take, in a process of its own; one that takes longer is
-            ended and counts as failed.
-        folder: A folder for finished episodes: the same call goes on there after an interruption.
-            Another call is refused, and so is one whose policy, environment or simulator has
-            changed: the folder stores hashes of their files and of the values that functions hold,
-            and versions.
-        accept_changed: As for `rtamt_gym.sweep`, of the episodes in the folder.
-        duration: The longest simulated time of an episode, as for `simulate`.
-        stop: When to stop an episode, see above and `simulate`.
-        deterministic: Whether a model gives the action that it holds for best, or draws one.
-        until_width: Stops once the interval of every rate is at most so wide.
-        target: Stops once it is clear of every rate whether it meets this target.
-        alpha: The greatest chance that the answer to ``target`` is wrong.
-        margin: How far below the target a rate is to be told from it.
-        interval: The kind of the 95 % intervals of rates: ``"exact"``, of Clopper and Pearson,
-            holds the true rate in at least 95 of 100 evaluations; ``"wilson"``, which is narrower,
-            in about 95, at rates near 0 and 1 in far fewer.
-        keep: How many of the worst episodes of each requirement are played again in full at the
-            end, for `Evaluation.worst_runs`; with pictures if the environment was made with
-            ``render_mode="rgb_array"``, but not of a vector environment.
-        name: What the policy is called in tables, files and reports, to tell it from others. None:
-            as it says itself, a model by its class if it has no ``name``.
-        progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **reading: How samples are judged, the options of `rtamt_gym.EvaluationOptions`: ``period``,
-            ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination``
-            and ``at_truncation``.
+            environment with a seed for each of its environments.
+        specs: As for `simulate`. Default: the specifications of the environment or its monitor.
+        signals: As for `simulate`.
+        episodes: The number of episodes; with ``until_width`` or ``target``, the maximum.
+        seed: The seed of the first episode.
+        n_envs: The number of episodes side by side in a process. A network may round otherwise in
+            a batch, which can change single verdicts of a chaotic simulation.
+        n_jobs: The number of processes; -1: one for each core. Default: this process.
+        backend: ``"dask"`` or ``"ray"`` for a cluster. Default: this machine.
+        timeout: The maximum time of an episode in seconds; a longer one fails. Default: no limit.
+        folder: A folder for finished episodes; the same call resumes from it. Default: none.
+        accept_changed: As for `rtamt_gym.sweep`.
+        duration: The maximum simulated time of an episode, as for `simulate`.
+        stop: When to stop an episode, as for `simulate`. ``"violation"`` leaves other requirements
+            undecided, so that their rates are too low; ``"verdicts"`` changes no rate. Robustness,
+            returns and lengths end at the stop.
+        deterministic: Whether a model returns its best action or draws one.
+        until_width: The width of the rates' intervals at which to stop. Default: no such stop.
+        target: A rate to test: stop when every requirement meets it or falls short of it.
+        alpha: The maximum probability of a wrong answer to ``target``.
+        margin: How far below the target a rate must be rejected.
+        interval: ``"exact"`` (Clopper and Pearson) or ``"wilson"``, which is narrower.
+        keep: The number of worst episodes of each requirement to play again for `worst_runs`.
+        name: The name of the policy in tables, files and reports.
+        progress: Whether to show a bar on a terminal if tqdm is installed.
+        **reading: Evaluation options.
 
     Returns:
-        Rates with intervals, robustness, returns and more of every requirement. An episode that an
-        error ended counts as not satisfied, and has the error in its row.
+        Rates with intervals, robustness and returns. A failed episode counts as not satisfied.
 
     Raises:
-        KeyboardInterrupt: On Ctrl-C, with the `Evaluation` of the episodes so far as its attribute
-            ``evaluation`` if there are any: those up to the first that is not over.
+        KeyboardInterrupt: On Ctrl-C, with the `Evaluation` so far as its attribute ``evaluation``.
         SpecificationError: If a specification is wrong.
-        InputError: If an argument is wrong, the policy does not fit the environment, ``folder``
-            holds another campaign or episodes of a model that has changed, or all episodes failed.
-        InputTypeError: If the policy is none, or cannot be sent to another process.
-
-    Warns:
-        OpenEndWarning: Once, if the environment has ended an episode while a requirement was open
-            that counts as satisfied then, and ``at_termination`` does not say so.
-        FailedSimulationWarning: If some episodes failed.
-        UnrepeatedSeedWarning: If two resets with one seed begin differently. To know it the
-            environment is reset twice more, after the episodes. Also if one of the worst episodes
-            has another robustness when it is played again, as with a policy that draws numbers
-            which the seed does not choose.
-        RuntimeWarning: Once, if the environment could not be rendered.
+        InputError: If an argument is wrong, the policy does not fit, ``folder`` belongs to another
+            campaign or a changed model, or all episodes failed.
+        InputTypeError: If the policy is not a policy, or cannot be sent to a process.
 
     Example:
         >>> from rtamt_gym import evaluate_policy
-        >>> result = evaluate_policy(
-        ...     lambda obs: int(obs[2] + obs[3] > 0),
-        ...     "CartPole-v1",
-        ...     {"upright": "always(abs(angle) < 0.05)", "near": "always(abs(x) < 0.2)"},
-        ...     {"angle": "obs[2]", "x": "obs[0]"},
-        ...     episodes=50,
-        ...     at_termination="failure",
-        ... )
-        >>> result.requirements["near"]
-        <near: 13 of 50 episodes satisfy it, 37 violated>
-        >>> rate, (low, high) = result.success.rate, result.success.interval
-        >>> print(f"{rate:.2f}, in truth between {low:.2f} and {high:.2f}")
-        0.26, in truth between 0.15 and 0.40
-        >>> seed, robustness = result.requirements["near"].worst[0]
-        >>> result.replay(seed)
-        <Run of CartPole-v1: terminated at 6.68 s, 335 samples>
+        >>> signals, options = {"x": "obs[0]"}, {"episodes": 5, "at_termination": "failure"}
+        >>> result = evaluate_policy("zero", "CartPole-v1", "always(x < 1)", signals, **options)
+        >>> result.requirements["spec"]
+        <spec: 0 of 5 episodes satisfy it, 5 violated>
     """
     judged = checked_options(reading, evaluate_policy, "episodes")
     check_count(Argument("episodes"), episodes)
@@ -281,14 +217,14 @@ def evaluate_policy(
             _tell_open_end(runner, record)
         begun = _repeats(runner, record)
         return made_of(record, 0 if begun is False else keep, begun=begun)
-    except KeyboardInterrupt as pressed:  # all episodes are over: only what was played again is not
+    except KeyboardInterrupt as pressed:  # all episodes are over; only replays are missing
         whole: Any = pressed
         whole.evaluation = made_of(record, 0)
         raise
 
 
 def _made(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401
-    """The environment, or the function that makes it, and what it has made."""
+    """The environment, or the function that makes it, and its environments."""
     if isinstance(env, str):
         env = make(env)
     made = env
@@ -309,7 +245,7 @@ def _made(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401
 
 
 def check_repeats(env: Any, seed: Any) -> None:  # noqa: ANN401 - as `evaluate_policy` takes them
-    """Refuses an environment in which two resets with one seed begin differently.
+    """Raise InputError if two resets of the environment with one seed differ.
 
     It makes the environment, if that is an id or a function, resets it twice and closes it.
 
@@ -327,7 +263,7 @@ def check_repeats(env: Any, seed: Any) -> None:  # noqa: ANN401 - as `evaluate_p
 
 
 def _repeats(runner: Episodes | VectorEpisodes, record: Record) -> bool | None:
-    """Whether the seed of an episode that went well begins alike twice; tells if not.
+    """Return whether the seed of a good episode repeats its start; warn otherwise.
 
     It is asked at the end, in this process, where the worst episodes are played again too: an
     environment that hangs or crashes with a seed has failed with it by then.
@@ -340,13 +276,13 @@ def _repeats(runner: Episodes | VectorEpisodes, record: Record) -> bool | None:
 
 
 def _tell_open_end(runner: Runner, record: Record) -> None:
-    """Warns once if an end that nobody has said the meaning of has satisfied what was open."""
+    """Warn once if an end with the default end mode satisfied an open requirement."""
     for name in record.requirements:
         for row in record:
             outcome = row.outcomes.get(name)
             if outcome is None or row.ended != "terminated":
                 continue
-            # What the last sample has decided, or the end: one episode shows it.
+            # One episode shows whether the last sample or the end decided it.
             last = outcome.decided is None or outcome.decided_at == row.simulated
             if outcome.verdict is Verdict.SATISFIED and last:
                 again = partial(runner.simulate, {}, row.seed, stop="end")
@@ -363,7 +299,7 @@ def _tell_open_end(runner: Runner, record: Record) -> None:
 
 
 def _add(stopping: Stopping, row: Trial) -> bool:
-    """Adds an episode to those that are counted; whether they are enough."""
+    """Count an episode; return whether the episodes are enough."""
     satisfied = {
         name: not row.error
         and name in row.outcomes
@@ -440,8 +376,7 @@ def _worst_runs(
 def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
     """How a runner reads and judges episodes, as JSON can write it.
 
-    It has a signal for each variable of the requirements, wherever it comes from; None stands for a
-    function, of which nobody knows what it reads.
+    It has the source of each variable of the requirements; None stands for a function.
     """
     found = runner.evaluation_options.written()
     monitor = runner.monitor
@@ -460,7 +395,7 @@ def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
 
 
 def _signal_text(signal: ParsedSignal) -> str | None:
-    """What a signal reads, and its value at reset if it was given one."""
+    """Return the source of a signal, and its value at reset if it has one."""
     if signal.source is None:
         return None
     if signal.default is None:

@@ -56,28 +56,26 @@ class Evaluation:
     """How a policy has done under requirements; `evaluate_policy` makes it.
 
     Attributes:
-        record: A row for every episode: its seed, what every requirement has become, how it ended,
-            its return (`Trial.reward`), and the error if one ended it.
+        record: A row for every episode: its seed, the outcome of every requirement, its end, its
+            return (`Trial.reward`), and its error if it failed.
         system: The name of the environment.
-        policy: What the policy is called.
+        policy: The name of the policy.
         period: Seconds between samples, or None.
         limit: The time limit of an episode in seconds (steps without a period), or None.
         seed: The seed of the first episode; each further one has one more.
-        decision: By requirement, what sequential stopping has decided; None without it.
+        decision: The decisions of sequential stopping by requirement; None without it.
         worst_runs: By requirement, its worst episodes played again in full, the worst first.
         frames: Pictures of the worst episodes, by their seed: of an environment with
             ``render_mode="rgb_array"`` about 12 to 24, evenly spread, at the end, and where the
             episode had violated a requirement; they are at most 320 pixels wide and high.
-        evaluation_options: How the episodes were read and judged: the options of `evaluate_policy`
-            for that, by name, and under ``"signals"`` what each variable reads, None for a
-            function. None:
-            it is not known, as of a file that an older version has written.
+        evaluation_options: The evaluation options of `evaluate_policy` by name, and under
+            ``"signals"`` the source of each variable, None for a function. None if unknown, as in a
+            file of an older version.
         interval: The kind of the intervals of its rates, ``"exact"`` or ``"wilson"``.
-        repeats: Whether a seed repeats an episode. False if two resets with one seed began
-            differently, or if one of the worst episodes had another robustness when it was played
-            again (`differing`). None: nobody has looked, as in a file that an older version has
-            written.
-        interrupted: How many episodes it was to have at most, if Ctrl-C has ended it; else None.
+        repeats: Whether a seed repeats an episode. False if two resets with one seed differed, or
+            if a worst episode had another robustness in its replay (`differing`). None if this was
+            not checked, as in a file of an older version.
+        interrupted: The maximum number of episodes, if Ctrl-C ended it; otherwise None.
         differing: The seeds of the worst episodes whose replay differed from the record. They are
             not in `worst_runs`.
     """
@@ -108,29 +106,29 @@ class Evaluation:
 
     @cached_property
     def success(self) -> RequirementResult:
-        """The result of all requirements at once; its robustness is the least of theirs."""
+        """The result of all requirements at once, with their minimum robustness."""
         return self.record.success(self.limit, self.interval)
 
     @cached_property
     def returns(self) -> Floats:
         """The sum of the environment's own rewards, by episode.
 
-        It is nan where there is none, and where an error ended the episode: that is a part.
+        It is nan without a return, and for a failed episode, which has only a part of its return.
         """
         failed = [bool(row.error) for row in self.record]
         return np.where(failed, math.nan, self.record.numbers("return"))
 
     @cached_property
     def lengths(self) -> Floats:
-        """The simulated seconds of every episode (its steps if there is no period)."""
+        """The simulated seconds of every episode (its steps without a period)."""
         return self.record.numbers("simulated")
 
     @cached_property
     def reported(self) -> tuple[int, int] | None:
-        """How many episodes the environment itself calls a success, and of how many it says so.
+        """The number of successes that the environment itself reports, and of its reports.
 
-        It says so in ``is_success`` of the info that ends an episode; None if it never does, and of
-        a vector environment.
+        It reports in ``is_success`` of the info at the end of an episode; None without reports, and
+        for a vector environment.
         """
         result = [row.reported for row in self.record if row.reported is not None]
         return (sum(result), len(result)) if result else None
@@ -148,8 +146,8 @@ class Evaluation:
 
         Raises:
             InputError: If the evaluation has no such episode.
-            StateError: If it was loaded, and the episode is none of `worst_runs`; if a seed does
-                not repeat an episode.
+            StateError: If the evaluation was loaded and the episode is not in `worst_runs`, or if a
+                seed does not repeat an episode.
             RtamtError: As `rtamt_gym.simulate` does.
 
         Warns:
@@ -201,8 +199,7 @@ class Evaluation:
     def to_json(self) -> str:
         """Strict JSON that holds all of the evaluation; infinities are ``"inf"`` and ``"-inf"``.
 
-        The worst runs are in it with their samples, those that explain their robustness, and their
-        pictures.
+        It contains the worst runs with their samples, explanations and pictures.
         """
         return _written(self)
 
@@ -247,7 +244,7 @@ class Evaluation:
         )
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: each requirement with its rate, as a number and as a picture."""
+        """Return HTML for notebooks: each requirement with its rate, as a number and a picture."""
         results = list(self.requirements.values())
         if len(results) > 1:
             results.append(self.success)
@@ -282,7 +279,7 @@ _KEPT = ("policy", "period", "limit", "seed", "decision")
 def _written(evaluation: Evaluation) -> str:
     """The evaluation as a result of the kind ``"evaluation"``; `_evaluation_of` reads it.
 
-    What follows from the episodes is there for other programs: ``_evaluation_of`` makes it anew.
+    Derived values are included for other programs; ``_evaluation_of`` computes them again.
     """
     runs: list[Run] = []
     places: dict[str, list[int]] = {}
@@ -333,7 +330,7 @@ def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
         kept["decision"],
         worst_runs={name: tuple(runs[i] for i in places) for name, places in worst.items()},
         frames=frames,
-        evaluation_options=kept.get("reading"),  # files of older versions have none
+        evaluation_options=kept.get("reading"),  # missing in files of older versions
         interval=_kind_of(kept),
         repeats=kept.get("repeats"),
         interrupted=kept.get("interrupted"),
@@ -342,7 +339,7 @@ def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
 
 
 def _kind_of(kept: Mapping[str, Any]) -> IntervalKind:
-    """The kind of the intervals; files that do not say it have those of Wilson."""
+    """Return the kind of the intervals; files without a kind have Wilson intervals."""
     kinds = {value.get("interval_kind", "wilson") for value in kept.get("results", {}).values()}
     return "exact" if kinds == {"exact"} else "wilson"
 
@@ -360,7 +357,7 @@ def _frames(frames: Sequence[Frame]) -> list[dict[str, Any]]:
 
 
 def _deciding(run: Run, name: str) -> dict[str, Any] | None:
-    """The predicate that decided a robustness, where, and what its variables were there.
+    """Return the predicate that decided a robustness, its sample and the values there.
 
     None: a window that lies outside of the run decided.
     """

@@ -46,7 +46,7 @@ class Frame:
 
 
 class Film:
-    """Pictures of an episode of unknown length: evenly spread ones, and those of chosen steps.
+    """Pictures of an episode of unknown length, evenly spread and at chosen steps.
 
     If there are too many, it drops half of them. ``expected`` is the minimum number of states.
 
@@ -161,7 +161,7 @@ def _samples_per_step(env: gym.Env[Any, Any]) -> int:
 
 
 def _picture(env: gym.Env[Any, Any]) -> bytes:
-    """Return what the environment renders as a small WebP file."""
+    """Return the rendered picture as a small WebP file."""
     from PIL import Image
 
     shown: Any = env.render()

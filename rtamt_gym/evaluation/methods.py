@@ -50,15 +50,15 @@ class MethodComparison:
     """Methods of learning over training seeds; `compare_methods` makes it, and ``print`` shows it.
 
     Attributes:
-        methods: What came of each method, by name.
-        baseline: The name of the method with which the others are compared.
+        methods: The results of each method, by name.
+        baseline: The name of the method to compare the others with.
         tasks: The names of the tasks; one empty text of a single task.
         thresholds: The thresholds of the performance profiles.
-        steps: The steps of training at which the points of curves lie; empty without curves.
-        score: What a score is called.
+        steps: The training steps of the points of curves; empty without curves.
+        score: The name of the score.
         confidence: How often an interval shall cover the truth.
         resamples: How often the runs were drawn for the intervals.
-        seed: The seed of what was drawn.
+        seed: The seed of the random numbers.
     """
 
     methods: Mapping[str, MethodScores]
@@ -75,7 +75,7 @@ class MethodComparison:
 
     @property
     def sentence(self) -> str:
-        """What is shown about each method beside the baseline."""
+        """The significant differences between each method and the baseline."""
         return " ".join(
             self._sentence(name, result)
             for name, result in self.methods.items()
@@ -175,39 +175,39 @@ def compare_methods(
 ) -> MethodComparison:
     """Compare methods of learning over runs with different training seeds.
 
-    A run is one policy: its many episodes are no independent trials of the method that made it. So
-    every number here counts runs. The definitions are those of Agarwal et al., "Deep Reinforcement
+    A run is one policy: its many episodes are not independent trials of the training method. So
+    every number here counts runs. The definitions follow Agarwal et al., "Deep Reinforcement
     Learning at the Edge of the Statistical Precipice" (NeurIPS 2021):
 
     | number | of the scores, runs x tasks |
     |---|---|
     | mean | the mean over tasks of the means over runs |
     | interquartile mean | the mean of the middle half of all scores: a few runs weigh little |
-    | probability of improvement | of a run against one of the baseline, equal ones count half |
+    | probability of improvement | of a run against a run of the baseline; equal scores count half |
     | performance profile | the share of all scores above each threshold |
-    | intervals | percentiles of the stratified bootstrap: runs are drawn anew within each task |
+    | intervals | percentiles of the stratified bootstrap: runs are resampled within each task |
 
-    The p-value is that of a two-sided permutation test on the means, within each task. An interval
-    of few runs is too narrow: where all are equal it has no width. The interquartile mean hides up
-    to a quarter of failed runs; `MethodScores.quartiles` begins with the least of all.
+    The p-value comes from a two-sided permutation test on the means, within each task. An interval
+    of few runs is too narrow; if all are equal, its width is 0. The interquartile mean hides up to
+    a quarter of failed runs; `MethodScores.quartiles` starts with the minimum.
 
     Args:
-        runs: For each method the scores of its runs, such as shares of satisfied episodes: a number
-            or an `Evaluation` for each training seed. With ``steps`` a curve for each, an array of
-            shape (runs, points). Of several tasks a mapping of such by the name of the task, with
-            the same number of runs in each.
-        baseline: The method with which the others are compared; None: the first.
-        steps: The steps of training at which the points of curves lie. The last point of a curve
-            is the score of its run.
-        score: What a score is called in tables and pictures.
+        runs: The scores of the runs of each method, such as shares of satisfied episodes: a number
+            or an `Evaluation` for each training seed; with ``steps`` a curve for each, an array of
+            shape (runs, points). For several tasks, a mapping from task names to these, with the
+            same number of runs in each.
+        baseline: The method to compare the others with. Default: the first.
+        steps: The training steps of the points of curves. The last point of a curve is the score of
+            its run.
+        score: The name of the score in tables and pictures.
         confidence: How often an interval shall cover the truth.
         resamples: How often the runs are drawn for the intervals.
-        seed: The seed of what is drawn: the same arguments give the same comparison.
+        seed: The seed of the random numbers: the same arguments return the same comparison.
 
     Raises:
         InputError: If there is no method or no run, numbers of runs or points or names of tasks
             differ, or a score is not finite.
-        InputTypeError: If ``runs`` is no mapping.
+        InputTypeError: If ``runs`` is not a mapping.
 
     Example:
         >>> from rtamt_gym import compare_methods
@@ -228,8 +228,8 @@ def compare_methods(
     named = next(iter(scores)) if baseline is None else baseline
     if named not in scores:
         raise InputError(
-            f"expected baseline= as one of {listing(scores)}, got {baseline!r}"
-            f"{nearest(baseline, scores)}"
+            f"expected baseline= as a method ({listing(scores)}), got "
+            f"{baseline!r}{nearest(baseline, scores)}"
         )
     curves = {
         name: np.stack([of_task[task] for task in tasks], axis=1)
@@ -331,9 +331,8 @@ def _curves(given: Any, points: tuple[float, ...] | None, of: str) -> Floats:  #
         raise InputError(f"expected {wanted}, of {of}, got shape {array.shape}")
     if not np.isfinite(array).all():
         raise InputError(
-            f"expected finite scores of {of}, got one that is not in run "
-            f"{int(np.argwhere(~np.isfinite(array))[0][0])}; a run that failed has a score too, "
-            "such as 0"
+            f"expected finite scores of {of}, got nan or inf in run "
+            f"{int(np.argwhere(~np.isfinite(array))[0][0])}; give a failed run a score, such as 0"
         )
     return array.reshape(len(array), -1)
 

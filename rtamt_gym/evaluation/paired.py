@@ -25,8 +25,8 @@ class Effect:
     """How far two measurements on the same episodes are apart, B less A.
 
     Attributes:
-        statistic: ``"mean"``: ``value`` is the mean of the differences; ``"median"``: where one of
-            them is infinite it is their median, as `quantiles` defines it.
+        statistic: ``"mean"``: ``value`` is the mean of the differences; ``"median"``: their median,
+            as `quantiles` defines it, if a difference is infinite.
         value: The difference.
         interval: Its 95 % interval: by the bootstrap for a mean, by ranks for a median.
         pairs: The measurements of A and B in each episode that has both.
@@ -41,8 +41,8 @@ class Effect:
 def effect_of(first: ArrayLike, second: ArrayLike, *, seed: int = 0) -> Effect | None:
     """Return how far the second measurements are above the first; None without a pair.
 
-    Two equal infinities are no difference. The sign says which way, and swapping both sides turns
-    it, up to the random numbers of the bootstrap.
+    Two equal infinities have the difference 0. Swapping both sides reverses the sign, up to the
+    random numbers of the bootstrap.
 
     Example:
         >>> found = effect_of([1.0, 2.0, 3.0, 4.0], [2.0, 2.5, 4.0, 4.5])
@@ -66,7 +66,8 @@ def effect_of(first: ArrayLike, second: ArrayLike, *, seed: int = 0) -> Effect |
 def mcnemar(only_a: int, only_b: int) -> float:
     """Return the p-value of McNemar's exact test: the chance of such a split if rates are equal.
 
-    Then A has half of the episodes in which one alone succeeds. Without such an episode it is 1.
+    If the rates are equal, A has half of the episodes with a single success. Without such an
+    episode the p-value is 1.
 
     Example:
         >>> mcnemar(0, 6), mcnemar(3, 3), mcnemar(0, 0)
@@ -80,14 +81,14 @@ def mcnemar(only_a: int, only_b: int) -> float:
 def tango(only_a: int, only_b: int, pairs: int, confidence: float = 0.95) -> tuple[float, float]:
     """Return the interval of a difference of rates on the same episodes: B's rate minus A's.
 
-    It holds each difference that the score test does not refuse, as the interval of Wilson does for
-    one rate (Tango 1998, "Equivalence test and confidence interval for the difference in
-    proportions for the paired-sample design", Statistics in Medicine 17). So it has a width where A
-    and B agree in all episodes too, and lies within -1 and 1.
+    It contains every difference that the score test does not reject, like the interval of Wilson
+    for one rate (Tango 1998, "Equivalence test and confidence interval for the difference in
+    proportions for the paired-sample design", Statistics in Medicine 17). So its width is above 0
+    even if A and B agree in all episodes, and it lies within -1 and 1.
 
     Args:
-        only_a: The episodes in which A alone succeeds.
-        only_b: The episodes in which B alone succeeds.
+        only_a: The number of episodes where only A succeeds.
+        only_b: The number of episodes where only B succeeds.
         pairs: All episodes; of 0 nothing is known, and the interval is (-1, 1).
         confidence: How often an interval shall cover the difference: between 0 and 1.
 
@@ -106,7 +107,7 @@ def tango(only_a: int, only_b: int, pairs: int, confidence: float = 0.95) -> tup
 
 
 def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
-    """Return the greatest difference that the score test does not refuse."""
+    """Return the largest difference that the score test does not reject."""
     if only_b == pairs:
         return 1.0
     z = scipy_stats("tango").norm.ppf((1 + confidence) / 2)
@@ -114,7 +115,7 @@ def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
 
     def score(gap: float) -> float:
         """Changes its sign where the test statistic is -z; free of its division by 0."""
-        # The likeliest share of episodes in which A alone succeeds, if the difference is `gap`.
+        # the likeliest share of episodes where only A succeeds, if the difference is `gap`
         linear = (2 * pairs + only_a - only_b) * gap - only_a - only_b
         constant = -only_a * gap * (1 - gap)
         root = math.sqrt(max(linear**2 - 8 * pairs * constant, 0.0))
@@ -122,7 +123,7 @@ def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
         variance = max(pairs * (2 * share + gap * (1 - gap)), 0.0)
         return float(only_b - only_a - pairs * gap + z * math.sqrt(variance))
 
-    # Where A and B agree throughout, the variance is 0 at the estimate, which is no end.
+    # If A and B always agree, the variance is 0 at the estimate, which is not an end.
     start = (only_b - only_a) / pairs + 1e-9
     return float(brentq(score, start, 1.0, xtol=1e-12))
 
@@ -130,8 +131,8 @@ def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
 def holm(chances: Mapping[str, float]) -> dict[str, float]:
     """P-values of several tests, adjusted by the method of Holm (1979).
 
-    To call all results below 0.05 differences is then wrong at all, in one of them or more, with a
-    chance of 0.05 at most.
+    If all adjusted results below 0.05 are called differences, the probability of any wrong one is
+    at most 0.05.
 
     Example:
         >>> holm({"near": 0.01, "slow": 0.04, "calm": 0.03})

@@ -65,7 +65,7 @@ def tell_unrepeated(name: str, seed: int) -> None:
 
 
 def difference(row: Trial, run: Run) -> str:
-    """Return the first requirement on which a replay differs; an empty string if none does.
+    """Return the first requirement with a different replay, or an empty string.
 
     Args:
         row: The recorded episode.

@@ -21,10 +21,10 @@ MARGIN: Final = 0.05
 
 
 class Rule(Protocol):
-    """What says when the outcomes of one requirement suffice.
+    """A test of when the outcomes of one requirement suffice.
 
     Attributes:
-        decision: The answer in words; None as long as there is none.
+        decision: The answer in words; None before the answer.
         episodes: How many outcomes have come, up to that which gave the answer.
     """
 
@@ -36,16 +36,16 @@ class Rule(Protocol):
 
 
 class Width:
-    """Stops at the first episode at which the interval of the rate is at most so wide.
+    """A rule that stops at the first episode with an interval of at most this width.
 
     The number of episodes depends on the rate: with exact intervals ``until_width=0.05`` takes 1574
     at a rate of a half, about 312 at 0.95, and 72 if every episode is satisfied.
 
-    Looking after each episode costs little, as the width hangs on the number of episodes more than
-    on the outcomes. Computed exactly over the rates 0.01, 0.02 ... 0.99, the exact 95 % interval at
-    the stop covers the true rate in 96.0 % of all cases on average and in 94.5 % at the worst rate
-    for ``until_width=0.1``, in 96.8 % and 94.2 % for 0.2; the interval of Wilson in 95.2 % and
-    93.3 %, and in 95.4 % and 92.8 %.
+    Looking after each episode costs little, because the width depends more on the number of
+    episodes than on the outcomes. Computed exactly over the rates 0.01, 0.02 ... 0.99, the exact 95
+    % interval at the stop covers the true rate in 96.0 % of all cases on average and in 94.5 % at
+    the worst rate for ``until_width=0.1``, in 96.8 % and 94.2 % for 0.2; the interval of Wilson in
+    95.2 % and 93.3 %, and in 95.4 % and 92.8 %.
 
     Attributes:
         decision: ``"known to 0.05"``; None as long as the interval is wider.
@@ -88,9 +88,9 @@ class Width:
 class RatioTest:
     """Decides whether a rate meets a target, by the sequential probability ratio test of Wald.
 
-    It tells two claims apart: the rate is ``target`` or more, and the rate is ``target - margin``
-    or less. Each is refused although it is true with a chance of ``alpha`` at most. For a rate
-    between the two either answer is right, and both occur; the test takes longest there.
+    It decides between two claims: the rate is at least ``target``, or at most ``target - margin``.
+    A true claim is rejected with a probability of at most ``alpha``. For a rate between the two,
+    either answer is right, and the test takes longest.
 
     After each episode it compares how likely the outcomes are at the two rates. If they are
     ``1 / alpha`` times as likely at the target, the rate meets it; if they are so much as likely at
@@ -102,9 +102,9 @@ class RatioTest:
 
     Args:
         target: The rate to be met: above 0 and at most 1.
-        alpha: The greatest chance of either wrong answer: above 0 and below 0.5.
-        margin: What lies between the two claims: above 0 and below ``target``. With half of it the
-            test takes about four times as many episodes.
+        alpha: The maximum probability of either wrong answer, above 0 and below 0.5.
+        margin: The distance of the two claims, above 0 and below ``target``. Half the margin takes
+            about four times as many episodes.
 
     Attributes:
         decision: ``"meets 0.95"`` or ``"falls short of 0.95"``; None as long as it is open.
@@ -223,7 +223,7 @@ def stopping_of(
             Argument("until_width", until_width),
             " and ",
             Argument("target", target),
-            "; leave out one of them",
+            "; omit one",
         )
     if until_width is not None:
         return Stopping({name: Width(until_width, kind=interval) for name in requirements})

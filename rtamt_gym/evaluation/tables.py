@@ -1,4 +1,4 @@
-"""Evaluations and comparisons for a terminal: a table, and below it what it cannot say."""
+"""Evaluations and comparisons for a terminal: a table with remarks below it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def evaluation_table(evaluation: Any, terminal: Terminal | None = None) -> str: 
 def show(evaluation: Any) -> None:  # noqa: ANN401 - an `Evaluation`
     """Print the table of an evaluation: on a terminal with colours, and as wide as it is.
 
-    What nothing has put to the test is left to the command, which says it at its end.
+    The command itself reports requirements that were never triggered, at its end.
     """
     print(*_of_evaluation(evaluation, Terminal.present()), sep="\n")  # noqa: T201 - of the command line
 
@@ -138,7 +138,7 @@ def _heading(evaluation: Any) -> list[str]:  # noqa: ANN401
 
 
 def _width(columns: Sequence[Statistic], results: Sequence[RequirementResult]) -> int:
-    """Return how wide the columns are beside the names."""
+    """Return the widths of the columns next to the names."""
     return sum(
         2 + max(len(column.heading), *(len(column.cell(result)) for result in results))
         for column in columns
@@ -162,7 +162,7 @@ def _worst(result: RequirementResult, unit: str) -> Iterator[str]:
 
 
 def _around(evaluation: Any) -> str:  # noqa: ANN401
-    """Return the returns, the lengths, and what stopping has saved."""
+    """Return lines with the returns, the lengths, and the time that stopping saved."""
     unit = "s" if evaluation.period is not None else "steps"
     parts = [f"length {short(float(np.mean(evaluation.lengths)))} {unit} on average"]
     known = evaluation.returns[~np.isnan(evaluation.returns)]

@@ -1,1 +1,1 @@
-"""What a simulation is given: signals and parameters with their ranges, and cases of them."""
+"""Inputs of simulations: signals and parameters with their ranges, and cases of them."""

@@ -1,4 +1,4 @@
-"""`Case`: what one simulation is given, by name."""
+"""`Case`: the inputs of one simulation, by name."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = ["Case"]
 
 
 class Case(Mapping[str, float | Waveform]):
-    """What one simulation is given: a number or a waveform for each name; it never changes.
+    """The inputs of one simulation: a number or a waveform for each name; immutable.
 
     Args:
         entries: Numbers, infinite ones too, and waveforms by name.
 
     Raises:
         InputError: If a number is nan.
-        InputTypeError: If a name is no text, or an entry neither a number nor a `Waveform`.
+        InputTypeError: If a name is not a text, or an entry neither a number nor a `Waveform`.
 
     Example:
         >>> case = Case({"mass": 1.5, "throttle": Waveform([0, 5], [80, 20])})
@@ -63,7 +63,7 @@ class Case(Mapping[str, float | Waveform]):
     def columns(self) -> dict[str, float]:
         """The case as a row of a table: its numbers, and the values at its control points.
 
-        The columns are named as in the `Space` from which the case comes.
+        The columns have the same names as in the `Space` of the case.
         """
         columns: dict[str, float] = {}
         for name, entry in self._entries.items():
@@ -82,8 +82,8 @@ class Case(Mapping[str, float | Waveform]):
         """Reads the text that `to_json` has written.
 
         Raises:
-            InputError: If it is no JSON, or not of a case.
-            InputTypeError: If it is no text; as for a case.
+            InputError: If it is not JSON, or not a case.
+            InputTypeError: If it is not a text; as for a case.
         """
         if not isinstance(text, str):
             raise InputTypeError(f"expected a case as text in JSON, got {text!r}")

@@ -27,7 +27,7 @@ LEAST_POINTS: Final[Mapping[str, int]] = {"hold": 1, "linear": 2, "pchip": 2}
 
 
 class Entry:
-    """A range from which a search chooses: a `Signal` or a `Parameter`; a `Space` has several."""
+    """Ranges of inputs for a search: `Signal` and `Parameter`; a `Space` has several."""
 
     __slots__ = ()
 
@@ -90,19 +90,19 @@ class Parameter(Entry):
     Attributes:
         name: The name of the number: a parameter of a scenario or an FMU, ``qpos[0]`` of a MuJoCo
             model, an attribute ``env.gravity``, a keyword argument of a function.
-        low: The least value to choose; with ``values`` the least of them.
-        high: The greatest value to choose; with ``values`` the greatest of them.
+        low: The minimum value; with ``values`` their minimum.
+        high: The maximum value; with ``values`` their maximum.
         default: The value where none is chosen; it may lie outside of the range, such as a fault
             time of ``math.inf``, which means never. None: the system's own value.
         values: The values to choose from, in place of ``low`` and ``high``.
-        log: Whether the logarithm of the number is what a search spreads evenly.
+        log: Whether a search spreads the logarithm of the number evenly.
         unit: The unit, for tables and pictures.
-        about: What the number is, in a few words.
+        about: A description in a few words.
 
     Raises:
-        InputError: If ``low`` and ``high`` are not finite or in this order, if there are no
-            ``values`` or one of them twice, if both or neither are given, or if ``log`` comes with
-            ``values`` or a ``low`` that is not above 0.
+        InputError: If ``low`` and ``high`` are not finite or in this order, ``values`` are empty or
+            repeat a value, both or neither are passed, or ``log`` comes with ``values`` or a
+            ``low`` that is not above 0.
         InputTypeError: If an argument is not of the types above.
 
     Example:
@@ -158,7 +158,7 @@ class Parameter(Entry):
 
 
 def _check_points(what: str, points: object, interpolation: object) -> None:
-    """Refuses a number of control points that is no whole number, or too small."""
+    """Raise an error if the number of control points is not a whole number, or too small."""
     check_choice("interpolation", interpolation, get_args(WaveformInterpolation))
     least = LEAST_POINTS[str(interpolation)]
     if isinstance(points, bool) or not isinstance(points, int):
@@ -180,7 +180,7 @@ def _set(of: object, field: str, value: object) -> None:
 
 
 def _set_range(of: Signal | Parameter, what: str, low: object, high: object) -> None:
-    """Turns low and high into floats, and refuses those that are no range."""
+    """Turn low and high into floats; raise InputError if they are not a range."""
     least, most = _real(what, "low", low), _real(what, "high", high)
     for name, value in (("low", least), ("high", most)):
         if not math.isfinite(value):
@@ -214,7 +214,7 @@ def _values(what: str, values: Any) -> tuple[float, ...]:  # noqa: ANN401 - chec
         raise InputTypeError(f"{what}: expected values= as several numbers, got {values!r}")
     numbers = tuple(_number(what, "values", value) for value in values)
     if not numbers:
-        raise InputError(f"{what}: expected one of values= at least, got none")
+        raise InputError(f"{what}: expected at least one value in values=, got none")
     for number in numbers:
         if numbers.count(number) > 1:
             raise InputError(f"{what}: expected different values=, got {number:g} twice")

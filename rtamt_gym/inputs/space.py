@@ -34,11 +34,11 @@ class Space:
 
     Args:
         entries: The signals and parameters, or a mapping from their names to them.
-        duration: The duration of the signals that say none, in seconds.
+        duration: The duration of signals without their own, in seconds.
 
     Attributes:
         entries: The signals and parameters, by name.
-        duration: The duration of the signals that say none, or None.
+        duration: The duration of signals without their own, or None.
         columns: The names of the coordinates, in their order.
 
     Raises:
@@ -109,7 +109,7 @@ class Space:
         return Case(case)
 
     def point(self, case: Mapping[str, float | Waveform]) -> NDArray[np.float64]:
-        """The point whose case this is, up to rounding; of several values, the middle of a part.
+        """Return the point of a case, up to rounding; for several values, the middle of a part.
 
         Raises:
             InputError: If the case has other names than the space, a number that is out of its
@@ -117,9 +117,7 @@ class Space:
         """
         for name in [*self.entries, *case]:
             if name not in case or name not in self.entries:
-                raise InputError(
-                    f"expected a case of {listing(self.entries)}, got one of {listing(case)}"
-                )
+                raise InputError(f"expected a case of {listing(self.entries)}, got {listing(case)}")
         point = [
             coordinate
             for each in self.entries.values()
@@ -210,7 +208,7 @@ def _between(of: Signal | Parameter, share: float) -> float:
 
 
 def _share(of: Signal | Parameter, number: float) -> float:
-    """The share of the way from low to high at which a number lies."""
+    """Return the position of a number between low and high, from 0 to 1."""
     if not of.low <= number <= of.high:
         raise InputError(
             f"expected {of.name!r} of a case from {of.low:g} to {of.high:g}, got {number:g}"
@@ -229,11 +227,11 @@ def _chosen(of: Parameter, share: float) -> float:
 
 
 def _coordinate(of: Parameter, number: float) -> float:
-    """The coordinate at which a parameter has a number."""
+    """Return the coordinate of a number of a parameter."""
     if of.values is not None:
         if number not in of.values:
             raise InputError(
-                f"expected {of.name!r} of a case as one of {listing(of.values)}, got {number:g}"
+                f"expected {of.name!r} of a case among {listing(of.values)}, got {number:g}"
             )
         return (of.values.index(number) + 0.5) / len(of.values)
     share = _share(of, number)

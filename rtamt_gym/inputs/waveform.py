@@ -1,4 +1,4 @@
-"""`Waveform`: a function of time, made of control points and what runs between them."""
+"""`Waveform`: a function of time, from control points and an interpolation."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Waveform:
         return min(max(start + x * (c1 + x * (c2 + x * c3)), low), high)
 
     def at(self, times: ArrayLike) -> Floats:
-        """The values at times in seconds, in an array of their shape; each is what a call gives."""
+        """Return the values at times in seconds, in an array of their shape, equal to calls."""
         knots = np.asarray(self.times)
         clipped = np.clip(np.asarray(times, np.float64), knots[0], knots[-1])
         at = knots.searchsorted(clipped, "right") - 1
@@ -151,7 +151,7 @@ class Waveform:
 
     @property
     def _lead(self) -> int:
-        """By how many steps the time at which a step reads the waveform is after its start."""
+        """Return how many steps after its start a step reads the waveform."""
         return 0 if self.interpolation == "hold" else 1
 
 

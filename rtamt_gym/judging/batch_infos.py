@@ -30,7 +30,7 @@ _Column = tuple[_Place, str, str, NDArray[Any], Lanes | None]
 def put(infos: dict[str, Any], key: str, value: Any, lanes: Lanes | None, num: int) -> None:  # noqa: ANN401
     """Set a key for the environments in the mask; None: for all, without a copy of the array.
 
-    ``value`` has an element for every environment, or is a dictionary of such arrays.
+    ``value`` is an array with an element for every environment, or a dictionary of arrays.
     """
     if isinstance(value, dict):
         group: dict[str, Any] = {}
@@ -121,7 +121,7 @@ def final_observations(
         ended: The environments that ended.
 
     Raises:
-        InputError: If there is no ``final_obs``.
+        InputError: If ``final_obs`` is missing.
     """
     if "final_obs" not in infos:
         raise InputError(
@@ -196,7 +196,7 @@ def _merged(infos: Mapping[str, Any], final: Mapping[str, Any], ended: Lanes) ->
 
 
 def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
-    """Return when a vector environment resets an environment whose episode has ended.
+    """Return when a vector environment resets an environment after the end of its episode.
 
     Raises:
         InputError: If its metadata has a value that is not a mode.

@@ -1,4 +1,4 @@
-"""The cost of a step: what safe reinforcement learning sums over an episode.
+"""The cost of a step, which safe reinforcement learning sums over an episode.
 
 Each conjunct of a specification is a demand on instants of the episode:
 
@@ -16,7 +16,7 @@ is charged.
 |---|---|
 | ``"violation"`` | 1 if it shows that an instant violates a demand |
 | ``"depth"`` | the depth of that violation |
-| ``"latched"`` | 1 from the step on at which the specification is violated, even by the end |
+| ``"latched"`` | 1 from the step of the violation on, even a violation by the end |
 | ``"first"`` | 1 at that step |
 
 For ``"violation"`` and ``"depth"`` the sample of a reset costs nothing, and neither does an instant

@@ -123,7 +123,7 @@ def step_info(
 
 
 def optional_keys(monitors: object) -> tuple[tuple[str, str], ...]:
-    """Return the rows of `_OPTIONAL` whose attribute is not None."""
+    """Return the rows of `_OPTIONAL` with an attribute other than None."""
     rows = _OPTIONAL.items()
     return tuple(row for row in rows if getattr(monitors, row[1], None) is not None)
 

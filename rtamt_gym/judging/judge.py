@@ -15,7 +15,7 @@ from rtamt_gym.signals.signals import SignalLike
 
 
 class Judging(NamedTuple):
-    """What is judged and how.
+    """The specifications of a run with their evaluation options.
 
     Attributes:
         specs: The specifications by name.
@@ -124,7 +124,7 @@ class Judge:
         self.questions = Questions(specs, reading)
 
     def begin(self) -> Panel:
-        """Return the monitors for a run: those of a finished run, or new ones."""
+        """Return monitors for a run: reused from a finished run, or new."""
         if not self._free:
             return Panel(self.specs, self.reading)
         panel = self._free.pop()

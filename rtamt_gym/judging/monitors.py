@@ -77,8 +77,8 @@ class InstantMonitor:
     """The robustness of a formula at every instant, and a judge of ``always(formula)``.
 
     Attributes:
-        robustness: The robustness at the newest instant whose horizon has passed; before the first
-            such instant, the robustness of the samples so far.
+        robustness: The robustness at the newest instant with a complete horizon; before the first,
+            the robustness of the samples so far.
         judge: Gives bounds and verdict of ``always(formula)`` over the same samples.
     """
 
@@ -201,9 +201,9 @@ def require_known(reading: EvaluationOptions, asked: Argument) -> None:
     if reading.nan == "unknown":
         raise InputError(
             Argument("nan", "unknown"),
-            " leaves a robustness between two bounds, and ",
+            " leaves the robustness between two bounds, and ",
             asked,
-            " needs that of every instant; expected ",
+            " needs its value at every instant; expected ",
             Argument("nan", "raise"),
             " or ",
             Argument("nan", "hold"),
@@ -291,7 +291,7 @@ def chosen(name: str | None, robustness: Mapping[str, float], violated_by: str |
         violated_by: The specification that was violated first, or None.
 
     Raises:
-        InputError: If there is no such specification.
+        InputError: If the specification is unknown.
 
     Example:
         >>> chosen(None, {"near": 0.5, "slow": 0.0, "upright": -0.0}, None)
@@ -301,7 +301,7 @@ def chosen(name: str | None, robustness: Mapping[str, float], violated_by: str |
         if violated_by is not None:
             return violated_by
         return min(robustness, key=lambda n: (robustness[n], math.copysign(1.0, robustness[n])))
-    if name not in list(robustness):  # a list also compares what has no hash
+    if name not in list(robustness):  # a list also compares unhashable values
         raise InputError(
             f"expected the name of a specification, got {name!r}; the specifications are "
             f"{listing(robustness)}{nearest(name, robustness)}"

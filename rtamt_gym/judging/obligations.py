@@ -1,8 +1,8 @@
 """Pending obligations: the temporal operators inside a specification, and their clocks.
 
 A robustness and its bounds are about the formula. They do not show how old an unanswered request
-is, or how long a goal has been held that must be held for five seconds. This is in the operators
-below the top, whose values count at many instants. The formula around an operator gives these
+is, or how long a goal has been held that must be held for five seconds. The operators below the top
+show this; their values count at many instants. The formula around an operator determines these
 instants:
 
 | position | instants |
@@ -29,7 +29,7 @@ pass (``eventually``, ``until`` below ``eventually``) | nothing is pending | jus
 the operand holds now (``historically``: fails) | longer ago than the window, or never |
 
 `rtamt.internal.OperatorClocks` defines how each counts. The margin of an operand is its newest
-known robustness, 0 while there is none.
+known robustness, 0 before the first.
 
 To add a clock or the place of an operator in a formula: the instants here, the clock in
 `rtamt.machines.clocks` and ``rtamt/native/lockstep/clocks.cpp``.
@@ -77,11 +77,11 @@ class Obligation:
 
     Attributes:
         formula: The operator with its operands.
-        kind: What its clock counts.
+        kind: The kind of its clock.
         begin: The start of its window, in samples.
         end: The end of its window; None if it is unbounded.
-        asked: The instants at which its value counts: where a formula without a future holds, or
-            one of `Instants`.
+        asked: The instants where its value counts: where a formula without a future holds, or a
+            member of `Instants`.
     """
 
     formula: Formula
@@ -100,14 +100,14 @@ class Obligation:
 
     @property
     def parts(self) -> tuple[Formula, ...]:
-        """The formulas whose values its clock needs."""
+        """The formulas that its clock reads."""
         return self.operands if isinstance(self.asked, Instants) else (*self.operands, self.asked)
 
 
 def obligations_of(spec: Specification, reading: EvaluationOptions) -> list[Obligation]:
     """Return the temporal operators below the outermost one, in the order of the text.
 
-    An operator whose operand has an unbounded future is left out, because the operand is never
+    An operator is left out if its operand has an unbounded future, because the operand is never
     known.
     """
     top = spec.formula
@@ -154,7 +154,7 @@ def _asked_in(node: Formula, *, universal: bool, asked: Formula | Instants) -> I
         case "iff" | "xor":
             left, right = parts
             right = right if name == "iff" else ~right
-            # Of the equal formulas, one whose parts name the instants of the other side.
+            # among equal formulas, choose one with parts that name the instants of the other side
             equal = (left & right) | (~left & ~right)
             if universal:
                 equal = left.implies(right) & (~left).implies(~right)
@@ -177,7 +177,7 @@ def _asked_below(node: Formula, *, universal: bool, asked: Formula | Instants) -
 
 
 def _narrowed(asked: Formula | Instants, conditions: Iterable[Formula]) -> Formula | Instants:
-    """Return the instants at which these conditions hold too."""
+    """Return the instants where these conditions hold too."""
     conditions = list(conditions)
     if asked is Instants.FIRST or not conditions:
         return asked
@@ -236,7 +236,7 @@ class _Obligations(Generic[_M]):
     Args:
         judged: The specification of each judge, by name.
         reading: The evaluation options.
-        make: Makes the monitor of a formula whose values clocks need.
+        make: Makes the monitor of a formula that clocks read.
         num: The number of environments.
     """
 
@@ -328,7 +328,7 @@ class SingleObligations(_Obligations[Monitor]):
         self._clocks.reset()
 
     def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
-        """Return the function that takes a sample, whose values have these names."""
+        """Return the update function for samples with values in the order of these names."""
         parts = [
             (monitor.update, *picked([names.index(v) for v in monitor.variables]))
             for monitor in self._monitors

@@ -71,7 +71,7 @@ class Panel:
     Args:
         specs: Specifications by name.
         reading: The evaluation options.
-        cost: What `take_costs` measures; None: nothing.
+        cost: The cost that `take_costs` measures, or None.
         history: Whether the judges keep their samples, for explanations.
         number: The class of the numbers of an `Assessment`: ``float`` or ``numpy.float64``.
 
@@ -109,7 +109,7 @@ class Panel:
         self._stages = StageProgress(specs, judges, reading) or None
         self._reading = reading
         self._settled: dict[str, int] = {}  # the sample that decided; the last if only the end did
-        self._ended: frozenset[str] = frozenset()  # what only the end decided
+        self._ended: frozenset[str] = frozenset()  # the specifications that only the end decided
         self._failed: frozenset[str] = frozenset()  # what `finish("failure")` violated
         self.of_instant = True if reading.view == "step" else None
         self.settled = 0
@@ -247,8 +247,8 @@ class Panel:
 
         Args:
             names: The signals, among them the variables of all specifications.
-            reads: What reads each signal; None: the first argument is the sample itself, with a
-                value for each signal.
+            reads: The readers of the signals; None if the first argument is the sample itself, with
+                a value for each signal.
             decide: Called after a sample that decides a verdict, instead of `note`.
             keep: Called with the values of every sample after all monitors took it, in a new list.
         """
@@ -278,7 +278,7 @@ class Panel:
         return self._one_by_one(names, reads, self.note, None) if joint is None else joint.take
 
     def _measure(self, names: Sequence[str]) -> _See | None:
-        """Return what takes every sample in addition to the monitors, or None."""
+        """Return the function that gets every sample in addition to the monitors, or None."""
         return together(
             None if self._owing is None else self._owing.feeder(names),
             together(
@@ -311,7 +311,7 @@ class Panel:
         note: Callable[[], None],
         see: _See | None,
     ) -> JointFeed | None:
-        """Return what updates all monitors in one call of C++, or None."""
+        """Return an object that updates all monitors in one call of C++, or None."""
         judges = self._judges
         if self.of_instant:
             return None
@@ -478,7 +478,8 @@ class Panel:
         described, sources, settled, violated_by, stages = state
         if described != self._described:
             raise InputError(
-                f"expected a state of the specifications {self._described}, got one of {described}"
+                f"expected a state of the specifications {self._described}, got a state of "
+                f"{described}"
             )
         for source, held in zip(self._sources, sources, strict=True):
             if isinstance(source, InstantMonitor):
@@ -506,7 +507,7 @@ _NAMES = tuple(VERDICTS)  # the name of an enum member takes twice the time
 
 
 def joint_read(read: Read) -> JointRead:
-    """Return what reads a signal in C++: without a call if the place of the value is known."""
+    """Return the reader of a signal in C++, without a call if the position is known."""
     if isinstance(read, ElementRead):
         key: int | str | tuple[int, ...] = read.index
         return key
@@ -527,13 +528,13 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
 ) -> Feed:
     """Return the function that reads a sample and updates one monitor after the other.
 
-    It returns what `rtamt.internal.joint_feed` does, for all monitors.
+    It returns the result of `rtamt.internal.joint_feed` for all monitors.
 
     Args:
-        parts: For each monitor its update, the index of its only variable or -1 and what picks
-            several, and the judge.
+        parts: For each monitor its update, the index of its only variable, or -1 and a function
+            that selects several, and the judge.
         size: The number of values of a sample.
-        reads: What reads each value; None: the first argument is the sample itself.
+        reads: The readers of the values; None if the first argument is the sample itself.
         fed: The panel of the monitors.
         note: Called after a sample that decides a verdict.
         see: Called with the values of every sample after all monitors took it.

@@ -129,19 +129,19 @@ def check_period(
     system: object,
     why: str = "",
 ) -> None:
-    """Raise SpecificationError if a specification has bounds and there is no period.
+    """Raise SpecificationError if a specification has bounds and the period is unknown.
 
     Args:
         specs: Specifications by name.
         period: The period, if there is one.
-        system: What should have a period, for the error.
+        system: The system without a period, for the error.
         why: Why it has no period, for the error.
     """
     timed = next((name for name, spec in specs.items() if spec.timed), None)
     if period is None and timed is not None:
         raise SpecificationError(
-            f"specification {timed!r} has bounds in time, but {system} does not say how long a "
-            f"step lasts{why and f': {why}'}; give ",
+            f"specification {timed!r} has bounds in time, but {system} does not state the "
+            f"duration of a step{why and f': {why}'}; give ",
             Argument("period"),
             " in seconds, or ",
             Argument("period", 1),
@@ -187,7 +187,7 @@ class Constants:
         """Return the specifications with these values; other constants keep theirs.
 
         Raises:
-            InputError: If no specification has one of the constants, or none uses it.
+            InputError: If no specification defines or uses a constant.
             InputTypeError: If the values are not a mapping.
             SpecificationError: If a value is not a number, or does not fit an interval or a range.
         """
@@ -243,7 +243,7 @@ def no_such_constant(
 def with_unknown_start(
     reading: EvaluationOptions, signals: Mapping[str, Any], *needs: Argument
 ) -> tuple[EvaluationOptions, bool]:
-    """Return the options of monitors whose first sample may be unknown.
+    """Return the options of monitors with a first sample that may be unknown.
 
     These monitors take a nan for unknown, so the reader of the signals must refuse a nan if the
     options do.

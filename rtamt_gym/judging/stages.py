@@ -1,10 +1,10 @@
 """Stages of requirements, and the progress of episodes in them.
 
-The stages of a requirement are those that ``stages=`` names, otherwise those that
-`rtamt.patterns.stages` finds. A requirement with stages has a progress from 0 to 1 next to its
-verdict. Let n be the number of its stages and k the number of decided stages: the requirement cut
-after stage k is certainly satisfied, or, for named stages, ``in_order(stage 1, ..., stage k)`` is.
-The progress is 1 if the requirement is satisfied. Before that it is
+``stages=`` sets the stages of a requirement; otherwise, `rtamt.patterns.stages` finds them. A
+requirement with stages has a progress from 0 to 1 next to its verdict. Let n be the number of its
+stages and k the number of decided stages: the requirement cut after stage k is certainly satisfied,
+or, for named stages, ``in_order(stage 1, ..., stage k)`` is. The progress is 1 if the requirement
+is satisfied. Before that it is
 
     (k + f) / n,
 
@@ -58,9 +58,9 @@ class Stages:
 
     Attributes:
         conditions: The stages, in order.
-        deciders: The formulas whose satisfaction decides them, from the first on; the requirement
-            itself decides the last stage if it has none. Empty if a stage is decided at the first
-            sample at which it holds, from the sample on that decided the stage before it.
+        deciders: The formulas that decide the stages by their satisfaction, from the first on; the
+            requirement itself decides a last stage without a formula. Empty if a stage is decided
+            at the first sample where it holds, starting at the decision of the stage before it.
     """
 
     conditions: tuple[Formula, ...]
@@ -112,9 +112,9 @@ def _named(
     if reading.view == "step":
         raise InputError(
             Argument("stages"),
-            " are of an episode, and ",
+            " belong to an episode, and ",
             Argument("view", "step"),
-            " judges every instant by itself; leave one of them out",
+            " evaluates every instant by itself; omit one",
         )
     if isinstance(texts, Mapping):
         check_known("stages", texts, specs)
@@ -169,7 +169,7 @@ def progress_of_events(
     *,
     satisfied: bool,
 ) -> float | None:
-    """Return the progress of a trace in dense time; None if there is none.
+    """Return the progress of a trace in dense time, or None.
 
     Nothing changes between two events, so stages that look at no other time are reached at events.
     There is no progress if stages, or the operators between them, have times of their own.
@@ -323,7 +323,7 @@ class StageProgress:
             part.reset()
 
     def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
-        """Return the function that takes a sample, whose values have these names."""
+        """Return the update function for samples with values in the order of these names."""
         feeds = [part.feeder(names) for part in self._parts.values()]
 
         def feed(values: Sequence[float]) -> None:
@@ -578,7 +578,7 @@ class _VectorRequirementProgress:
             self._approach(following, heights[following], stage)
 
     def _update(self, monitor: VectorEpisodeMonitor, table: Floats, lanes: Lanes) -> Floats | None:
-        """Update the environments in the mask; return None if there are none."""
+        """Update the environments in the mask; return None if the mask is empty."""
         count = np.count_nonzero(lanes)
         if count == 0:
             return None

@@ -138,13 +138,13 @@ class VectorPanel:
         return known
 
     def violated(self, names: Collection[str]) -> Lanes:
-        """Whether each environment certainly violates one of these specifications."""
+        """Return whether each environment certainly violates a specification of these."""
         rows = [name in names for name in self.monitors]
         violated: Lanes = np.logical_or.reduce(self._book.violated[rows])
         return violated
 
     def satisfied(self, at: Numbers) -> NDArray[np.bool_]:
-        """Return what is satisfied: a row per specification, a column for each of `at`."""
+        """Return whether specifications are satisfied: a row for each, a column for each `at`."""
         return np.array([judge.verdict[at] > 0 for judge in self._judges])
 
     @property

@@ -55,8 +55,8 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
     * ``NAME/first_violation``: median time of violations, in seconds, of the sample that decided
       each, or of the last one if only the end did; absent without a violation
 
-    A quantile is one of the values: the smallest that this share of them does not exceed. Without
-    episodes there are no metrics.
+    A quantile is the smallest value that this share of the values does not exceed. Without episodes
+    there are no metrics.
 
     Args:
         episodes: ``info["stl_episode"]`` of each.
@@ -100,7 +100,7 @@ def evaluation_metrics(evaluation: Evaluation) -> dict[str, float]:
 
     * ``rate``, ``low``, ``high``: share of the episodes that satisfied all requirements, and its 95
       % interval
-    * ``return``: mean return of the episodes without an error; absent if there are none
+    * ``return``: mean return of the episodes without an error; absent without such episodes
     * ``NAME/rate``, ``NAME/low``, ``NAME/high``: the same for each requirement
     * ``NAME/robustness_p5``, ``_median``, ``_p95``, ``NAME/first_violation``: as in `metrics_of`
     """
@@ -126,7 +126,7 @@ def successes(evaluation: Evaluation) -> list[bool]:
 
 
 def mean_return(evaluation: Evaluation) -> float | None:
-    """Return the mean of the known returns; None if there are none."""
+    """Return the mean of the known returns, or None."""
     known = evaluation.returns[~np.isnan(evaluation.returns)]
     return float(known.mean()) if known.size else None
 
@@ -144,7 +144,7 @@ class Satisfaction:
         violations: How many of them have violated each requirement.
 
     Raises:
-        InputError: If the window is no whole number above 0.
+        InputError: If the window is not a whole number above 0.
 
     Example:
         >>> training = Satisfaction(window=2)

@@ -89,4 +89,4 @@ def _evaluated(results: dict[str, Any]) -> None:
 def _taken(results: Mapping[str, Any]) -> list[Any]:
     """Remove the episodes from results; return the outcomes and the period of each."""
     episodes = results.get("env_runners", {}).pop(EPISODES, [])
-    return episodes if isinstance(episodes, list) else []  # RLlib puts nan where there are none
+    return episodes if isinstance(episodes, list) else []  # RLlib stores nan without episodes

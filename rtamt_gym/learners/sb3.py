@@ -138,8 +138,8 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         # Of a `VecEnv` around a vector environment it is that one, and no list.
         if self._env is trained_in or (isinstance(trained_in, list) and self._env in trained_in):
             raise InputError(
-                "expected an environment of its own to evaluate in, got one that is trained in; "
-                "give the function that makes it"
+                "expected a separate environment for evaluations, got the training environment; "
+                "pass the function that makes it"
             )
         seed = self.model.seed
         if seed is not None and seed < self._seed + self._episodes and self._seed < seed + num:

@@ -76,7 +76,7 @@ class AsTrained:
 
     Attributes:
         name: The name of the algorithm, for evaluations.
-        policy: The network, whose weights identify the model; None if there is none.
+        policy: The network, with weights that identify the model, or None.
         observation_space: The observations of an environment without the wrappers.
         action_space: The actions of the model.
     """
@@ -139,9 +139,9 @@ def _layer(wrapper: VecEnvWrapper) -> Layer:
             return lambda observation: observation[key]
         case _:
             raise InputError(
-                "expected a training environment whose wrappers are of Stable-Baselines3, such as "
-                f"VecNormalize and VecFrameStack, got {type(wrapper).__name__}; put what it does "
-                "into a wrapper of Gymnasium, around each environment"
+                "expected a training environment with vector wrappers of Stable-Baselines3 only, "
+                f"such as VecNormalize and VecFrameStack, got {type(wrapper).__name__}; use a "
+                "Gymnasium wrapper around each environment instead"
             )
 
 

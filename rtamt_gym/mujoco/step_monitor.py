@@ -36,9 +36,8 @@ OnStepViolation = Literal["stop", "report"]
 class StepMonitor(PanelValues):
     """Monitors a MuJoCo simulation against specifications, one sample for every ``mj_step``.
 
-    Sample 0 is the state that the first step starts from; every later sample is the state after a
-    step, with every integrator. Variables of the specifications are numbers of the simulation, by
-    selectors that are resolved once:
+    Sample 0 is the state before the first step; every later sample is the state after a step.
+    Variables of the specifications read numbers of the simulation by selectors:
 
     * ``time``, ``qpos[2]``, ``qvel[0]``, ``qacc[0]``, ``act[0]``, ``ctrl[0]``, ``sensordata[3]``
     * the fields that ``MjData`` has by name: ``sensor:imu[0]``, ``body:torso.xpos[2]``,
@@ -49,30 +48,22 @@ class StepMonitor(PanelValues):
       name alone means contact with anything; only contacts that MuJoCo's solver includes count
     * a function of model and data
 
-    A name with dots, commas, colons, brackets or blanks is quoted: ``body:'arm.left'.xpos[2]``.
-
-    After ``mj_step``, ``qpos``, ``qvel``, ``act`` and ``time`` are new, while derived quantities
-    (``xpos``, ``sensordata``, contacts, forces, ``qacc``) are one step late, and with RK4 they come
-    from a state that was only tried. ``forward=True`` calls ``mj_forward`` after every step, so all
-    values of a sample belong to one instant; the trajectory does not change.
+    Quote names with dots, commas, colons, brackets or blanks: ``body:'arm.left'.xpos[2]``.
+    After ``mj_step``, derived quantities (``xpos``, ``sensordata``, contacts, forces, ``qacc``) are
+    one step late; ``forward=True`` computes all values of a sample for one instant.
 
     Args:
         model: A ``mujoco.MjModel``, kept as an attribute.
         data: A ``mujoco.MjData`` of the model, kept as an attribute.
-        specs: A specification (text, path of a ``.stl`` file, formula, or `Specification`), or
-            a mapping of names to specifications. Of a text, every formula that no other formula
-            uses is a specification.
-        signals: For every variable a selector or a function, and further signals for `values` and
-            the record of `simulate`.
+        specs: As for `simulate`.
+        signals: A selector or a function for every variable, and further signals to record.
         forward: Whether to call ``mj_forward`` after every step.
         **reading: The evaluation options of `rtamt_gym.EvaluationOptions`. ``period=None`` reads
             ``model.opt.timestep``; another value causes a warning, except 1, which counts steps.
 
     Raises:
-        SpecificationError: If a specification is wrong, depends on the first sample only, or has a
-            bound that is not a multiple of the period.
-        InputError: If a variable has no signal, a selector does not fit the model, or an option has
-            no such value.
+        SpecificationError: If a specification is wrong, or depends on the first sample only.
+        InputError: If a variable has no signal, or a selector or an option is wrong.
 
     Example:
         >>> import mujoco

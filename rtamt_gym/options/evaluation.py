@@ -376,7 +376,8 @@ def refuse_other(name: str, own: object, got: object, whose: str, way_out: str) 
 def documents_options(calls: Calls | None = None) -> Callable[[_F], _F]:
     """Return a decorator that lists the options of a group of calls; None: all options.
 
-    They replace ``**reading`` in the signature and in the docstring. A class is decorated if its
+    They replace ``**reading`` in the signature. In the docstring, a group of calls lists their
+    names; the docstring of `EvaluationOptions` describes all of them. A class is decorated if its
     own docstring describes its arguments.
     """
     rows = [ROWS[name] for name in names_for(calls)]
@@ -391,27 +392,32 @@ def documents_options(calls: Calls | None = None) -> Callable[[_F], _F]:
             for row in rows
         ]
         taking.__signature__ = signature.replace(parameters=[*others, *listed])
-        function.__doc__ = _with_entries(function.__doc__, rows)
+        function.__doc__ = _with_entries(function.__doc__, rows, described=calls is None)
         return function
 
     return decorate
 
 
-def _with_entries(text: str | None, rows: Iterable[Field[Any]]) -> str | None:
-    """Replace the entry ``**reading`` of a docstring by one for each option."""
+def _with_entries(text: str | None, rows: Iterable[Field[Any]], *, described: bool) -> str | None:
+    """Replace the entry ``**reading`` of a docstring by the options, described or only named."""
     entry = re.search(r"^( *)\*\*reading: .*(?:\n\1 .*)*", text or "", re.MULTILINE)
     if text is None or entry is None:
         return text
     indent = entry[1]
+    texts = [f"{row.name}: {row.metadata['about']}" for row in rows]
+    if not described:
+        names = [f"``{row.name}``" for row in rows]
+        listed = f"{', '.join(names[:-1])} and {names[-1]}"
+        texts = [f"**options: Evaluation options, as `EvaluationOptions` describes: {listed}."]
     entries = [
         textwrap.fill(
-            f"{row.name}: {row.metadata['about']}",
+            option,
             100,
             initial_indent=indent,
             subsequent_indent=f"{indent}    ",
             break_on_hyphens=False,
         )
-        for row in rows
+        for option in texts
     ]
     return text[: entry.start()] + "\n".join(entries) + text[entry.end() :]
 

@@ -49,9 +49,9 @@ def main(pipe: int, alive: int, idle: float) -> None:
 
 
 def _end_with(alive: int) -> None:
-    """End this process, and what it starts, as soon as its parent ends.
+    """End this process and its children as soon as its parent ends.
 
-    The system sends a signal, because no code of ours runs while a simulation hangs in C.
+    The operating system sends a signal, because no Python code runs while a simulation hangs in C.
     """
     import fcntl
 

@@ -132,7 +132,7 @@ class Episodes(Runner):
             what = f"the wrapper {missing[0]} of {self.name}" if missing else self.name
             raise InputError(
                 Argument("n_envs", self._n_envs),
-                f" needs as many environments, and {what} does not say how it "
-                "is made; give a function that makes the environment",
+                f" needs as many environments, and {what} cannot be constructed again; pass a "
+                "function that makes the environment",
             )
         return gym.make(spec)

@@ -1,8 +1,7 @@
 """`play`: the loop that plays tasks in a batch of places, and the simplest batches.
 
-A batch adapts what runs: one system (`OneByOne`), several environments in which one model acts
-(`SideBySide`), a vector environment (`rtamt_gym.play.vector`) and native rollouts
-(`rtamt_gym.play.native`).
+A batch adapts one system (`OneByOne`), several environments with one model (`SideBySide`), a vector
+environment (`rtamt_gym.play.vector`) or native rollouts (`rtamt_gym.play.native`).
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ class PlayBatch:
     size = 1
 
     def free(self, running: Collection[int]) -> Sequence[int]:
-        """Return the places in which a task may start now."""
+        """Return the places where a task may start now."""
         return [place for place in range(self.size) if place not in running]
 
     def start(self, tasks: Mapping[int, Task]) -> None:
@@ -84,7 +83,7 @@ class PlayBatch:
         return over
 
     def close(self) -> None:
-        """Release what the batch has taken."""
+        """Release the resources of the batch."""
 
 
 class Played(NamedTuple):
@@ -163,7 +162,7 @@ class OneByOne(PlayBatch):
 
 
 class SideBySide(PlayBatch):
-    """A batch of several environments, in all of which a model acts at once.
+    """A batch of several environments; a model acts in all of them at once.
 
     The model also acts in places without a task, so that its batches have one size.
     """

@@ -48,9 +48,9 @@ _NUMBERS: Final = 2**24
 
 
 class NativeRollouts:
-    """The native vector environment of a scenario, and what its runs are judged by.
+    """The native vector environment of a scenario, with the judge of its runs.
 
-    The trials equal those of `rtamt_gym.simulate` to the last bit.
+    The trials equal the results of `rtamt_gym.simulate` to the last bit.
 
     Attributes:
         size: The maximum number of runs in a batch.
@@ -93,7 +93,7 @@ class NativeRollouts:
         stop: Stop,
         batch: int,
     ) -> NativeRollouts | None:
-        """Return the native rollouts of a system; None if it has none, or they do not fit."""
+        """Return the native rollouts of a system; None if they are missing or do not fit."""
         spec = system.spec if isinstance(system, gym.Env) else None
         if spec is None or spec.vector_entry_point is None or spec.additional_wrappers:
             return None
@@ -185,7 +185,7 @@ class NativeRollouts:
 
 
 class NativeBatch(PlayBatch):
-    """The runs of one reset, in which all places step together."""
+    """The runs of one reset; all places step together."""
 
     def __init__(
         self,
@@ -233,7 +233,7 @@ class NativeBatch(PlayBatch):
         return 0.0
 
     def result(self, place: int) -> _Result | None:
-        """Return the result of a run that is over, else None."""
+        """Return the result of a finished run, or None."""
         return self._results.get(place)
 
     def trace(self, place: int) -> SimulatedTrace | None:

@@ -41,7 +41,7 @@ _THREADS: Final = (
 
 @dataclass(frozen=True)
 class Setup:
-    """What a worker needs to run tasks of a campaign."""
+    """The data that a worker needs to run tasks of a campaign."""
 
     name: str
     recipe: bytes = field(repr=False)
@@ -54,7 +54,7 @@ class Setup:
 def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Trial]]:
     """Run tasks; return their rows with the task numbers.
 
-    If a process dies, its unfinished tasks run again, each alone; a task whose process dies again
+    If a process dies, its unfinished tasks run again, each alone; if its process dies again, a task
     has an error in its row.
     """
     rows: dict[int, Trial] = {}
@@ -130,7 +130,7 @@ class _Process:
                 stdin=subprocess.DEVNULL,
                 env={**threads, **os.environ},
                 pass_fds=passed,
-                # This process handles Ctrl-C: it ends the other and what that has started.
+                # This process handles Ctrl-C: it ends the other process and its children.
                 start_new_session=True,
             )
         finally:
@@ -162,7 +162,7 @@ class _Process:
         if refused:
             raise InputError(
                 f"another process cannot make the system: {refused}; give the id of a registered "
-                "environment, or a function of what can be imported or pickled"
+                "environment, or a function that can be imported or pickled"
             )
 
     @property

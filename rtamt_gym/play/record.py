@@ -94,7 +94,7 @@ class Record(Results):
 
     @property
     def has_cases(self) -> bool:
-        """Whether cases were chosen; episodes of a policy have none, and differ by chance."""
+        """Whether cases were chosen; episodes of a policy have no case and differ by chance."""
         return bool(self.case_columns)
 
     def worst(self, requirement: str | None = None) -> Trial:
@@ -103,13 +103,13 @@ class Record(Results):
         A simulation that an error has ended counts only if no other one has a robustness.
 
         Raises:
-            InputError: If there is no such requirement, there are several and none is named, or no
-                simulation has a robustness.
+            InputError: If the requirement is unknown or must be named, or no simulation has a
+                robustness.
         """
         name = self.name(requirement)
         rows = [row for row in self.rows if name in row.outcomes]
         if not rows:
-            raise InputError(f"no simulation has a robustness of {name!r}: the record has none")
+            raise InputError(f"no simulation of the record has a robustness of {name!r}")
         rows = [row for row in rows if not row.error] or rows
         return min(rows, key=lambda row: order(row.outcomes[name].robustness))
 
@@ -154,13 +154,13 @@ class Record(Results):
         """Return a column of numbers; missing values are nan.
 
         Raises:
-            InputError: If there is no such column of numbers; names the nearest.
+            InputError: If the column of numbers is unknown; the error names the nearest.
         """
         known = [name for name, kind in self.kinds().items() if kind != "text"]
         if column not in known:
             raise InputError(
-                f"there is no column {column!r} of numbers; there are {listing(known)}"
-                f"{nearest(column, known)}"
+                f"unknown column of numbers {column!r}; the columns are "
+                f"{listing(known)}{nearest(column, known)}"
             )
         return np.array(self.columns()[column], dtype=np.float64)  # None becomes nan
 
@@ -251,7 +251,8 @@ def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:
     for name in case:
         if name in taken:
             raise InputError(
-                f"{name!r} is a column of every record, and so no name of what is varied; rename it"
+                f"a varied parameter cannot have the name {name!r}, a column of every record; "
+                "rename it"
             )
         if case.count(name) > 1:
             raise InputError(f"expected columns of different names, got {name!r} twice")

@@ -78,7 +78,7 @@ def load_record(path: Path, what: str) -> tuple[list[Trial], dict[str, Any]]:
     try:
         table = parquet.read_table(path)
     except pa.ArrowInvalid as error:
-        raise InputError(f"cannot read {path}: it is no Parquet file") from error
+        raise InputError(f"cannot read {path}: it is not a Parquet file") from error
     stored = table.schema.metadata or {}
     if _KEY not in stored:
         raise InputError(
@@ -94,7 +94,7 @@ def holds_run(path: Path) -> bool:
     try:
         return b"rtamt.run" in (parquet.read_schema(path).metadata or {})
     except pa.ArrowInvalid as error:
-        raise InputError(f"cannot read {path}: it is no Parquet file") from error
+        raise InputError(f"cannot read {path}: it is not a Parquet file") from error
 
 
 def written_space(space: Space) -> dict[str, Any]:
@@ -202,7 +202,7 @@ def _match(path: Path) -> re.Match[str]:
 
 
 def _check_regular(path: Path, fix: str) -> None:
-    """Refuse a pipe, whose reader would wait forever, and a device."""
+    """Raise InputError for a pipe, which would block a reader forever, or a device."""
     if not path.is_file():
         raise InputError(f"{path} is damaged: expected a regular file; {fix}")
 
@@ -219,7 +219,7 @@ def _load_part(path: Path, what: str, fix: str) -> tuple[list[Trial], dict[str, 
 
 
 def _with_reuse(campaign: dict[str, Any], path: Path, rows: Collection[int]) -> dict[str, Any]:
-    """Add to the description of a campaign what is known about changes of its model."""
+    """Add known changes of the model to the description of a campaign."""
     unseen = campaign.get("fingerprint", {}).get("unseen", ())
     mixtures = tuple(map(Mixture.read, campaign.get("mixtures", ())))
     reuse = Reuse(str(path), len(rows), len(rows), mixtures, (), tuple(unseen))

@@ -21,7 +21,7 @@ from rtamt_gym.signals.signals import Read
 
 
 class Recorder:
-    """Feeds samples to the monitors, and keeps what a run needs of them.
+    """Update the monitors with samples, and record the values that a run needs.
 
     Attributes:
         panel: The monitors.

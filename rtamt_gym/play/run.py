@@ -117,8 +117,8 @@ class Run(RunRecord):
         rounding of the run; ``print`` shows the path from the specification to the sample.
 
         Args:
-            name: The specification. None: the one that was violated first, or if none was the one
-                with the least robustness at the end.
+            name: The specification. Default: the first violated specification; without a violation,
+                the specification with the smallest robustness at the end.
             sample: The sample at which the formula is explained, counted from 0. None: the whole
                 run, that is sample 0, and with ``view="step"`` the worst of all samples
                 (``always`` of the formula).
@@ -201,7 +201,7 @@ class Run(RunRecord):
         """Draw signals, robustness, bounds and verdicts into a file: .png, .svg, .pdf.
 
         Raises:
-            InputError: If the extension is not one of a picture.
+            InputError: If the extension does not belong to a picture.
         """
         from rtamt_gym.drawing import check_format, save
         from rtamt_gym.play.plot import draw

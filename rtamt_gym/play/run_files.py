@@ -127,7 +127,7 @@ def load_run(path: Path) -> dict[str, Any]:
     try:
         table = pq.read_table(path)
     except pa.ArrowInvalid as error:
-        raise InputError(f"cannot read {path}: it is no Parquet file") from error
+        raise InputError(f"cannot read {path}: it is not a Parquet file") from error
     metadata = table.schema.metadata or {}
     if _KEY not in metadata:
         raise InputError(f"{path} holds no run: only files that Run.save has written do")

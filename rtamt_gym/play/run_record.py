@@ -43,7 +43,7 @@ KNOWN_EVERY: Final = 10
 
 
 class _ComparesArrays:
-    """A base of dataclasses whose comparison handles arrays."""
+    """A base of dataclasses with a comparison that handles arrays."""
 
     __slots__ = ()
 
@@ -190,7 +190,7 @@ class SimulatedTrace:
 
     @property
     def samples(self) -> int | None:
-        """The number of samples; None if there are no variables."""
+        """The number of samples; None without variables."""
         return next((len(values) for values in self.signals.values()), None)
 
 
@@ -243,19 +243,19 @@ class RunRecord(_ComparesArrays):
 
     @property
     def duration(self) -> float:
-        """Simulated time in seconds; the number of steps if there is no period."""
+        """Simulated time in seconds; without a period, the number of steps."""
         return float(self.steps * (self.period or 1))
 
     @property
     def times(self) -> Floats:
-        """The time of every sample in seconds; its number if there is no period."""
+        """The time of every sample in seconds; without a period, its number."""
         period = self.period or Fraction(1)
         times: Floats = np.arange(self.first_sample, self.last_sample + 1, dtype=np.float64)
         return times * period.numerator / period.denominator
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict on all specifications together: the worst of theirs."""
+        """The verdict on all specifications together, their worst verdict."""
         return min(course.verdict for course in self.histories.values())
 
     @property
@@ -267,7 +267,7 @@ class RunRecord(_ComparesArrays):
         """Return the case and the outcomes, without the samples.
 
         Args:
-            case: What the simulation was given. None: the case of the run.
+            case: The inputs of the simulation. Default: the case of the run.
             error: The error that ended it, as text.
         """
         case = (self.case or Case({})) if case is None else case
@@ -276,7 +276,7 @@ class RunRecord(_ComparesArrays):
 
     @property
     def violated_at(self) -> int | None:
-        """The sample that showed the first violation; None if there is none.
+        """The sample that showed the first violation, or None.
 
         It is the last sample if only the end decided it.
         """

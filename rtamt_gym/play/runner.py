@@ -61,54 +61,44 @@ for `rtamt_gym.simulate`, a sequence of names and texts, or a mapping from names
 
 @documents_options("runs")
 class Runner:
-    """Runs cases of one system under requirements, each to a `Trial`.
+    """A runner of cases of one system, which returns a `Trial` for each case.
 
-    Cases run side by side by native rollouts if the system is a registered environment whose vector
-    environment has ``rollout``, the variables read elements of the observation, and no ``policy``
-    is given; otherwise one by one, by `rtamt_gym.simulate`. Except for wall times, the rows are
-    equal to the last bit.
-
-    A runner is a context manager, which closes the environments that it has made.
+    Scenarios run many cases side by side if variables read elements of the observation and there is
+    no policy; other systems run one by one. The rows are equal to the last bit, except for wall
+    times. As a context manager, a runner closes the environments that it made.
 
     Attributes:
         name: The name of the system.
         requirements: The requirements by name.
-        signals: What their variables read, if it was given.
+        signals: The sources of the variables, if they were passed.
         evaluation_options: The evaluation options.
-        inputs: The ranges that the system itself varies; empty if it has none.
-        duration: The maximum duration of a run in seconds; None if it is not known.
-        period: Seconds between samples, or as text with a unit; None if it is not known.
+        inputs: The ranges that the system itself varies; empty if it has no ranges.
+        duration: The maximum duration of a run in seconds, or None.
+        period: The seconds between samples, or text with a unit; None if unknown.
 
     Args:
-        system: The id of an environment, or a system of `rtamt_gym.simulate` that can be
-            restarted: not a `StepMonitor` or an iterator of samples.
-        requirements: The name of a requirement of the system (``"AT6a"``), a specification as for
-            `rtamt_gym.simulate`, or several; None: all requirements of the system.
-        signals: As for `rtamt_gym.simulate`.
-        policy: As for `rtamt_gym.simulate`.
-        policies: In place of ``policy``: makes the policy of a run from the seed of the run.
-        duration: As for `rtamt_gym.simulate`.
-        stop: As for `rtamt_gym.simulate`. The robustness of a stopped run covers the samples until
-            the stop; its bounds contain the robustness of every continuation.
-        batch: The maximum number of cases that run side by side.
-        **reading: How samples are judged, as for `rtamt_gym.simulate`.
+        system: The id of an environment, or a system of `simulate` that can be restarted.
+        requirements: Names of the system's own requirements (``"AT6a"``), or specifications as for
+            `simulate`. Default: all requirements of the system.
+        signals: As for `simulate`.
+        policy: As for `simulate`.
+        policies: In place of ``policy``: a function from the seed of a run to its policy.
+        duration: As for `simulate`.
+        stop: As for `simulate`. The robustness of a stopped run covers the samples until the stop;
+            its bounds contain the robustness of every continuation.
+        batch: The maximum number of cases side by side.
+        **reading: Evaluation options.
 
     Raises:
         SpecificationError: If a requirement is wrong.
-        InputError: If there is no such environment or requirement, or an option is wrong.
-        InputTypeError: If the system cannot be run several times.
+        InputError: If an environment, a requirement or an option is wrong.
+        InputTypeError: If the system cannot be restarted.
 
     Example:
-        >>> def tank(inflow):
-        ...     level = 1.0
-        ...     for _ in range(20):
-        ...         yield {"level": level}
-        ...         level += inflow - 0.1 * level
-        >>> with Runner(tank, {"dry": "always(level < 2)"}, period=1, stop="violation") as runner:
-        ...     for number, row in runner.run([{"inflow": 0.1}, {"inflow": 0.3}]):
-        ...         print(number, row.ended, round(row.outcomes["dry"].robustness, 3))
-        0 terminated 1.0
-        1 violation -0.043
+        >>> with Runner("rtamt/RequestGrant-v0", stop="violation") as runner:
+        ...     [(_, row)] = runner.run([{"limit": 1.0}], seeds=[0])
+        >>> row.ended, row.outcomes["granted"].robustness
+        ('violation', -2.0)
     """
 
     evaluation_options: EvaluationOptions
@@ -188,7 +178,7 @@ class Runner:
 
     @property
     def origin(self) -> Any:  # noqa: ANN401
-        """What another process makes the system from."""
+        """The object from which another process makes the system."""
         return self._system
 
     def fingerprint(self) -> Fingerprint:
@@ -202,7 +192,7 @@ class Runner:
 
     @property
     def _acting(self) -> Sequence[object]:
-        """What acts in the system."""
+        """The policy of the system."""
         return [self._of_runs["policy"], self._policies]
 
     @property
@@ -218,7 +208,7 @@ class Runner:
 
     @property
     def takes_seeds(self) -> bool:
-        """Whether the system is an environment, whose reset takes a seed."""
+        """Whether the system is an environment, with a seed at reset."""
         return isinstance(self._system, gym.Env)
 
     @property
@@ -246,7 +236,7 @@ class Runner:
         it.
 
         Args:
-            cases: What the simulations are given.
+            cases: The inputs of the simulations.
             seeds: The seed of each reset, for an environment. None: no seeds.
             keep: Called with the index of a case and its samples before its row is yielded.
             above: As for `rtamt_gym.simulate`.
@@ -445,8 +435,8 @@ class Runner:
                 yield again
             if warns and not known:
                 warnings.warn(
-                    f"lanes of {self.name} raised {type(error).__name__}: {error}; the cases ran "
-                    "one by one, which raised nothing",
+                    f"the vector environment of {self.name} raised {type(error).__name__}: "
+                    f"{error}; the cases ran one by one without an error",
                     RuntimeWarning,
                     stacklevel=caller_level(),
                 )
@@ -456,13 +446,13 @@ def _check_system(system: object) -> None:
     """Raise InputTypeError if a system cannot be restarted or is a vector environment."""
     if isinstance(system, Iterator) or type(system).__name__ == "StepMonitor":
         raise InputTypeError(
-            "expected a system that starts anew for each case, such as the id of an environment, "
-            f"a pair (model, data) or a function, got {system!r}"
+            "expected a system that restarts for each case, such as the id of an environment, a "
+            f"pair (model, data) or a function, got {system!r}"
         )
     if isinstance(system, VectorEnv):
         raise InputTypeError(
-            f"expected one environment, or its id, got {system}; lanes are made of it where it has "
-            "them"
+            f"expected one environment, or its id, got {system}; pass its id, and the search "
+            "vectorizes it if it can"
         )
     if isinstance(system, str) and system.endswith(".fmu"):
         raise InputTypeError(

@@ -136,7 +136,7 @@ class SavedCase:
             name: The name of the requirement.
             row: The simulation.
             folder: The folder of the file.
-            system: Names the system, as ``module:name``. None: it is named by what it is.
+            system: The name of the system, as ``module:name``. Default: derived from the system.
             policy: Names the policy. None: a function is named by its module.
 
         Raises:
@@ -171,7 +171,7 @@ class SavedCase:
 
     @property
     def imports(self) -> tuple[str, ...]:
-        """What `replay` imports, loads and runs: ``os``, ``gymnasium (CartPole-v1)``, ``a.fmu``."""
+        """The code that `replay` runs: ``os``, ``gymnasium (CartPole-v1)``, ``a.fmu``."""
         policy = [] if self.policy is None else [policy_text(self.policy)]
         return tuple(dict.fromkeys(filter(None, [*system_texts(self.system), *policy])))
 
@@ -183,8 +183,8 @@ class SavedCase:
                 the simulator has changed since it was saved, as a regression test does.
 
         Raises:
-            InputError: If there is no such system or policy, with what the file names; if one of
-                them has changed.
+            InputError: If the system or policy does not exist or has changed; the error lists the
+                names in the file.
             RtamtError: As `rtamt_gym.simulate` does.
         """
         with self._opened() as (system, policy):
@@ -207,7 +207,7 @@ class SavedCase:
         """Return the fingerprint of the system and the policy as they are now; makes both.
 
         Raises:
-            InputError: If there is no such system or policy.
+            InputError: If the system or policy does not exist.
         """
         with self._opened() as (system, policy):
             return fingerprint_of([system], [policy])
@@ -273,7 +273,7 @@ class SavedCase:
         return document("case", content) + "\n"
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the case to a file, whose name ends in ``.json``.
+        """Write the case to a file with a name that ends in ``.json``.
 
         Raises:
             InputError: If it ends in something else.
@@ -287,7 +287,7 @@ class SavedCase:
 
         Raises:
             InputError: If it holds no case.
-            OSError: If there is no such file.
+            OSError: If the file does not exist.
         """
         return read_as(path, "case", lambda kept: cls(**_read(kept), folder=Path(path).parent))
 
@@ -306,8 +306,7 @@ def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
         raise InputError(f'expected "seed" as {_TYPES["seed"][1]}, got {kept["seed"]}')
     if expected["verdict"] not in Verdict.__members__:
         raise InputError(
-            f'expected "verdict" as one of {listing(Verdict.__members__)}, '
-            f"got {expected['verdict']!r}"
+            f'expected "verdict" among {listing(Verdict.__members__)}, got {expected["verdict"]!r}'
         )
     spec = rtamt.parse(requirement["text"], unit=requirement.get("unit", "s"))
     if len(spec.requirements) != 1:
@@ -373,9 +372,9 @@ def _checked_signals(signals: Mapping[str, Any] | None) -> Mapping[str, Any] | N
     for name, each in (signals or {}).items():
         if any(callable(part) for part in (each if isinstance(each, list | tuple) else [each])):
             raise InputError(
-                f"cannot save a case whose signal {name!r} is a function, which a file cannot "
-                f"hold; write a selector, such as signals={{{name!r}: 'obs[0]'}}, or an "
-                "environment that has the signal in its info"
+                f"cannot save a case in which signal {name!r} is a function; use a selector, such "
+                f"as signals={{{name!r}: 'obs[0]'}}, or an environment that has the signal in its "
+                "info"
             )
     return signals
 

@@ -59,7 +59,7 @@ if TYPE_CHECKING:  # it imports MuJoCo, which is optional
 
 
 class _Bound(NamedTuple):
-    """A system whose signals are bound, and its monitors."""
+    """A system with bound signals, and its monitors."""
 
     system: System
     reads: Sequence[Read] | None
@@ -92,9 +92,10 @@ class Simulator:
         if reading.substeps and not isinstance(system, gym.Env):
             raise InputError(
                 Argument("substeps", value=True),
-                f" is for environments, whose step makes several, got {system!r}; give a smaller ",
+                f" is for environments with several physics steps per step, got {system!r}; give "
+                "a smaller ",
                 Argument("period"),
-                " where the system takes one",
+                " if the system takes a period",
             )
         self._given, self._policy, self._duration = system, policy, duration
         self._case = None if case is None else Case(case)
@@ -181,7 +182,7 @@ class Simulator:
         return Simulation(self, bound, system, case, seed, stop, above, label, light)
 
     def of(self, system: System) -> Simulator:
-        """Return a simulator of another system like this one, whose signals are bound already."""
+        """Return a simulator of another system like this one, with bound signals."""
         other = copy.copy(self)
         other.__dict__ |= {"_plain": system, "_bound": self._bound._replace(system=system)}
         other.of_environment = isinstance(system, Environment)
@@ -204,7 +205,7 @@ class Simulator:
             reading = reading.having(period=ran.period)
         if reading.period is None and ran.needs_period:
             lacks = ran.needs_period
-            reason = lacks if isinstance(lacks, str) else "does not say how long a step lasts"
+            reason = lacks if isinstance(lacks, str) else "does not state the duration of a step"
             raise InputError(f"{ran.name} {reason}; give ", Argument("period"), " in seconds")
         why = why_no_period(self._given) if isinstance(self._given, gym.Env) else ""
         if reading.period is None:  # before the bounds: the error states both
@@ -312,7 +313,7 @@ class Simulation:
 
     @property
     def observation(self) -> Any:  # noqa: ANN401
-        """What an environment has shown last, on which the next step acts."""
+        """The last observation of an environment, for the next action."""
         return cast("Environment", self._system).observation
 
     def _advance(self, *, to_end: bool) -> bool:
@@ -471,7 +472,7 @@ class Simulation:
         )
 
     def _courses(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> Mapping[str, History]:
-        """Return the courses; those of monitors of a `Judge` are computed when they are read."""
+        """Return the histories; for monitors of a `Judge`, they are computed at their first use."""
         record, judge, specs, end = (
             self._record,
             self._bound.judge,

@@ -36,8 +36,8 @@ def trial_of(episode: Episode) -> Trial:
 def run_table(episodes: Sequence[Episode]) -> list[str]:
     """Return a table with a row for every specification of every episode.
 
-    It shows when runs were stopped; if none was to be stopped, when verdicts were certain. At
-    least one episode must not have failed.
+    It shows when runs were stopped; without stopping, when verdicts were certain. At least one
+    episode must not have failed.
     """
     runs = _runs(episodes)
     stops = any(run.stop != "end" for run in runs)

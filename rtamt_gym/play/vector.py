@@ -142,7 +142,7 @@ class VectorEpisodes(Runner):
     def _comparison(
         self, period: Fraction | None, reading: EvaluationOptions, *, timed: bool
     ) -> Callable[[Any], StepTime] | None:
-        """Return what compares the period with an environment; None if a monitor inside does."""
+        """Return a check of the period against an environment; None if a monitor inside has it."""
         if period is None or self.monitor is not None:
             return None
 
@@ -166,7 +166,7 @@ class VectorEpisodes(Runner):
         return [self.evaluated.make]
 
     def check(self, case: CaseLike) -> None:
-        """Do nothing: the construction has refused what does not fit."""
+        """Do nothing: the constructor has checked everything."""
 
     def close(self) -> None:
         """Leave the environment open: it belongs to the caller."""
@@ -228,7 +228,7 @@ class VectorEpisodes(Runner):
     def _alone(
         self, task: Task, above: Mapping[str, float] | None, *, light: bool
     ) -> Iterator[Played]:
-        """Play one task while the other environments have none."""
+        """Play one task while the other environments are idle."""
         batch = self._batch(self._simulators, self._of_runs["stop"], above, light=light)
         with no_exit(self.name):
             played = list(play(batch, [task]))
@@ -274,8 +274,8 @@ class VectorEpisodes(Runner):
         if "stl_lower" in infos:  # they might end episodes without notice
             raise InputError(
                 f"expected environments without monitors in {self._env.unwrapped}, got some with; "
-                f"give the function that makes one of them with n_envs={self._env.num_envs}, or "
-                "put a VectorStlMonitor around all"
+                f"pass the function that makes one environment with n_envs={self._env.num_envs}, "
+                "or put a VectorStlMonitor around all"
             )
 
 

@@ -101,7 +101,7 @@ class Chunks(Iterator[list[Task]]):
 
 
 class Recipe:
-    """What makes an equal runner in another process, and tells campaigns apart.
+    """The data that makes an equal runner in another process, and identifies campaigns.
 
     An environment is made again from its spec; everything else is pickled.
     """
@@ -144,13 +144,13 @@ class Recipe:
         except Exception as error:
             raise InputTypeError(
                 f"{name} cannot be sent to other processes: {type(error).__name__}: {error}; give "
-                "the id of a registered environment, or a function that makes in itself what "
+                "the id of a registered environment, or a function that builds the parts that "
                 "cannot be pickled"
             ) from error
         return recipe
 
     def identity(self, requirements: Mapping[str, str]) -> dict[str, Any]:
-        """Return for JSON what distinguishes rows of this runner from rows of another.
+        """Return the identity of the rows of this runner, for JSON.
 
         A function, and an object that JSON cannot store, is represented by its name: the
         fingerprint of the runner covers its source and its values.
@@ -263,7 +263,7 @@ class Elsewhere:
 def chosen_workers(backend: ClusterBackend | None, n_jobs: int | None) -> Iterator[tuple[int, int]]:
     """Select a backend of joblib; yield its workers and how many threads each may start.
 
-    Without a backend the workers are threads, each of which watches a process.
+    Without a backend the workers are threads, and each watches a process.
     """
     import joblib
 
@@ -280,7 +280,7 @@ def chosen_workers(backend: ClusterBackend | None, n_jobs: int | None) -> Iterat
 
 
 def _parallel(setup: Setup, chunks: Chunks, count: int) -> Generator[NumberedTrials]:
-    """Yield the rows of chunks in the order in which workers finish them."""
+    """Yield the rows of chunks in the order of completion."""
     import joblib
 
     parallel: Any = joblib.Parallel(

@@ -60,7 +60,7 @@ class _Wish:
             if here is not None and there is not None and here != there:
                 raise InputError(
                     f"expected one {what} for '{name}', which two specifications read, got {here} "
-                    f"and {there}; give one of them another name, or judge them one at a time"
+                    f"and {there}; rename one variable, or judge the specifications separately"
                 )
         return _Wish(self.topic or other.topic, self.kind or other.kind, self.default)
 
@@ -103,7 +103,7 @@ def topic_fields(
         if spec.variables and heard.isdisjoint(spec.variables):
             raise InputError(
                 f"{bag.source}: expected messages with {listing(spec.variables)}, got none: "
-                f"defaults alone say nothing of a trace; the topics are {_listed(bag.types)}"
+                f"defaults alone are not a trace; the topics are {_listed(bag.types)}"
             )
     return [TopicFields(topic, tuple(fields)) for topic, fields in fields_of.items()]
 

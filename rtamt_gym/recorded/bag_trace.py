@@ -37,8 +37,8 @@ def read_bag(
     """Read a bag, and the period at which it was sampled; None for events."""
     if not reading.dense and reading.period is None:
         raise InputError(
-            f"{shown(path)}: expected --period 100ms, at which the messages of a bag are sampled, "
-            "or --dense, which takes them as events"
+            f"{shown(path)}: expected --period, such as 100ms, to sample the messages of a bag, or "
+            "--dense to read them as events"
         )
     for option, value in {"--jitter": columns.jitter, "--time-unit": columns.time_unit}.items():
         if value is not None:

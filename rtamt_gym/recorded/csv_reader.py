@@ -254,7 +254,7 @@ class CsvRecording(Recording):
             also = f", and {named!r} in its name" if named else ""
             raise InputError(
                 f"{self.source}, line {self._last_above}, column '{time}': expected one unit of "
-                f"time, got {below!r}{also}; say the unit with --time-unit ({', '.join(UNITS)})"
+                f"time, got {below!r}{also}; give the unit with --time-unit ({', '.join(UNITS)})"
             )
         return unit
 

@@ -50,7 +50,7 @@ def check_recorded(
     near = next(filter(None, (nearest(column, names) for column in needed)), "")
     raise InputError(
         f"{source}: expected a record of {', '.join(map(repr, needed))}, got none: defaults alone "
-        f"say nothing of a trace; it has {listed(names, needed[0])}{near}"
+        f"are not a trace; it has {listed(names, needed[0])}{near}"
     )
 
 
@@ -202,8 +202,8 @@ def starts_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> dic
             if starts.setdefault(name, start) != start:
                 raise InputError(
                     f"expected one default for '{name}', which two specifications read, got "
-                    f"{number(starts[name])} and {number(start)}; give one of them another name, "
-                    "or judge them one at a time"
+                    f"{number(starts[name])} and {number(start)}; rename one variable, or judge "
+                    "the specifications separately"
                 )
     read = {name for spec in specs.values() for name in spec.variables}
     return starts | {name: start for name, start in columns.starts.items() if name in read}
@@ -222,7 +222,7 @@ def take_default(source: str, name: str, columns: Columns, why: str, on_topic: s
     value = number(columns.starts[name])
     if columns.no_defaults and name not in columns.defaults:
         raise InputError(
-            f"{source}: expected records of '{name}'{on_topic}, as --no-defaults says, got its "
+            f"{source}: expected records of '{name}'{on_topic}, as --no-defaults requires, got its "
             f"default {value}: {why}; give --signal {name}=COLUMN, or --default {name} to take it"
         )
     return f"'{name}'{on_topic} is {value}, its default: {why}"

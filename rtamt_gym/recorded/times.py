@@ -97,7 +97,7 @@ def find_times(
     if column is not None and column.part is not None and column.part.unit and columns.time_unit:
         raise InputError(
             f"{recording.source}: expected --time-unit for one column of times, got the columns "
-            f"{listing(column.columns)}, whose units their names state"
+            f"{listing(column.columns)} with their units in their names"
         )
     return column
 
@@ -158,8 +158,8 @@ def _only(recording: Recording, candidates: Sequence[TimeColumn]) -> TimeColumn:
     if len(candidates) > 1:
         labels = [candidate.label for candidate in candidates]
         raise InputError(
-            f"{recording.source}: expected one column of times, got {listing(labels)}; "
-            f"say which with --time {labels[0]!r}"
+            f"{recording.source}: expected one column of times, got {listing(labels)}; choose one "
+            f"with --time {labels[0]!r}"
         )
     return candidates[0]
 
@@ -270,7 +270,7 @@ class TimeAxis:
         if unit_name and unit_name not in UNITS:
             raise InputError(
                 f"{rows.source}, column '{column}': expected a unit of time, got {unit_name!r}; "
-                f"say the unit with --time-unit ({', '.join(UNITS)})"
+                f"give the unit with --time-unit ({', '.join(UNITS)})"
             )
         readings: Sequence[str] = ()
         absurd = not unit_name and len(raw) > 1 and _absurd(raw)
@@ -303,9 +303,8 @@ class TimeAxis:
             raw, at = rows.times, int(far.argmax())
             assert raw is not None, "the column was read"  # noqa: S101 - for mypy
             raise InputError(
-                f"{rows.where(at)}, column '{self.column}': expected times whose distances are "
-                f"finite, got {raw[at]} after {raw[0]}; --period reads samples and leaves the "
-                "column aside"
+                f"{rows.where(at)}, column '{self.column}': expected times at finite distances, "
+                f"got {raw[at]} after {raw[0]}; --period reads samples and ignores the column"
             )
 
     def check_unit(self, where: str) -> None:
@@ -321,7 +320,7 @@ class TimeAxis:
         read = f" ({' or '.join(readings)})" if readings else ""
         raise InputError(
             f"{where}: expected times in seconds in the column '{self.column}', got {got}{read}; "
-            "say the unit with --time-unit, such as ns, ms or s"
+            "give the unit with --time-unit, such as ns, ms or s"
         )
 
     def check_order(

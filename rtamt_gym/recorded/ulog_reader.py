@@ -37,7 +37,9 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
             why = str(error).partition("(")[2].rstrip(")") or str(error)
             raise InputError(f"{shown(path)}: expected a ULog file; {why}") from None
     if log.file_corruption:
-        raise InputError(f"{shown(path)}: expected a whole ULog file; bytes of it are no messages")
+        raise InputError(
+            f"{shown(path)}: expected a complete ULog file; parts of it are not messages"
+        )
     if not log.data_list:
         raise InputError(f"{shown(path)}: expected a ULog file with data; it holds none")
     notes = _dropouts(log)

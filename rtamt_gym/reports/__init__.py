@@ -1,1 +1,1 @@
-"""The page that people read: what evaluations, sweeps, searches and traces have found."""
+"""The report page: results of evaluations, sweeps, searches and traces for readers."""

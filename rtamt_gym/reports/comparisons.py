@@ -84,7 +84,7 @@ def _compared(compared: Compared, identity: RequirementId | None) -> Requirement
 
 
 def _rates(compared: Compared) -> Table:
-    """Return the table of the rates of A and B, and of what B has more."""
+    """Return the table of the rates of A and B, and their difference."""
     rows = []
     for side, rate, (low, high) in (
         ("A", compared.rate_a, compared.interval_a),

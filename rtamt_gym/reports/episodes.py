@@ -25,17 +25,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayedEpisode:
-    """The samples of an episode and what a requirement became in it.
+    """The samples of an episode and the outcome of a requirement in it.
 
     Attributes:
-        label: What tells the episode from others.
+        label: The label of the episode.
         spec: The requirement, as it has to hold at the first sample.
         interface: The semantics, as arguments of `rtamt.evaluate`.
         signals: The values of each variable and of each further signal.
         times: The time of each sample.
         period: Seconds between samples, or None.
         align: How bounds were rounded.
-        outcome: What the requirement became.
+        outcome: The outcome of the requirement.
         curves: Its robustness, lower and upper bound at every sample; empty if not known.
         first: The number of the first sample in its episode.
     """
@@ -54,8 +54,8 @@ class PlayedEpisode:
     def episode(self, room: int, episodes: int, **also: Any) -> ShownEpisode:  # noqa: ANN401 - fields of an episode
         """Return the episode for a page that shows several in a room for numbers.
 
-        What a signal of a name that no formula reads has for values is shown as it is. A predicate
-        whose term has no value somewhere is left out.
+        Signals that no formula reads are shown as they are. A predicate is left out if its term has
+        no value at a sample.
         """
         predicates = self._predicates()
         every = {**self.signals, **self.curves, **{f"({p})": v for p, v in predicates.items()}}
@@ -114,7 +114,7 @@ class PlayedEpisode:
                 align=self.align,
                 **self.interface,
             )
-        except RtamtError:  # it could be judged, but the samples at hand do not tell why
+        except RtamtError:  # it was judged, but the available samples do not explain it
             return None
 
     def _decisions(self, explanation: Explanation) -> tuple[Decision, ...]:

@@ -89,7 +89,7 @@ def _unit(evaluation: Evaluation) -> str:
 
 
 def _decisions(evaluation: Evaluation) -> Iterator[str]:
-    """Yield what sequential stopping has decided."""
+    """Yield the decisions of sequential stopping."""
     for name, text in (evaluation.decision or {}).items():
         yield (
             f"Sequential stopping after {counted(evaluation.episodes, 'episode')}: the rate of "
@@ -120,7 +120,7 @@ def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) ->
 
 
 def _episode(evaluation: Evaluation, run: Run, name: str, room: int, episodes: int) -> ShownEpisode:
-    """Return an episode with the pictures for which there is room, evenly spread."""
+    """Return an episode with as many pictures as fit, evenly spread."""
     episode = episode_of_run(run, name, f"seed {run.seed}", room, episodes)
     when = "at {:g} s" if run.period is not None else "at sample {:g}"
     frames = [

@@ -54,7 +54,7 @@ def with_examples(
 
     Raises:
         InputError: If a file holds no examples, or no requirement has one of its formulas.
-        OSError: If there is no such file.
+        OSError: If the file does not exist.
     """
     shown = [each for section in sections for each in section.requirements]
     texts = {item.formula for item in shown if item.formula}
@@ -111,7 +111,7 @@ def _read(given: ExamplesLike) -> Iterator[_Known]:
             if not isinstance(result, RequirementExamples):
                 raise InputError(
                     Argument("examples"),
-                    f": expected what rtamt.examples returns, got {type(result).__name__}",
+                    f": expected the result of rtamt.examples, got {type(result).__name__}",
                 )
             formula = rtamt.parse(result.text).formula
             yield _Known(name, formula, result.period, result.examples)

@@ -1,4 +1,4 @@
-"""The charts of the page: what each shows in a sentence, as a table, and as data for the script.
+"""The charts of the page: a sentence, a table, and data for the script.
 
 To add a chart: a function here that makes a `Figure` with a summary, a table and data, and a
 function of ``drawers`` in ``rtamt_gym/reports/page/page.js`` that draws the data. Show it in
@@ -186,7 +186,7 @@ def convergence_figure(
         name: The name of the requirement.
         simulations: The numbers of the simulations, from 1.
         robustness: The robustness of each; None where it failed.
-        verdicts: What became of the requirement in each.
+        verdicts: The outcome of the requirement in each.
         least: The minimum up to each; None before the first.
     """
     steps = [
@@ -359,7 +359,7 @@ def curves_figure(
 
     Args:
         title: Its title.
-        summary: What it shows.
+        summary: A description of the chart.
         x: The name of the axis to the right, and the places of the points.
         y: The name of the axis upwards.
         curves: The curves.

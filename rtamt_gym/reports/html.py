@@ -59,7 +59,7 @@ def render(report: Report) -> str:
     texts the report has.
 
     Args:
-        report: What the page shows.
+        report: The content of the page.
 
     Raises:
         ModuleNotFoundError: If jinja2 or plotly is not installed; names the extra ``report``.
@@ -181,7 +181,7 @@ def _all_facts(section: Section) -> Facts:
 
 
 def _survivors(name: str, score: mutation.MutationScore) -> Table | None:
-    """Return the table of the mutants that no trace kills; None if there are none."""
+    """Return the table of surviving mutants, or None."""
     survivors = [mutant for mutant in score.mutants if mutant.says in ("missed", "unknown")]
     if not survivors:
         return None
@@ -241,6 +241,6 @@ def _shown(value: Any) -> Any:  # noqa: ANN401 - what JSON holds
 
 
 def _json(value: object) -> str:
-    """Return strict JSON in which characters of HTML are escaped, so that no name can leave it."""
+    """Return strict JSON with escaped HTML characters, so that no name can end the script."""
     text = json.dumps(_shown(value), allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -1,4 +1,4 @@
-"""What the page of results shows: sections of requirements, and blocks of five kinds.
+"""The content of the results page: sections of requirements, and blocks of five kinds.
 
 A block is `Facts`, `Text`, `Table`, `Figure` or `ShownEpisode`; each has one template in ``page/``.
 Numbers of series have six digits; times are in the unit of their section.
@@ -80,14 +80,14 @@ class Cell(NamedTuple):
     Attributes:
         text: The text.
         style: Its classes.
-        value: The number by which the column is sorted.
+        value: The sort key of the column.
         verdict: The verdict that it shows: a sign before the text if ``style`` is set; otherwise a
             badge.
         muted: Remarks after the text.
         codes: Pieces of code after the text.
         link: The id on the page that the text links to.
         copied: A text that a button copies, and the label of the button.
-        interval: A number, its interval, and the minimum of the axis on which they are drawn.
+        interval: A number, its interval, and the minimum of their axis.
     """
 
     text: str = ""
@@ -124,7 +124,7 @@ class Table:
     Attributes:
         head: The heads of the columns.
         rows: The rows.
-        label: What it shows, for screen readers.
+        label: A description for screen readers.
         caption: The text above it.
         style: Its classes.
         labelled: The id of the element that labels it, in place of ``label``.
@@ -145,9 +145,9 @@ class Figure:
     Attributes:
         kind: The function of the script that draws it.
         title: Its title.
-        summary: What it shows, in a sentence or two.
+        summary: A description in a sentence or two.
         height: Its height in pixels.
-        data: What the script needs.
+        data: The data for the script.
         table: Its numbers; None if they are elsewhere on the page, or the script makes the table.
         wide: Whether it takes the full width.
         words: The verdicts that it shows by colour and sign, for its legend.
@@ -212,14 +212,13 @@ class ShownEpisode:
         upper: The maximum robustness that was still possible.
         predicates: The robustness of each predicate of the requirement, by its text.
         deciding: The samples that decided.
-        decided_at: The moment of the sample that decided a violation; None if there is none.
+        decided_at: The moment of the sample that decided a violation, or None.
         seed: As `TrialRow.seed`.
         case: As `TrialRow.case`.
         explanation: The explanation as text; may be empty.
         frames: Pictures of the episode.
         note: A remark; may be empty.
-        of_instant: Whether the robustness is that of each instant, and the bounds are of the
-            episode.
+        of_instant: Whether the robustness is about each instant, with bounds about the episode.
         figure: The plot; None before the page is laid out.
         id: Its id on the page.
     """
@@ -264,12 +263,12 @@ class Counts(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TrialRow:
-    """What became of one requirement in one episode, simulation or trace.
+    """The outcome of one requirement in one episode, simulation or trace.
 
     Attributes:
         label: The name of the trial: ``seed 17``, ``simulation 4`` or the name of a file.
         verdict: What became of the requirement.
-        robustness: The robustness at the end; None if there is none.
+        robustness: The robustness at the end, or None.
         violated_at: The moment of a violation, the last sample if only the end decided it; None
             without a violation, or if it is not known.
         duration: The length of the episode; None if it is not known.
@@ -329,7 +328,7 @@ class ShownExample(NamedTuple):
     Attributes:
         verdict: The verdict of the requirement on it.
         robustness: The robustness on it; None for a trace that repeats for ever.
-        why: What it shows.
+        why: The reason for showing it.
         length: Its length with the unit.
         bands: Its signals.
         repeats: How much of its end, from 0 to 100, repeats for ever.
@@ -351,22 +350,22 @@ class ShownExample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """A requirement, and what became of it in all episodes of a section.
+    """A requirement, and its outcomes in all episodes of a section.
 
     Attributes:
         name: Its name.
         words: The requirement in plain English.
         formula: Its formula.
-        counts: What became of it; all 0 in a comparison.
+        counts: The counts of outcomes; all 0 in a comparison.
         rate: The rate of satisfaction, in a comparison the rate of B minus the rate of A; None if
             a rate has no meaning.
         interval: The 95 % interval of the rate; None without a rate.
         robustness: The robustness of every episode that has one, smallest first; evenly spaced
             ranks if there are more than 1000.
-        verdicts: What became of the requirement for each of these.
+        verdicts: The outcome of the requirement for each of these.
         quantiles: The quantiles of the robustness, by the text of the share (``"0.05"``).
         first_violations: `TrialRow.violated_at` of the violations, earliest first.
-        trials: What became of it in each episode, worst first, at most 500.
+        trials: The outcome in each episode, worst first, at most 500.
         left_out: How many episodes ``trials`` leaves out.
         blocks: Texts, facts and tables at the head.
         figures: Charts, and tables next to them.
@@ -426,7 +425,7 @@ class Section:
     """One result.
 
     Attributes:
-        kind: What it is about.
+        kind: The kind of the section.
         title: Its title.
         system: The name of the system; may be empty.
         policy: The name of the policy; may be empty.
@@ -442,11 +441,11 @@ class Section:
         durations: The lengths of the episodes, shortest first; empty if they are not known.
         cases: The points of a sweep or a search, for charts: labels, columns, robustness, verdicts.
         mutants: The mutation score of each requirement of recorded traces; None without mutants.
-        min_share: The share of killed mutants that was required; None if none was.
+        min_share: The required share of killed mutants, or None.
         source: The path and the SHA-256 of the file of the result; None if it was an object.
         files: The SHA-256 of each file that the result was made of, by path.
         versions: The versions of Python and packages that made it.
-        not_played: The error for which a saved case was not replayed; otherwise empty.
+        not_played: The error that prevented the replay of a saved case; otherwise empty.
         id: Its id on the page.
     """
 
@@ -481,7 +480,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A page of results: a title, what made it and when, and a section for each result."""
+    """A page of results: a title, its origin and date, and a section for each result."""
 
     title: str
     made_with: str

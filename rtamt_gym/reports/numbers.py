@@ -40,16 +40,16 @@ def points_of(room: int, episodes: int, series: int) -> int:
 def shown(series: Iterable[Floats], count: int, keep: Iterable[int], most: int) -> NDArray[np.intp]:
     """Return the samples of a long episode that are shown, increasing.
 
-    All are shown if there are no more than ``most``. Else the first and the last, those to keep,
-    where each series is least and where it is greatest are shown; and from each of about
-    ``most / 2`` equal parts two samples: the first, and the one at which a series is farthest from
-    the line between the ends of the part. The series take turns, part by part.
+    All samples are shown if there are at most ``most``. Otherwise the result has the first and the
+    last sample, the samples to keep, and the minimum and maximum of each series. It also has two
+    samples from each of about ``most / 2`` equal parts: the first, and the sample where a series is
+    farthest from the line between the ends of the part. The series take turns, part by part.
 
     Args:
         series: Series of one length.
         count: The number of samples in each.
         keep: Samples that must be shown.
-        most: How many samples are shown, but for those that must be.
+        most: The maximum number of samples, in addition to required ones.
 
     Example:
         >>> import numpy as np

@@ -62,7 +62,7 @@ def of_record(
     Args:
         result: The sweep or the record.
         room: How many numbers all episodes together may have.
-        facts: What a file has in addition to the record.
+        facts: The facts in a file in addition to the record.
         kind: The kind of the section.
         unit: The unit of times; None: as the record and the replayed runs have it.
     """
@@ -103,7 +103,7 @@ def of_record(
 
 
 def unit_of(runs: Mapping[str, list[Run]]) -> str:
-    """Return the unit of times in runs; seconds if there are no runs."""
+    """Return the unit of times in runs; seconds without runs."""
     every = [run for some in runs.values() for run in some]
     return "steps" if every and every[0].period is None else "s"
 
@@ -120,8 +120,8 @@ def requirements_of(
 ) -> tuple[Requirement, ...]:
     """Return the requirements of a record, with some runs in full.
 
-    Rates are of records in which nothing was chosen but the seed: elsewhere they say more of the
-    sampler than of the system.
+    Rates are shown only if nothing was chosen but the seed: otherwise they describe the sampler
+    rather than the system.
     """
     episodes = sum(map(len, worst.values()))
     match, results = [], record.results()

@@ -1,4 +1,4 @@
-"""What became of requirements in the rows of a record: counts, trials, robustness, evidence."""
+"""The outcomes of requirements in a record: counts, trials, robustness, evidence."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def trials_of(
 
     Args:
         rows: The trials.
-        outcomes: What the requirement has become in each; None where it failed.
+        outcomes: The outcome of the requirement in each; None for failures.
         label: Names a trial.
     """
     trials = []
@@ -95,7 +95,7 @@ def trials_of(
 
 
 def with_outcome(trial: TrialRow, outcome: Outcome) -> TrialRow:
-    """Return a trial with what became of the requirement in it."""
+    """Return a trial with the outcome of the requirement."""
     at = outcome.violated
     return replace(
         trial,
@@ -110,14 +110,14 @@ def with_outcome(trial: TrialRow, outcome: Outcome) -> TrialRow:
 
 
 def _text_of(row: Trial, outcome: Outcome | None) -> str:
-    """Return why a requirement has no outcome, or what would decide it."""
+    """Return why a requirement has no outcome, or how to decide it."""
     if outcome is not None:
         return f"violated {BY_END}" if outcome.by_end else outcome.way_out
     return next((value.message for value in row.failures.values()), "")
 
 
 def judged(results: Results, name: str) -> list[Outcome | None]:
-    """What a requirement has become in each trial; None where it failed."""
+    """Return the outcome of a requirement in each trial; None for failures."""
     return [row.judged(name) for row in results]
 
 
@@ -189,7 +189,7 @@ def requirement_of(
 
 
 def evidence(requirement: Requirement, noun: str) -> Iterator[Text]:
-    """Yield what the verdicts rest on, and what weakens them."""
+    """Yield the evidence for the verdicts, and warnings."""
     certain = " for certain" * requirement.unknown
     triggered, judged = requirement.asked or (0, 0)
     if triggered:
@@ -281,7 +281,7 @@ def _triggers(trial: TrialRow) -> str:
 
 
 def made_of(provenance: Provenance) -> dict[str, Any]:
-    """Return the fields of a section about what its result was made of and with."""
+    """Return the fields of a section about the inputs and versions of its result."""
     return {"files": dict(provenance.files), "versions": dict(provenance.versions)}
 
 

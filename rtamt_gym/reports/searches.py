@@ -38,7 +38,7 @@ def of_search(found: Falsification, room: int) -> Section:
     """Return the section of a search; the case that it found, or the closest, is played again.
 
     Args:
-        found: What the search has found.
+        found: The result of the search.
         room: How many numbers the episode may have.
     """
     record, name = found.record, found.requirement
@@ -120,7 +120,7 @@ def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
     name, unit = saved.name, "steps" if run is not None and run.period is None else "s"
     worst = [] if run is None else [episode_of_run(run, name, "the case found", room, 1)]
     step = saved.evaluation_options.get("view") == "step"
-    # What another verdict would stand on is not what this one stands on.
+    # the evidence for another verdict is not evidence for this one
     stands_on = run.outcomes[name] if run is not None and saved.gives(run) else None
     violated = None if run is None else run.outcomes[name].violated
     trial = TrialRow(

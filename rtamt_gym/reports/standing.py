@@ -1,4 +1,4 @@
-"""The one line at the head of a page: passed, failed or undecided, and what that rests on."""
+"""The first line of a page: passed, failed or undecided, with its evidence."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Standing(NamedTuple):
 
     Attributes:
         verdict: The worst that became of a requirement.
-        text: The same in a word of its own, and what it rests on.
+        text: The word for it, with its evidence.
     """
 
     verdict: Word
@@ -39,7 +39,7 @@ _NAMED: Final = 5
 
 
 def standing_of(sections: Sequence[Section]) -> Standing | None:
-    """Return the line for the sections of a page; None if none of them judges a requirement.
+    """Return the line for the sections of a page; None if no section judges a requirement.
 
     Each requirement counts once, with the worst that became of it in any section; so does each
     episode, however many requirements it was judged under. A rate that sequential stopping has
@@ -104,7 +104,7 @@ def _mutants(sections: Sequence[Section]) -> str | None:
 
 
 def _of_mutants(sections: Sequence[Section], text: str) -> Standing:
-    """Return the line of a page on which nothing but mutants is judged."""
+    """Return the line of a page that judges mutants only."""
     parts = "; ".join([text, *_runs(sections)])
     tested = [section for section in sections if section.mutants is not None]
     if any(requirement.counts.failed for section in tested for requirement in section.requirements):
@@ -119,7 +119,7 @@ def _of_mutants(sections: Sequence[Section], text: str) -> Standing:
 
 
 def key_of(requirement: Requirement) -> tuple[str, str]:
-    """Return what is the same for one requirement in several sections."""
+    """Return the common status of one requirement in several sections."""
     return requirement.name, requirement.formula
 
 

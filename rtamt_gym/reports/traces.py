@@ -1,7 +1,7 @@
 """The sections of recorded traces: results of ``rtamt monitor --json`` and ``rtamt mine --json``.
 
-A result names its traces, and whoever wrote the file could name any path: a secret, a device, a
-pipe that nobody writes to. So only regular files below some folders are read.
+A result names its traces, and its author could name any path: a secret, a device, or a pipe without
+a writer. So only regular files below some folders are read.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def _row(row: Trial, names: Iterable[str]) -> Row:
 def _requirement(
     matrix: Matrix, reading: Mapping[str, Any], name: str, below: TraceFolders, room: int
 ) -> Requirement:
-    """Return a requirement with its worst trace in full, or a note that says why it has none."""
+    """Return a requirement with its worst trace in full, or a note with the reason."""
     formula, outcomes = matrix.requirements[name], judged(matrix, name)
     trials = trials_of(matrix.rows, outcomes, lambda _, row: row.name)
     known = [trial.label for trial in trials if trial.robustness is not None]
@@ -180,9 +180,9 @@ def _episode(
     try:
         trace, period = read_ruled(str(path), {"": spec}, reading, columns)
     except (rtamt.RtamtError, OSError):
-        # What a reader says of a file may repeat what stands in it.
+        # an error of a reader may repeat content of the file
         raise NotShownError(
-            "it cannot be read as it was when it was judged; rtamt monitor says why"
+            "it can no longer be read as before; rtamt monitor reports the reason"
         ) from None
     assert isinstance(trace, Trace), "it is not dense"  # noqa: S101 - for mypy
     if unknown := [name for name in spec.variables if name in trace.unknown]:
@@ -273,8 +273,8 @@ class TraceFolders:
     """The folders below which traces are read.
 
     Attributes:
-        own: The folders from which paths are read: the present one and that of the result.
-        traces: Further ones, in which a trace may have the end of its path alone.
+        own: The folders for full paths: the current folder and the folder of the result.
+        traces: Further folders, where the end of a trace's path is enough.
     """
 
     own: tuple[Path, ...]
@@ -304,8 +304,8 @@ class TraceFolders:
             if not sha256 or file_hash(path) in {sha256, ""}:
                 return path
         raise NotShownError(
-            f"{files[0]} is not the file that was judged, whose SHA-256 begins with "
-            f"{sha256[:DIGITS]}, but {file_hash(files[0])[:DIGITS]}; judge it again"
+            f"{files[0]} has changed since it was judged: its SHA-256 began with "
+            f"{sha256[:DIGITS]}, now {file_hash(files[0])[:DIGITS]}; judge it again"
         )
 
     def _places(self, name: str) -> Iterator[Path]:

@@ -54,12 +54,12 @@ Result = (
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """What a section may do in addition to reading the file of its result.
+    """The actions of a section in addition to reading the file of its result.
 
     Attributes:
         play: Whether a saved case is played again, which runs the code that it names.
-        traces: Folders below which recorded traces are read, beside the folder of the result and
-            the present one.
+        traces: Folders with recorded traces to read, in addition to the folder of the result and
+            the current folder.
     """
 
     play: bool = False
@@ -78,38 +78,37 @@ def write_report(
 ) -> None:
     """Write results as one page of HTML, which needs no network and no other file.
 
-    Each result is a section, in their order: every requirement in words, what became of it, the
-    worst episodes as plots. The simulation that a `Falsification` has found, and the worst of a
-    `Sweep`, run again for that, as the program has their systems; files are only read, and a saved
-    case, which is code of its author, is played with ``play=True`` alone. Episodes with more than
-    600 samples are shown without some of them, with fewer where episodes are many: never without
-    the first, the last, the extremes of a series or the samples that decided. Needs the extra
+    Each result is a section, in their order: every requirement in words, its outcomes, and the
+    worst episodes as plots. For these, the violation of a `Falsification` and the worst simulation
+    of a `Sweep` run again, because the program has their systems. Files are only read; a saved
+    case, which is code of its author, runs only with ``play=True``. Episodes with more than 600
+    samples are shown without some of them, with fewer where episodes are many: never without the
+    first, the last, the extremes of a series or the samples that decided. Needs the extra
     ``report``.
 
     Args:
         path: The name of the page, which ends in ``.html``.
         results: `Evaluation`, `Comparison`, `Sweep`, `Record`, `Falsification` and `SavedCase`, and
-            the paths of their files: JSON and Parquet that they save, folders of campaigns, and
-            what ``rtamt sweep``, ``falsify``, ``monitor`` and others write with ``--json``.
+            the paths of their files: saved JSON and Parquet, folders of campaigns, and ``--json``
+            output of ``rtamt sweep``, ``falsify``, ``monitor`` and others.
         title: The title of the page. None: the title of the only result, or how many there are.
-        names: What the results are called, in their order. None: sections whose titles would be
-            the same have the names of their files behind them, or numbers.
-        date: When the page was made. None: the seconds since 1970 in the variable
-            ``SOURCE_DATE_EPOCH`` of the environment, with which the same results give the same
-            page; without it now.
-        examples: Traces that satisfy and violate requirements, drawn beside their words: what
-            `rtamt.examples` returns, or the path of what ``rtamt examples --json`` wrote.
-        play: Whether saved cases are played again, which imports and runs what they name:
+        names: The names of the results, in their order. Default: equal titles are followed by the
+            names of their files, or numbers.
+        date: The date of the page. Default: the environment variable ``SOURCE_DATE_EPOCH`` in
+            seconds since 1970, so that the same results return the same page; without it, now.
+        examples: Traces that satisfy and violate requirements, drawn next to their words: the
+            result of `rtamt.examples`, or the path of ``rtamt examples --json`` output.
+        play: Whether to run saved cases, which imports and runs the code that they name:
             `SavedCase.imports`.
-        traces: Folders below which recorded traces are read for the page, beside the folder of
-            their result and the present one; elsewhere no file that a result names is opened.
+        traces: Folders with recorded traces to read for the page, in addition to the folder of
+            their result and the current folder; elsewhere no file that a result names is opened.
 
     Raises:
-        InputError: If there is no result, a file holds none, the page has another ending, names
-            are not one for each result, examples are of other requirements, or
-            ``SOURCE_DATE_EPOCH`` is no number of seconds.
-        InputTypeError: If something is no result.
-        OSError: If there is no such file, or the page cannot be written.
+        InputError: If there is no result, a file is not a result, the page has another ending, the
+            number of names is wrong, examples belong to other requirements, or
+            ``SOURCE_DATE_EPOCH`` is not a number of seconds.
+        InputTypeError: If a value is not a result.
+        OSError: If a file does not exist, or the page cannot be written.
         ModuleNotFoundError: If jinja2 or plotly is not installed; names the extra ``report``.
 
     Example:
@@ -193,7 +192,7 @@ def _named(
     # Files of one name lie in different folders.
     short = [Path(file).name for file in files]
     of = [f"result {i + 1}" for i in range(len(sections))]
-    for own in (files, short):  # the shorter, if it tells them apart
+    for own in (files, short):  # the shorter one, if it distinguishes them
         of = [name if name and own.count(name) == 1 else of[i] for i, name in enumerate(own)]
     return tuple(
         replace(value, title=f"{value.title} ({of[i]})") if titles.count(value.title) > 1 else value
@@ -226,12 +225,12 @@ def section_of(result: Result, room: int, access: Access = Access()) -> Section:
     Args:
         result: The result, or the path of its file or folder.
         room: How many numbers its episodes together may have.
-        access: What may be read and run for it.
+        access: The permissions to read and run files.
 
     Raises:
-        InputError: If a file holds no result; says what does.
-        InputTypeError: If it is no result.
-        OSError: If there is no such file.
+        InputError: If a file is not a result; the error lists the kinds of results.
+        InputTypeError: If it is not a result.
+        OSError: If the file does not exist.
     """
     match result:
         case Evaluation():

@@ -1,4 +1,4 @@
-"""What came of runs and traces: the types of results, one file format, and how it is shown."""
+"""Results of runs and traces: their types, one file format, and tables."""
 
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,8 @@
 """The one form of JSON that results are kept in: how it is written and read.
 
-It is strict JSON. A number that is not finite is one of the texts ``"inf"``, ``"-inf"``, ``"nan"``;
-what there is not is null or left out. Every file says ``"format"``, ``"version"`` and ``"kind"``.
+Files are strict JSON. The texts ``"inf"``, ``"-inf"`` and ``"nan"`` stand for numbers that are not
+finite; missing values are null or left out. Every file has the keys ``"format"``, ``"version"`` and
+``"kind"``.
 
 To add a kind of result (the ``--json`` output of a new command): its name and writer in `KINDS`,
 its text by `document`, a function in `rtamt_gym.reports` that makes a `Section` from the blocks of
@@ -71,7 +72,7 @@ def document(kind: str, fields: Mapping[str, Any]) -> str:
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
-    """Return a value as dicts, lists, numbers and texts, which strict JSON can say."""
+    """Return a value as dicts, lists, numbers and texts for strict JSON."""
     if type(value) in _AS_IT_IS:  # most are
         return value
     for kind, make in _PLAIN:
@@ -83,7 +84,7 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
 
 
 def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
-    """What a requirement has become, as JSON holds it."""
+    """Return an outcome as a JSON object."""
     if isinstance(found, Failure):
         return {"verdict": "ERROR", "error": found.message}
     texts = ("text", "not_recorded", "way_out", "explanation", "unknown")
@@ -109,7 +110,7 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
 
 
 def plain_trial(trial: Trial) -> dict[str, Any]:
-    """Return a trial as JSON holds it; what it does not have is left out."""
+    """Return a trial as a JSON object, without empty fields."""
     recorded = trial.ended == "recorded"
     stored = {
         "name": trial.name or None,
@@ -146,7 +147,7 @@ def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
 
     Args:
         results: The trials.
-        rates: Whether they differ by chance alone, so that a rate says something of the system.
+        rates: Whether they differ by chance alone, so that a rate describes the system.
     """
     result = results.results()
     return {
@@ -179,7 +180,7 @@ _PLAIN: Final[tuple[tuple[type | tuple[type, ...], Callable[[Any], Any]], ...]] 
 
 
 def read_fields(kind: type[T], stored: Mapping[str, Any]) -> T:
-    """Return the dataclass whose fields `plain` has written; other keys are ignored.
+    """Return the dataclass that `plain` has written; other keys are ignored.
 
     Raises:
         KeyError, TypeError, ValueError: If a field without a default is missing, or something else
@@ -200,7 +201,7 @@ def _type_hints(kind: Any) -> dict[str, Any]:  # noqa: ANN401 - a class
 
 
 def _read_value(hint: Any, value: Any) -> Any:  # noqa: ANN401 - any type of a field
-    """Return a value of the type of a field from what `plain` has written."""
+    """Return a field's value from the output of `plain`."""
     origin, args = get_origin(hint), get_args(hint)
     if origin is UnionType:
         (kind,) = (arg for arg in args if arg is not NoneType)
@@ -217,7 +218,7 @@ def _read_value(hint: Any, value: Any) -> Any:  # noqa: ANN401 - any type of a f
 
 
 def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
-    """Read what `plain_outcome` has made."""
+    """Read the output of `plain_outcome`."""
     if kept["verdict"] == "ERROR":
         return Failure(kept["error"])
     late = kept.get("late_start")
@@ -246,7 +247,7 @@ def _moment(kept: Mapping[str, Any] | None) -> Moment | None:
 
 
 def trial_of(kept: Mapping[str, Any]) -> Trial:
-    """Read what `plain_trial` has made."""
+    """Read the output of `plain_trial`."""
     cells = {name: outcome_of(value) for name, value in kept["outcomes"].items()}
     return Trial(
         Case.from_json(json.dumps(kept.get("case", {}))),
@@ -305,12 +306,11 @@ def read(
     Args:
         path: The file.
         kinds: The kinds that are expected.
-        others: What else could have been given, for an error.
+        others: Other values that the caller accepts, for an error.
 
     Raises:
-        InputError: If the file does not hold such a result; says what it holds, and what writes
-            one.
-        OSError: If there is no such file.
+        InputError: If the file holds another kind of result; the error names both kinds.
+        OSError: If the file does not exist.
     """
     where, kinds = os.fspath(path), list(kinds)
     what = f"no {kinds[0]}" if len(kinds) == 1 else "no result"
@@ -365,8 +365,8 @@ def made(
     except _BROKEN as error:
         kind = kept["kind"]
         raise InputError(
-            f"cannot read {os.fspath(path)}: it is no result of kind {kind!r} that {KINDS[kind]} "
-            f"wrote: {type(error).__name__}: {error}"
+            f"cannot read {os.fspath(path)}: it is not a result of kind {kind!r} from "
+            f"{KINDS[kind]}: {type(error).__name__}: {error}"
         ) from error
 
 

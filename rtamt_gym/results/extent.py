@@ -41,7 +41,7 @@ class Gap:
 
     @property
     def note(self) -> str:
-        """What is to say of it, where values are taken to hold."""
+        """The warning about the gap, for values that are held."""
         of = f" of {self.of}" if self.of else ""
         steps = f", {number(self.seconds / self.usual)} usual steps" if self.usual else ""
         return (
@@ -56,12 +56,11 @@ class LateStart:
     """The start of the trace of a requirement, where that is later than the recording.
 
     Attributes:
-        time: The first time in seconds at which all variables of the requirement are known.
-        begin: The first time at which one of them is known.
+        time: The first time in seconds when all variables of the requirement are known.
+        begin: The first time when any variable is known.
         of: The variables that are known from ``time`` on only, where others are known before;
             else empty.
-        before: The number of events or samples from ``begin`` on whose values ``time`` comes too
-            late for.
+        before: The number of events or samples from ``begin`` on that come before ``time``.
         what: ``"event"`` or ``"sample"``.
         verdict: The name of the verdict if these are left out and the trace starts at ``time``.
         counted: Whether the verdict that is reported counts the time from ``begin`` on, with the
@@ -78,7 +77,7 @@ class LateStart:
 
     @property
     def judged(self) -> float:
-        """The time in seconds at which the trace of the reported verdict starts."""
+        """The start time, in seconds, of the trace of the reported verdict."""
         return self.begin if self.counted else self.time
 
     @property
@@ -88,7 +87,7 @@ class LateStart:
 
     @property
     def text(self) -> str:
-        """The start in words: which variable is late, for how long, and what is left out."""
+        """The start in words: the late variable, its delay, and the samples left out."""
         start = f"from {number(self.time)} s on"
         if not self.of:
             return f"evaluated {start}, with its first {self.what}"
@@ -113,10 +112,10 @@ class Extent:
         samples: The number of samples; None in dense time.
         events: The number of events of all variables; None of samples.
         period: Seconds between samples; None in dense time, or if bounds count samples.
-        begin: The time of its begin in seconds; None if bounds count samples.
+        begin: The start time in seconds; None if bounds count samples.
         end: The time of its end.
         step: The usual distance of two times; None if bounds count samples.
-        gap: The longest gap; None if there are no times, or a single one.
+        gap: The longest gap; None with fewer than two times.
     """
 
     samples: int | None = None
@@ -170,7 +169,7 @@ class Extent:
 
     @classmethod
     def read(cls, kept: Mapping[str, Any]) -> Self:
-        """Read what `written` has made."""
+        """Read the output of `written`."""
         period, gap = kept.get("period"), kept.get("gap")
         return cls(
             kept.get("samples"),
@@ -230,7 +229,7 @@ def short_text(extents: Mapping[str, Extent], least: Fraction) -> str:
 
     Args:
         extents: The extent of each trace, by its name.
-        least: How long they are to be, in seconds.
+        least: The minimum duration of a trace, in seconds.
     """
     short = {name: value.length or 0.0 for name, value in extents.items() if value.shorter(least)}
     if not short:

@@ -1,4 +1,4 @@
-"""`Fingerprint`: hashes and versions of the model behind results, and how two of them differ.
+"""`Fingerprint`: hashes and versions of a model that produced results, and their differences.
 
 Stored results are only worth something as long as their model is the same. A fingerprint is stored
 next to the results; before they are used again, it is compared with the fingerprint of the model
@@ -21,16 +21,16 @@ _SHOWN: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class Fingerprint:
-    """Hashes and versions of what simulations run.
+    """Hashes and versions of the code and files that simulations run.
 
     Attributes:
         contents: The SHA-256 of each file (source, FMU, model, mesh, policy), by its path below the
             folder that Python imports it from, so that a project may move.
-        values: Functions, classes and what they hold, by name, as text; of a compiled model and of
-            weights the hash.
+        values: Functions, classes and the values in them, by name, as text; hashes of compiled
+            models and weights.
         simulators: The versions of rtamt and of the packages that simulate, by name.
         packages: The versions of Python and of other packages, by name.
-        unseen: What can change without a trace here, each a noun phrase.
+        unseen: Parts of the model whose changes this fingerprint cannot detect, as noun phrases.
         policy: The names in `contents` and `values` that belong to the policy alone.
     """
 
@@ -42,7 +42,7 @@ class Fingerprint:
     policy: tuple[str, ...] = ()
 
     def changes(self, now: Fingerprint, *, without: Collection[str] = ()) -> list[str]:
-        """Return what has changed since this fingerprint, each as a clause.
+        """Return the changes since this fingerprint, each as a clause.
 
         Args:
             now: The fingerprint to compare with.
@@ -57,7 +57,7 @@ class Fingerprint:
         of_files = tuple(f" of {name.rpartition('/')[2]}" for name in files)
         values = _changes(self.values, now.values, without, values=True)
         for name, text in values.items():
-            if not name.endswith(of_files):  # else the change of the file says it
+            if not name.endswith(of_files):  # a changed file is listed already
                 files[name] = text
         return [*files.values(), *_other_versions(self.simulators, now.simulators)]
 
@@ -69,7 +69,7 @@ class Fingerprint:
         )
 
     def common(self, other: Fingerprint) -> Fingerprint:
-        """Return the part whose names the other one has too."""
+        """Return the entries with names that the other one has too."""
         contents = {name: value for name, value in self.contents.items() if name in other.contents}
         values = {name: value for name, value in self.values.items() if name in other.values}
         return replace(self, contents=contents, values=values)
@@ -88,7 +88,7 @@ class Fingerprint:
 
     @classmethod
     def read(cls, stored: object) -> Self | None:
-        """Return the fingerprint that `plain` has written; None if there is none.
+        """Return the fingerprint that `plain` has written, or None.
 
         Raises:
             InputError: If it is something else.
@@ -108,7 +108,7 @@ class Fingerprint:
 def _changes(
     then: Mapping[str, str], now: Mapping[str, str], without: Collection[str], *, values: bool
 ) -> dict[str, str]:
-    """Return what differs between two mappings, by name, as a clause with the values or not."""
+    """Return the differences of two mappings as clauses, with or without the values."""
     texts = {}
     for name in sorted({*then, *now}.difference(without)):
         if name not in then:
@@ -135,12 +135,12 @@ class ChangedModelError(InputError):
 
 
 def check_unchanged(what: str, changes: list[str], way_out: str) -> None:
-    """Refuse stored results whose model has changed.
+    """Raise InputError if the model of stored results has changed.
 
     Args:
         what: Where the results are stored.
-        changes: What has changed, as `Fingerprint.changes` returns it.
-        way_out: What to do in place of accepting the change.
+        changes: The changes, as `Fingerprint.changes` returns them.
+        way_out: The alternative to accepting the change, for the error.
 
     Raises:
         ChangedModelError: If anything has changed, with both ways out.
@@ -162,11 +162,11 @@ def listed(changes: list[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Mixture:
-    """Stored results whose model differs from the model of later results in the same place.
+    """Stored results of one model next to later results of another.
 
     Attributes:
         count: The number of results that were stored before.
-        changes: What has changed since, or () if they were stored without a fingerprint.
+        changes: The changes since; () if the results were stored without a fingerprint.
     """
 
     count: int
@@ -178,7 +178,7 @@ class Mixture:
 
     @classmethod
     def read(cls, stored: Mapping[str, Any]) -> Self:
-        """Return what `plain` has written."""
+        """Return the mixture that `plain` has written."""
         return cls(stored["count"], tuple(stored["changes"]))
 
     def line(self, trial: str) -> str:
@@ -199,7 +199,7 @@ class Reuse:
         total: The number of all results.
         mixtures: Results of other models among them.
         notes: Other versions of packages that do not simulate, each a clause.
-        unseen: What can change without being seen.
+        unseen: Parts of the model whose changes cannot be detected.
     """
 
     folder: str
@@ -233,7 +233,7 @@ class Reuse:
 
     @classmethod
     def read(cls, stored: Mapping[str, Any] | None) -> Self | None:
-        """Return what `plain` has written; None if there is nothing."""
+        """Return the object that `plain` has written, or None."""
         if stored is None:
             return None
         mixtures = tuple(map(Mixture.read, stored.get("mixtures", ())))

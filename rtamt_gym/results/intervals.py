@@ -39,10 +39,10 @@ IntervalKind = Literal["exact", "wilson"]
 def rate_interval(
     count: int, total: int, kind: IntervalKind = "exact", confidence: float = 0.95
 ) -> tuple[float, float]:
-    """Return the interval of a kind for the rate of which ``count`` of ``total`` is a sample.
+    """Return the interval of a kind for the true rate, from ``count`` of ``total`` trials.
 
     Raises:
-        InputError: If there is no such kind, or a number is out of its range.
+        InputError: If the kind is unknown, or a number is out of its range.
 
     Example:
         >>> [[round(end, 3) for end in rate_interval(6, 10, kind)] for kind in ("exact", "wilson")]
@@ -54,7 +54,7 @@ def rate_interval(
 
 
 def promise(kind: IntervalKind) -> str:
-    """What the 95 % intervals of a kind promise, in words that stand behind their name."""
+    """The coverage of the 95 % intervals of each kind, in words that follow its name."""
     if kind == "exact":
         return "holds the true rate in at least 95 of 100 evaluations"
     return "of Wilson, holds the true rate in about 95 of 100 evaluations"
@@ -63,9 +63,10 @@ def promise(kind: IntervalKind) -> str:
 def clopper_pearson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
     """Return the exact interval of Clopper and Pearson (1934) for a rate.
 
-    It covers the true rate at least as often as ``confidence`` says, whatever the rate is: its ends
-    are the rates at which as many as were counted, or as few, have a chance of half of what is
-    left. It is wider than the interval of `wilson`, which promises that on average alone.
+    The interval contains the true rate with a probability of at least ``confidence``, for every
+    rate. At its lower end, ``count`` or more have the probability (1 - confidence) / 2; at its
+    upper end, ``count`` or fewer. It is wider than the interval of `wilson`, which has this
+    coverage on average only.
 
     Args:
         count: How many did, of 0 to ``total``.
@@ -90,7 +91,7 @@ def clopper_pearson(count: int, total: int, confidence: float = 0.95) -> tuple[f
 
 
 def _least_rate(count: int, total: int, chance: float) -> float:
-    """Return the rate at which ``count`` or more of ``total`` have a chance; 0 for a count of 0.
+    """Return the rate where ``count`` or more of ``total`` have a given probability; 0 for count 0.
 
     Newton's method on the logarithms of rate and chance, between bounds that it narrows.
     """
@@ -106,7 +107,7 @@ def _least_rate(count: int, total: int, chance: float) -> float:
             low = rate
         else:
             high = rate
-        # The derivative of the tail by the rate is what its first term is, times count / rate.
+        # The derivative of the tail by the rate equals its first term, times count / rate.
         step = math.log(chance / tail) * tail / (least * count) if tail and least else math.nan
         closer = rate * math.exp(step) if abs(step) < 1 else math.nan
         before, rate = rate, closer if low < closer < high else (low + high) / 2
@@ -130,7 +131,7 @@ def _tail(count: int, total: int, rate: float) -> tuple[float, float]:
 
 
 def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the interval of Wilson (1927) for a rate of which ``count`` of ``total`` is a sample.
+    """Return the interval of Wilson (1927) for the true rate, from ``count`` of ``total`` trials.
 
     It lies within 0 and 1, also where few were counted: of none its low end is exactly 0, of all
     its high end exactly 1. Over all rates it covers the true one about as often as ``confidence``
@@ -164,9 +165,9 @@ def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, flo
 def quantiles(values: ArrayLike, shares: Sequence[float] = QUANTILES) -> Mapping[float, float]:
     """Return the quantiles of robustness, which may be infinite, by share, in their order.
 
-    The quantile of a share is the least of the values that at least this share of them does not
-    exceed. It is one of the values and no mean of two, so infinities make no nan; the median of an
-    even number of values is the lower of the two in the middle.
+    The quantile of a share is the smallest value that at least this share of the values does not
+    exceed. It is always an existing value, never a mean of two, so infinities cause no nan. The
+    median of an even number of values is the lower middle value.
 
     Args:
         values: The values, in any order, without nan. Without values the result is empty.
@@ -202,9 +203,9 @@ def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float,
     """Return the interval of the median, between two of the values: it assumes nothing about them.
 
     If values are independent, with any distribution, infinities and ties included, it covers the
-    median at least as often as ``confidence`` says: how many lie below the median is binomial. It
-    needs no random numbers. Fewer than six values cannot be that sure of 95 %: their interval is
-    (-inf, inf).
+    median with a probability of at least ``confidence``, because the number of values below the
+    median is binomial. It needs no random numbers. Fewer than six values cannot reach 95 %: their
+    interval is (-inf, inf).
 
     Raises:
         InputError: If a value is nan, or ``confidence`` is not between 0 and 1.
@@ -232,19 +233,18 @@ def bootstrap(
 ) -> tuple[float, float]:
     """Return the interval of the mean by the bootstrap of Efron (1987), BCa.
 
-    It is for independent values whose distribution is not known. It knows no values but these: the
-    interval lies between the least and the greatest of them, where all are equal it is that value
-    twice, and of few values it is too narrow. The same values, in the same order, and the same seed
-    give the same interval.
+    Use it for independent values of an unknown distribution. The interval lies between the minimum
+    and the maximum of the values; if all are equal, both ends are this value. For few values it is
+    too narrow. The same values in the same order and the same seed return the same interval.
 
     Args:
         values: Finite values; of less than two nothing is known, and the interval is (-inf, inf).
         confidence: How often an interval shall cover the mean: between 0 and 1.
         seed: The seed of the resamples.
-        resamples: How often the values are drawn anew.
+        resamples: The number of resamples.
 
     Raises:
-        InputError: If a value is nan or infinite, with the way out, or a number out of its range.
+        InputError: If a value is nan or infinite, or a number is out of its range.
 
     Example:
         >>> low, high = bootstrap([0.2, 0.5, 0.3, 0.9, 0.4, 0.6, 0.1, 0.8])
@@ -258,8 +258,8 @@ def bootstrap(
     array = _checked(values)
     if not np.isfinite(array).all():
         raise InputError(
-            "expected finite values, of which there is a mean, got an infinite one; "
-            "median_interval takes infinities"
+            "expected finite values for a mean, got an infinite value; use median_interval for "
+            "infinities"
         )
     if len(array) < 2:
         return -math.inf, math.inf
@@ -318,8 +318,8 @@ def _checked(values: ArrayLike) -> NDArray[np.float64]:
     array = np.asarray(values, dtype=np.float64).ravel()
     if np.isnan(array).any():
         raise InputError(
-            f"expected values that are no nan, got one at {int(np.isnan(array).argmax())}; "
-            "leave out episodes that have none"
+            f"expected values that are not nan, got nan at index {int(np.isnan(array).argmax())}; "
+            "remove episodes without a value"
         )
     return array
 

@@ -35,17 +35,16 @@ def to_junit(
 ) -> bytes:
     """Return the outcomes as a file of JUnit XML.
 
-    A violation is a failure, what is undecided is skipped, and what could not be judged is an
-    error. A failure is also what a switch asks for and the traces do not have: those who read the
-    file come to the same end as the exit code. There are no times: the same traces give the same
-    file.
+    A violation is a failure, an undecided requirement is skipped, and a trace that could not be
+    judged is an error. A warning that makes the command fail is a failure too, so the file agrees
+    with the exit code. The file has no times of execution: the same traces return the same file.
 
     Args:
         matrix: The outcomes.
         rules: How the traces were judged, by name; properties of every suite.
-        warnings: The warnings of the command; those that make it fail are failures.
-        least: How long each trace is to last, in seconds, which is the property ``shorter_than`` of
-            the suite of one that is shorter; None: any time.
+        warnings: The warnings of the command; warnings that make it fail are failures.
+        least: The minimum duration of a trace in seconds, the property ``shorter_than`` in the
+            suite of a shorter trace; None for no minimum.
     """
     counts = _counts(
         [_word(row, name, warnings) for row in matrix.rows for name in matrix.requirements]
@@ -63,7 +62,7 @@ def to_junit(
 
 
 def discard_junit(path: Path) -> None:
-    """Remove the outcomes of an earlier run, so that a run that stops early leaves none behind.
+    """Remove the outcomes of an earlier run, so that no old file remains after an early stop.
 
     Only a file that `to_junit` wrote is removed.
     """
@@ -105,7 +104,7 @@ def _suite(
 
 
 def _properties(cell: Outcome | Failure, identity: RequirementId | None) -> dict[str, str]:
-    """Return the id of a requirement, the link to it, and what the verdict on it stands on."""
+    """Return the id and link of a requirement, and the evidence for its verdict."""
     properties = {}
     if identity is not None:
         properties = {"id": identity.id, "link": identity.link}
@@ -144,7 +143,7 @@ def _say(
 
 
 def _word(row: Trial, name: str, warnings: Sequence[VerdictWarning]) -> Word:
-    """Return what a test case counts as."""
+    """Return the kind of a test case."""
     cell = row.cell(name)
     return word(cell) if failing_cell(warnings, row.name, name, cell) is None else "violated"
 

@@ -30,8 +30,8 @@ def to_markdown(
 
     Args:
         matrix: The outcomes.
-        warnings: The warnings of the command; the heading shows those that make it fail.
-        constants: The values of constants that replace those of the specifications, by name.
+        warnings: The warnings of the command; the heading shows warnings that make it fail.
+        constants: The values of constants that replace values in the specifications, by name.
     """
     asked = {name for name in matrix.requirements if triggered_in(matrix, name) is not None}
     names = [_escaped(name) + " | triggers" * (name in asked) for name in matrix.requirements]

@@ -53,8 +53,8 @@ class Matrix(Results):
     def worst_requirement(self) -> tuple[str, str] | None:
         """Return the name of the requirement that most traces violate, and why; None without one.
 
-        Among several it names the one that most traces leave undecided, then the one with the least
-        robustness, then the first.
+        Of several, it names the requirement that most traces leave undecided; at a tie, the
+        requirement with the smallest robustness, then the first.
         """
         columns = {
             name: {row.name: row.outcomes[name] for row in self.rows if name in row.outcomes}
@@ -72,8 +72,8 @@ class Matrix(Results):
     def worst_trace(self) -> tuple[str, str] | None:
         """Return the name of the trace that violates most requirements, and why; None without one.
 
-        Among several it names the one that leaves most undecided, then the one with the least
-        robustness.
+        Of several, it names the trace that leaves most requirements undecided; at a tie, the trace
+        with the smallest robustness.
         """
         rows = {row.name: row.outcomes for row in self.rows}
         result = _worst(rows)
@@ -112,9 +112,9 @@ def label(found: Word) -> str:
 
 
 def matrix_lines(matrix: Matrix) -> list[str]:
-    """Write a table with a row for each trace, and in words what is worst and what is open.
+    """Return a table with a row for each trace, and the worst and open requirements in words.
 
-    Requirements that do not fit beside each other stand in further tables below.
+    Requirements that do not fit next to each other follow in further tables.
     """
     names = ["trace", *(_cut(row.name, 36) for row in matrix.rows)]
     words = ["verdict", *(label(row.word) for row in matrix.rows)]
@@ -208,8 +208,8 @@ def cell_text(cell: Outcome | Failure, *, on_defaults: bool = False) -> str:
     """Return a robustness with the letter of its verdict, which is a blank if that is satisfied.
 
     Args:
-        cell: What became of a requirement.
-        on_defaults: Whether some cell of the table rests on a default; a letter says which.
+        cell: The outcome of a requirement, or the error.
+        on_defaults: Whether any cell of the table rests on a default; a letter marks these cells.
     """
     if isinstance(cell, Failure):
         return "E"
@@ -269,8 +269,8 @@ def undecided_lines(not_recorded: Iterable[str], way_out: str) -> list[str]:
     """Return why a verdict is undecided, indented; no line if it is decided.
 
     Args:
-        not_recorded: What the verdict needs and the trace does not have.
-        way_out: What would decide it; empty if it is decided.
+        not_recorded: The times that the verdict needs and the trace lacks.
+        way_out: How to decide it; empty if it is decided.
     """
     return [line for text in (*not_recorded, way_out) for line in indented(text, "    ")]
 

@@ -1,7 +1,7 @@
 """`MutationScore`: how many mutants of a requirement a suite of traces notices.
 
-The share of mutants that tests tell from the original, of those that differ from it at all, is the
-mutation score of DeMillo, Lipton and Sayward, "Hints on test data selection", Computer 1978.
+The mutation score is the share of killed mutants among all mutants that differ from the original
+(DeMillo, Lipton and Sayward, "Hints on test data selection", Computer 1978).
 """
 
 from __future__ import annotations
@@ -22,23 +22,24 @@ _WIDTH: Final = 80
 
 @dataclass(frozen=True, slots=True)
 class JudgedMutant:
-    """A mutant of a requirement, and what became of it.
+    """A mutant of a requirement with its status.
 
     Attributes:
         kind: The kind of the change, a name in `rtamt.mutation.MUTATIONS`.
         line: The line of the requirement's text, from 1.
         column: The column, from 1.
-        before: What stands there.
-        after: What stands there in the mutant; empty if nothing does.
+        before: The text in the requirement.
+        after: The text in the mutant; empty if the mutant removes it.
         formula: The formula of the mutant.
-        says: What became of it.
+        says: The status in words.
         noticed_by: The first trace that notices it; empty if none does.
-        samples: Of one that is unknown, no trace of up to that many samples, whose end repeats,
-            tells it from the requirement; 0 if not even that is known.
+        samples: For an unknown mutant: no trace of up to that many samples, with a repeating end,
+            kills it; 0 if even this is not known.
         why: Why nobody knows whether a trace would notice it.
         apart: A trace that would notice it, a list of values for each variable; empty if none is
             known.
-        satisfies: Which of ``"requirement"`` and ``"mutant"`` that trace satisfies; else empty.
+        satisfies: Which of ``"requirement"`` and ``"mutant"`` the trace satisfies; empty if
+            unknown.
     """
 
     kind: str
@@ -104,7 +105,7 @@ class MutationScore:
 
     @property
     def share(self) -> float | None:
-        """The share noticed of those that are not proved to be the same; None if there are none."""
+        """The share killed of the mutants that are not proved equivalent; None without any."""
         return self.count("noticed") / self.different if self.different else None
 
     def written(self) -> dict[str, Any]:
@@ -121,7 +122,7 @@ class MutationScore:
 
     @classmethod
     def read(cls, kept: Mapping[str, Any]) -> MutationScore:
-        """Read what `written` has made."""
+        """Read the output of `written`."""
         mutants = tuple(JudgedMutant(**item) for item in kept["list"])
         return cls(mutants, kept["capped"], kept.get("left_out", 0))
 
@@ -133,7 +134,7 @@ def _written(mutant: JudgedMutant) -> dict[str, Any]:
 
 
 def percent(share: float | None) -> str:
-    """Return a share in whole per cent, towards 0 unless it is all; a dash if there is none.
+    """Return a share in per cent, rounded down unless it is all; a dash for None.
 
     Example:
         >>> percent(0.999), percent(1.0), percent(None)
@@ -143,7 +144,7 @@ def percent(share: float | None) -> str:
 
 
 def below(scores: Mapping[str, MutationScore], min_share: float | None) -> list[str]:
-    """Return the requirements of which fewer mutants are killed than were required."""
+    """Return the requirements with fewer killed mutants than required."""
     shares = {name: score.share for name, score in scores.items()}
     least = 0.0 if min_share is None else min_share
     return [name for name, share in shares.items() if share is not None and share < least]

@@ -1,4 +1,4 @@
-"""`Outcome`: what one requirement has become in one run or trace, and at which `Moment`.
+"""`Outcome`: the result of one requirement in one run or trace; `Moment`: its time.
 
 To add a field of `Outcome`: the field with a default here, and its line in `plain_outcome` and
 `outcome_of` of `rtamt_gym.results.codec`. To show it on the page, add it to `Requirement` in
@@ -34,8 +34,8 @@ class Moment:
     Attributes:
         sample: The number of its sample, from 0 at the first; None in dense time, or if nobody
             knows.
-        seconds: Its time in seconds, of a recorded trace on the clock of the trace; None if there
-            is no period.
+        seconds: Its time in seconds, for a recorded trace on the clock of the trace; None without a
+            period.
 
     Example:
         >>> Moment.of(3, Fraction(1, 2)), Moment.of(3, None).time
@@ -55,36 +55,37 @@ class Moment:
 
     @property
     def time(self) -> float | None:
-        """The seconds; the number of the sample if there is no period."""
+        """The seconds; without a period, the number of the sample."""
         return self.sample if self.seconds is None else self.seconds
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a requirement has become in one run or on one trace.
+    """The result of a requirement in one run or on one trace.
 
     Attributes:
         robustness: The robustness at the end; of a run that was stopped, at the stop.
-        lower: The least robustness that was still possible then.
-        upper: The greatest robustness that was still possible then.
+        lower: The minimum robustness that was still possible then.
+        upper: The maximum robustness that was still possible then.
         verdict: The verdict at the end.
         decided: The moment of the sample that decided the verdict; None if it is open, or if only
             the end decided it.
         text: The verdict in words; empty if nothing was to be explained.
-        not_recorded: What an open verdict needs and the trace does not have.
-        way_out: What would decide an open verdict; else empty.
+        not_recorded: The times that an open verdict needs and the trace lacks.
+        way_out: How to decide an open verdict; empty if it is decided.
         explanation: Which samples decided; empty if it was not asked for.
-        triggers: For each implication of the requirement how often it was put to the test, as
-            `rtamt.Judgement.triggers` counts it; empty if it has none, None if nobody has counted.
+        triggers: How often each implication of the requirement was triggered, as
+            `rtamt.Judgement.triggers` counts it; empty without implications, None if it was not
+            counted.
         vacuous: Whether it was satisfied without an answer (`rtamt.Judgement.vacuous`).
-        defaults: The variables of which it read a declared default, in part of a recorded trace or
-            in all of it, with the values.
-        unknown: The variables of which a value was not known (`rtamt.Judgement.unknown`).
-        progress: How far it has come in its stages, from 0 to 1; 1 only if it is satisfied. None
-            if it has none (`rtamt.patterns.stages`), in dense time, and where nobody has counted.
-        late_start: Where its trace starts, if that is later than the recording; else None.
-        ended: The moment of the last sample of a run, if only the end decided the verdict; else
-            None, as of a recorded trace.
+        defaults: The variables for which it read a declared default in part or all of a recorded
+            trace, with the values.
+        unknown: The variables with unknown values (`rtamt.Judgement.unknown`).
+        progress: The progress through its stages, from 0 to 1; 1 only if it is satisfied. None
+            without stages (`rtamt.patterns.stages`), in dense time, or if it was not counted.
+        late_start: The start of its trace, if it is later than the recording; otherwise None.
+        ended: The moment of the last sample of a run, if only the end decided the verdict;
+            otherwise None, as for a recorded trace.
     """
 
     robustness: float
@@ -128,13 +129,13 @@ class Outcome:
         """Return the outcome of a run of samples.
 
         Args:
-            bounds: The robustness, the least and the greatest that was still possible.
+            bounds: The robustness, and the minimum and maximum that were still possible.
             verdict: The verdict.
             sample: The sample that decided it, or None.
             period: Seconds between samples, or None.
-            stands_on: How often it was put to the test; None: nobody has counted.
+            stands_on: How often it was triggered; None if it was not counted.
             progress: How far it has come in its stages, or None.
-            ended: The last sample, if only the end decided it; else None.
+            ended: The last sample, if only the end decided it; otherwise None.
         """
         robustness, lower, upper = bounds
         decided, last = (None if at is None else Moment.of(at, period) for at in (sample, ended))
@@ -157,7 +158,7 @@ class Outcome:
 
     @property
     def decided_at(self) -> float | None:
-        """The time of ``decided`` in seconds, the number of its sample if there is no period."""
+        """The time of ``decided`` in seconds; without a period, the number of its sample."""
         return None if self.decided is None else self.decided.time
 
     @property
@@ -177,12 +178,12 @@ class Outcome:
 
     @property
     def never_triggered(self) -> bool:
-        """Whether it is satisfied, and none of its implications was put to the test."""
+        """Whether it is satisfied and no implication was triggered."""
         return self.verdict is Verdict.SATISFIED and self.trigger_count == 0
 
     @property
     def answered(self) -> bool:
-        """Whether it was put to the test, and an answer or that there was none has decided it."""
+        """Whether it was triggered, and an answer or a missing answer has decided it."""
         if not self.trigger_count or self.by_end:
             return False
         satisfied = self.verdict is Verdict.SATISFIED and not self.vacuous
@@ -190,9 +191,9 @@ class Outcome:
 
     @property
     def trigger_count(self) -> int | None:
-        """How many times its implications were put to the test.
+        """How many times its implications were triggered.
 
-        None if it has none, or nobody has counted.
+        None without implications, or if it was not counted.
         """
         return sum(implication.count for implication in self.triggers) if self.triggers else None
 
@@ -228,7 +229,7 @@ class Failure:
 
     Attributes:
         message: The message of the error.
-        traceback: Where it was raised, if nobody expected it; else empty.
+        traceback: The traceback of an unexpected error; otherwise empty.
     """
 
     message: str
@@ -260,7 +261,7 @@ WORDS: Final[Mapping[Verdict, Word]] = {
 
 
 def word(found: Outcome | Failure | None) -> Word:
-    """What became of a requirement, in a word; of a failure, or of nothing, ``"failed"``."""
+    """Return the outcome in a word; ``"failed"`` for a failure or None."""
     return WORDS[found.verdict] if isinstance(found, Outcome) else "failed"
 
 
@@ -275,7 +276,7 @@ def violated_by_end(verdict: Verdict, robustness: float) -> bool:
 
 
 def verdict_text(verdict: Verdict, robustness: float) -> str:
-    """Return the name of a verdict; of a violation by the end alone it says that.
+    """Return the name of a verdict, with a remark if only the end violated it.
 
     Example:
         >>> verdict_text(Verdict.VIOLATED, -1.0), verdict_text(Verdict.VIOLATED, 1.0)

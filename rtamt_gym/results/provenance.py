@@ -26,14 +26,14 @@ _OF_VERSIONS: Final = ("rtamt", "numpy", "gymnasium", "mujoco", "fmpy", "numba")
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """What results were made of and with.
+    """The inputs and versions that produced results.
 
     Attributes:
-        ids: The ids of requirements, by name, of those that have one.
+        ids: The ids of requirements with an id, by name.
         versions: The versions of Python and of the packages that were in use.
         files: The SHA-256 of each file that was read, in hexadecimal digits, by its path as it was
             given, `rtamt.errors.shown`: traces, specifications, models.
-        fingerprint: Hashes and versions of the model that was simulated; None if there is none.
+        fingerprint: Hashes and versions of the simulated model; None without a model.
         reuse: How many results a folder held before; None without a folder.
     """
 
@@ -59,7 +59,7 @@ class Provenance:
         return f"{name} ({self.ids[name].id})" if name in self.ids else name
 
     def with_files(self, paths: Iterable[str | os.PathLike[str]]) -> Self:
-        """Return the provenance with the hashes of files; a path that is not a file has none."""
+        """Return the provenance with the hashes of files; other paths are left out."""
         known = ((shown(os.fspath(path)), file_hash(path)) for path in paths)
         return replace(self, files={**self.files, **{path: sha for path, sha in known if sha}})
 
@@ -69,7 +69,7 @@ def file_hash(path: str | os.PathLike[str]) -> str:
     try:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except (OSError, ValueError):  # a formula may be no path at all
+    except (OSError, ValueError):  # a formula may not be a valid path
         return ""
 
 
@@ -82,7 +82,7 @@ def versions_in_use() -> dict[str, str]:
 
 
 def ids_lines(found: Provenance) -> list[str]:
-    """Return the ids of requirements in at most 80 columns; no line if there are none.
+    """Return lines with the ids of requirements, at most 80 columns; empty without ids.
 
     Example:
         >>> ids_lines(Provenance({"slow": RequirementId("SYS-REQ-7")}))
@@ -95,11 +95,11 @@ def ids_lines(found: Provenance) -> list[str]:
 
 
 def reuse_lines(found: Provenance, trial: str) -> list[str]:
-    """Return how many results came from a folder, and what is known of their model.
+    """Return how many results came from a folder, and whether their model differs.
 
     Args:
         found: The provenance of the results.
-        trial: The word for one of them, such as ``simulation``.
+        trial: The word for a trial, such as ``simulation``.
 
     Example:
         >>> reuse_lines(Provenance(reuse=Reuse("runs", 40, 100)), "simulation")
@@ -115,7 +115,7 @@ def reuse_lines(found: Provenance, trial: str) -> list[str]:
 
 
 def plain_provenance(found: Provenance) -> dict[str, Any]:
-    """Return the provenance as JSON holds it: what there is nothing of is left out."""
+    """Return the provenance as a JSON object, without empty fields."""
     ids = {
         name: {"id": value.id, "link": value.link} if value.link else {"id": value.id}
         for name, value in found.ids.items()
@@ -131,7 +131,7 @@ def plain_provenance(found: Provenance) -> dict[str, Any]:
 
 
 def provenance_of(kept: Mapping[str, Any]) -> Provenance:
-    """Read what `plain_provenance` has made."""
+    """Read the output of `plain_provenance`."""
     ids = {name: RequirementId(**value) for name, value in kept.get("ids", {}).items()}
     fingerprint, reuse = Fingerprint.read(kept.get("fingerprint")), Reuse.read(kept.get("reuse"))
     return Provenance(ids, kept.get("versions", {}), kept.get("files", {}), fingerprint, reuse)

@@ -1,8 +1,8 @@
 """`MethodScores`: statistics of methods over training seeds, as few runs allow them.
 
-The definitions are those of Agarwal et al., "Deep Reinforcement Learning at the Edge of the
-Statistical Precipice" (NeurIPS 2021), whose reference is the package rliable. Scores are an array
-of shape (runs, tasks); leading axes are resamples of it. NumPy alone is needed.
+The definitions follow Agarwal et al., "Deep Reinforcement Learning at the Edge of the Statistical
+Precipice" (NeurIPS 2021), with the reference implementation rliable. Scores are an array of shape
+(runs, tasks); leading axes are resamples of it. Only NumPy is needed.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ class MethodScores:
         interquartile_mean: The mean of the middle half of all scores.
         profile: For each threshold the share of scores above it.
         curve: At each point of training the mean; empty without ``steps``.
-        improvement: The chance that a run scores above one of the baseline; None of the baseline.
+        improvement: The probability that a run scores above a run of the baseline; None for the
+            baseline itself.
         p: The p-value of a permutation test against the baseline, on the means; None of the
             baseline.
         adjusted: The same, adjusted by Holm's method for the number of methods.
@@ -76,7 +77,7 @@ class MethodScores:
 
     @property
     def quartiles(self) -> tuple[float, float, float, float, float]:
-        """The least score, the quartiles and the greatest: few numbers that hide no failed run."""
+        """The minimum, quartiles and maximum of the scores: few numbers that hide no failed run."""
         quartiles = np.quantile(np.array(self.scores), [0.0, 0.25, 0.5, 0.75, 1.0])
         low, first, middle, third, high = map(float, quartiles)
         return low, first, middle, third, high
@@ -95,7 +96,7 @@ def mean(scores: Floats) -> Any:  # noqa: ANN401 - a number, or one for each res
 def interquartile_mean(scores: Floats) -> Any:  # noqa: ANN401 - as `mean`
     """Return the mean of the middle half of all scores, runs and tasks together.
 
-    Of n scores ``floor(n / 4)`` are left out at either end, as SciPy's ``trim_mean`` does.
+    ``floor(n / 4)`` of n scores are left out at either end, as in SciPy's ``trim_mean``.
 
     Example:
         >>> float(interquartile_mean(np.array([[0.0], [0.8], [0.9], [1.0]])))
@@ -141,15 +142,15 @@ def stratified_bootstrap(
     resamples: int = 10_000,
     seed: int = 0,
 ) -> tuple[Any, Any]:
-    """Return the percentile interval of a statistic: runs are drawn anew within each task.
+    """Return the percentile interval of a statistic over resampled runs of each task.
 
     Args:
         samples: The scores of each method, which are drawn apart.
-        statistic: Takes arrays of shape (resamples, runs, tasks), one for each of ``samples``, and
-            gives an array whose first axis is resamples.
+        statistic: A function of arrays of shape (resamples, runs, tasks), one for each of
+            ``samples``, that returns an array with resamples as its first axis.
         confidence: How often an interval shall cover the truth.
         resamples: How often the runs are drawn.
-        seed: The seed of what is drawn.
+        seed: The seed of the resamples.
 
     Example:
         >>> low, high = stratified_bootstrap([np.array([[0.0], [1.0], [1.0], [1.0]])], mean)
@@ -157,7 +158,7 @@ def stratified_bootstrap(
         (0.25, 1.0)
     """
     rng = np.random.default_rng(seed)
-    # What a statistic of two methods compares is pairs of runs.
+    # A statistic of two methods compares pairs of runs.
     each = math.prod(len(scores) for scores in samples) * samples[0].shape[1]
     statistics = [
         statistic(*(_drawn(scores, count, rng) for scores in samples))
@@ -183,10 +184,10 @@ def _drawn(scores: Floats, count: int, rng: np.random.Generator) -> Floats:
 def permutation_p(scores: Floats, other: Floats, *, seed: int = 0) -> float:
     """Return the two-sided p-value of a permutation test on the difference of the means.
 
-    If the methods are equal, which of them a run belongs to is arbitrary: p is the share of all
-    ways to deal the runs of a task out to both methods for which the means are at least as far
-    apart as they are. Of one task with up to 200,000 ways all are counted. Else 99,999 are drawn,
-    and p is (1 + those as far apart) / 100,000 (Phipson and Smyth, 2010).
+    If the methods are equal, the assignment of runs to methods is arbitrary. p is the share of all
+    assignments of the runs of a task in which the means are at least as far apart as observed. For
+    one task with up to 200,000 assignments, all are counted. Otherwise 99,999 are drawn, and p is
+    (1 + the number as far apart) / 100,000 (Phipson and Smyth, 2010).
 
     Example:
         >>> permutation_p(np.array([[0.9], [1.0], [1.0]]), np.array([[0.0], [0.1], [0.0]]))

@@ -51,12 +51,13 @@ class RequirementResult:
             that were stopped because the verdict on this requirement became certain; 0 without a
             time limit.
         worst: Seed and robustness of the ten worst episodes: first episodes that violate the
-            requirement, then episodes that leave it open, each with the least robustness first. A
-            fall that ``at_termination="failure"`` makes a violation may have any robustness.
-        triggered: How many of those that did not fail have put it to the test: of an implication of
-            it the left side held. None if it has no implication, or nobody has counted.
-        progress: The mean progress, from 0 to 1, of those that did not fail, in the stages of the
-            requirement. None if it has none, or nobody has counted.
+            requirement, then episodes that leave it open, each group with the smallest robustness
+            first. A fall that ``at_termination="failure"`` turns into a violation may have any
+            robustness.
+        triggered: How many trials that did not fail triggered an implication of it. None without
+            implications, or if it was not counted.
+        progress: The mean progress through the stages of the requirement, from 0 to 1, over trials
+            that did not fail. None without stages, or if it was not counted.
         failures_excluded: Whether trials that failed are left out of the rate: they were chosen, as
             in a sweep, and nothing is known of them. Episodes of a policy that failed are not
             satisfied.
@@ -90,7 +91,7 @@ class RequirementResult:
 
     @property
     def counted(self) -> int:
-        """How many episodes the rate is a share of: all, or those that did not fail."""
+        """The denominator of the rate: all episodes, or all that did not fail."""
         return self.judged if self.failures_excluded else self.episodes
 
     @property
@@ -105,7 +106,7 @@ class RequirementResult:
 
     @property
     def robustness_values(self) -> Floats:
-        """The robustness of the episodes that have one, least first; -0.0 comes before 0.0."""
+        """The known robustness values in ascending order; -0.0 comes before 0.0."""
         known = self.robustness[~np.isnan(self.robustness)]
         return known[np.lexsort((np.copysign(1.0, known), known))]
 
@@ -127,11 +128,12 @@ class RequirementResult:
 def expected_shortfall(values: ArrayLike, share: float = 0.05) -> float:
     """Return the mean of the worst share of the robustness: its conditional value at risk.
 
-    The values are sorted, and the share is cut to the part that it has of each: of 30 values 5 %
-    are one and a half, so that the least counts whole and the next by half (Rockafellar and Uryasev
-    2002, "Conditional value-at-risk for general loss distributions", Journal of Banking & Finance
-    26). With fewer than 20 values 5 % are less than one, and the result is the least. It is -inf if
-    one of the values that count is -inf, which no other makes good, else inf if one is inf.
+    The values are sorted, and the last value in the share counts by its fraction: 5 % of 30 values
+    are one and a half, so that the smallest counts fully and the next by half (Rockafellar and
+    Uryasev 2002, "Conditional value-at-risk for general loss distributions", Journal of Banking &
+    Finance 26). With fewer than 20 values, 5 % are less than one value, and the result is the
+    minimum. The result is -inf if a value in the share is -inf; otherwise it is inf if a value in
+    the share is inf.
 
     Args:
         values: The values, in any order, without nan; at least one.
@@ -179,14 +181,15 @@ class Statistic(NamedTuple):
     Attributes:
         key: Its name in JSON, in Parquet and in data frames.
         heading: Its column on the terminal and its name on the page.
-        of: Its value; None if there is none.
+        of: Returns its value, or None.
         text: Writes the value.
-        where: Which tables have it on the terminal: ``"rates"``, tables whose trials differ by
-            chance alone; ``"counts"``, tables whose trials were chosen; or ``"all"``.
+        where: The tables that show it on a terminal: ``"rates"``, with trials that differ by chance
+            alone; ``"counts"``, with chosen trials; or ``"all"``.
         style: The colour of its cell on a terminal where the value is not 0.
         shown: Whether a result is worth the column; it stands where one is.
-        robustness: Whether it is a number of the robustness, which a note below tables says.
-        judged: Whether it counts among the trials that did not fail, whose number is written too.
+        robustness: Whether it describes the robustness; a note below tables lists these.
+        judged: Whether it is a count out of the trials that did not fail; tables show this total
+            too.
     """
 
     key: str
@@ -200,7 +203,7 @@ class Statistic(NamedTuple):
     judged: bool = False
 
     def cell(self, result: RequirementResult) -> str:
-        """Return the value as text, in its colour; ``-`` if there is none."""
+        """Return the value as text, in its colour; ``-`` for None."""
         value = self.of(result)
         if value is None:
             return "-"
@@ -245,7 +248,7 @@ STATISTICS: Final = (
         shown=lambda of: of.progress is not None,
     ),
     _height("least", "minimum", lambda heights: float(heights[0])),
-    # Of fewer than 20 it is the least.
+    # With fewer than 20 values it equals the minimum.
     _height(
         "cvar", "CVaR 5%", expected_shortfall, shown=lambda of: len(of.robustness_values) >= 20
     ),
@@ -281,7 +284,7 @@ def result_of(
         name: The name of the requirement.
         formula: Its text.
         trials: The trials.
-        outcomes: What it has become in each; None where that failed.
+        outcomes: Its outcome in each trial; None if the trial failed.
         limit: The time limit in seconds (steps without a period), or None.
         apart: As in `RequirementResult`.
         kind: The kind of the interval of its rate.
@@ -331,5 +334,5 @@ def _saved(trial: Trial, outcome: Outcome, limit: float | None) -> float:
 
 
 def rank(outcome: Outcome, seed: int | None) -> tuple[Any, ...]:
-    """Order trials by what a requirement has become in them, the worst first."""
+    """Order trials by their outcome of a requirement, the worst first."""
     return outcome.verdict, *order(outcome.robustness), seed or 0

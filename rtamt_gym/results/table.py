@@ -28,7 +28,7 @@ class Results(Sequence[Trial]):
         rows: The trials.
         requirements: The text of each requirement, by name.
         system: The name of the system; empty of recorded traces.
-        provenance: What they were made of and with; it is not compared.
+        provenance: Their inputs and versions; not compared.
     """
 
     of_files = OldName("with_files")
@@ -85,7 +85,7 @@ class Results(Sequence[Trial]):
         """Return the trials that violate a requirement; None: any requirement.
 
         Raises:
-            InputError: If there is no such requirement; names the nearest.
+            InputError: If the requirement is unknown; the error names the nearest.
         """
         names = self.requirements if requirement is None else [self.name(requirement)]
         return self._of(
@@ -105,16 +105,16 @@ class Results(Sequence[Trial]):
         """Return the name of a requirement; None: of the only one.
 
         Raises:
-            InputError: If there is no such requirement, or there are several and none is named.
+            InputError: If the requirement is unknown, or there are several and no name is given.
         """
         names = self.requirements
         if requirement is None:
             if len(names) == 1:
                 return next(iter(names))
-            raise InputError(f"expected the name of a requirement, one of {listing(names)}")
+            raise InputError(f"expected the name of a requirement ({listing(names)})")
         if requirement not in names:
             raise InputError(
-                f"there is no requirement {requirement!r}; the requirements are "
+                f"unknown requirement {requirement!r}; the requirements are "
                 f"{listing(names)}{nearest(requirement, names)}"
             )
         return requirement
@@ -139,7 +139,7 @@ class Results(Sequence[Trial]):
     def success(
         self, limit: float | None = None, kind: IntervalKind = "exact"
     ) -> RequirementResult:
-        """Return the result of all requirements at once; its robustness is the least of theirs."""
+        """Return the result of all requirements at once, with their minimum robustness."""
         formulas = list(self.requirements.values())
         text = formulas[0]
         if len(formulas) > 1:
@@ -152,8 +152,8 @@ class Results(Sequence[Trial]):
     def has_cases(self) -> bool:
         """Whether the trials were chosen, as the points of a sweep: else chance has made them.
 
-        Rates are of those that were judged then. Of trials that chance has made, one that failed is
-        not satisfied.
+        Rates are then shares of the judged trials. For trials that differ by chance, a failed trial
+        counts as not satisfied.
         """
         return False
 
@@ -194,7 +194,7 @@ class Results(Sequence[Trial]):
 
 
 def together(outcomes: Iterable[Outcome]) -> Outcome:
-    """Return the outcome of all requirements at once, whose robustness is the least of theirs."""
+    """Return the outcome of all requirements at once, with their minimum robustness."""
     outcomes = list(outcomes)
     verdict = min(outcome.verdict for outcome in outcomes)
     settled = [outcome for outcome in outcomes if outcome.verdict is verdict]
@@ -202,7 +202,7 @@ def together(outcomes: Iterable[Outcome]) -> Outcome:
         min((getattr(outcome, key) for outcome in outcomes), key=order)
         for key in ("robustness", "lower", "upper")
     )
-    # The first violation that a sample decided is one of all; all are satisfied after the last.
+    # The first decided violation violates all; all are satisfied after the last decision.
     if verdict is Verdict.VIOLATED:
         decided = min((item for item in settled if item.decided), key=_time, default=None)
     else:

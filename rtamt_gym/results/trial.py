@@ -1,4 +1,4 @@
-"""`Trial`: one run or trace, with what each requirement has become in it.
+"""`Trial`: one run or trace, with the outcome of each requirement.
 
 To add a column of a record: a row of `MEASURES` (for each requirement) or of `OF_TRIAL`, and a
 field of `Outcome` or `Trial` if the value is new.
@@ -46,9 +46,9 @@ class Measure(NamedTuple):
     """A column of a record, and how its cells are found.
 
     Attributes:
-        name: Its name; a column of a requirement has the requirement in brackets behind it.
+        name: Its name; in a column of a requirement, the requirement follows in brackets.
         of: Its cell, from an outcome or a trial.
-        kind: What its cells are.
+        kind: The type of its cells.
         optional: Whether it stands only where some row has a cell.
     """
 
@@ -101,27 +101,26 @@ OF_TRIAL: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One run or trace: what it was given, and what came of it. The wall time is not compared.
+    """One run or trace: its inputs and outcomes. The wall time is not compared.
 
     Attributes:
-        case: What a simulation was given; empty of an episode and of a recorded trace.
+        case: The inputs of a simulation; empty for an episode or a recorded trace.
         seed: The seed of an environment's reset; None for a system without one.
-        outcomes: What each requirement has become; empty if an error came before sample 0.
-        ended: Why it is over, as `Run` says it.
-        simulated: Simulated time in seconds (steps if there is no period); 0 of a recorded trace.
+        outcomes: The outcome of each requirement; empty if an error came before sample 0.
+        ended: The reason for its end, as in `Run`.
+        simulated: Simulated time in seconds (steps without a period); 0 for a recorded trace.
         wall: Seconds that it took; of simulations that ran side by side, its share.
         error: The type and the text of the error that ended it; empty if none did.
         reward: The sum of the rewards of an environment, in the column ``return``; None of a system
             without rewards, and where an error came before sample 0.
-        name: What it is called: of a recorded trace its path; else empty.
+        name: The path of a recorded trace; otherwise empty.
         described: The number of samples or events of a trace, and its times; empty if it was not
             read.
-        notes: What was read otherwise than it is written, such as a trace that was resampled.
+        notes: Remarks on the reading of the file, such as a resampled trace.
         failures: Why requirements have no outcome, by name, where each has a reason of its own.
         extent: How much of a recorded trace there is; None if it was not read, and of a run.
-        reported: Whether an environment calls the episode that it has ended a success itself, in
-            ``is_success`` of the last info; None where it says nothing. In the column
-            ``is_success`` it is 1 or 0.
+        reported: Whether the environment itself reports a success, in ``is_success`` of the last
+            info; None without a report. In the column ``is_success`` it is 1 or 0.
         outside: For each requirement that reads values outside declared ranges, a text; it is not
             saved, because the notes hold it.
     """
@@ -151,7 +150,7 @@ class Trial:
         notes: Sequence[str] = (),
         extent: Extent | None = None,
     ) -> Self:
-        """Return a recorded trace with the outcome of each requirement, or why there is none."""
+        """Return a recorded trace with the outcome of each requirement, or the error."""
         return cls(
             Case({}),
             None,
@@ -180,7 +179,7 @@ class Trial:
 
         Args:
             cells: The cells, by name of the column.
-            case: What the simulation was given.
+            case: The inputs of the simulation.
             requirements: The names of the requirements.
             timed: Whether there is a period, so that times are seconds.
             unconditional: The requirements that were known to have no implication.
@@ -229,11 +228,11 @@ class Trial:
         return columns | {column.name: column.of(self) for column in OF_TRIAL}
 
     def judged(self, requirement: str) -> Outcome | None:
-        """What a requirement has become; None if the trial failed."""
+        """Return the outcome of a requirement; None if the trial failed."""
         return None if self.error else self.outcomes.get(requirement)
 
     def cell(self, requirement: str) -> Outcome | Failure:
-        """Return what a requirement has become, or why it has no outcome."""
+        """Return the outcome of a requirement, or the reason for a missing outcome."""
         result = self.judged(requirement)
         return result or self.failures.get(requirement) or Failure(self.error)
 

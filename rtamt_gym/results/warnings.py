@@ -43,7 +43,7 @@ class VerdictWarning:
 
     Attributes:
         text: The warning, as in ``never triggered: up in 0 of 40 traces``; empty if the verdict
-            itself says it.
+            already shows it.
         kind: The type of the failures that it makes in JUnit.
         requirement: The requirement that it is about; empty if it is about trials.
         cells: The text of each failure that it makes in JUnit, by trial and requirement; an empty
@@ -81,13 +81,13 @@ class Required:
 
 
 def exit_code(words: Collection[Word], warnings: Iterable[VerdictWarning] = ()) -> int:
-    """Return the exit code of a command: the first of 2, 1, 3 and 0 for which there is a reason.
+    """Return the exit code of a command: the first of 2, 1, 3 and 0 that applies.
 
     Bad input is 2 too, before there is anything to judge: an error, which `rtamt_gym.__main__`
     prints.
 
     Args:
-        words: What became of requirements, in words, each once or more often.
+        words: The outcomes of requirements, in words; repetitions are allowed.
         warnings: The warnings on the verdicts.
 
     Example:
@@ -243,7 +243,7 @@ def failure_warnings(failed: int, allowed: int | None, text: str) -> list[Verdic
     Args:
         failed: The number of failed simulations.
         allowed: The value of ``--allow-failures``.
-        text: What the other simulations show, and how many failed.
+        text: The result of the other simulations, and the number of failures.
     """
     if not failed or allowed is None:
         return []
@@ -255,9 +255,9 @@ def failure_warnings(failed: int, allowed: int | None, text: str) -> list[Verdic
 def failing_cell(
     warnings: Iterable[VerdictWarning], trial: str, requirement: str, cell: Outcome | Failure
 ) -> tuple[str, str] | None:
-    """Return the kind and the text for which a requirement fails on a trial.
+    """Return the kind and text of the warning that fails a requirement on a trial.
 
-    None if there is no such warning, and if the requirement is violated or could not be judged.
+    None without such a warning, and if the requirement is violated or could not be judged.
     """
     verdict = getattr(cell, "verdict", None)
     if verdict is None or verdict.name == "VIOLATED":
@@ -272,7 +272,7 @@ def failing_cell(
 
 
 def failing_summary(warnings: Iterable[VerdictWarning]) -> str:
-    """Return what a command fails for, in a few words; empty if there is nothing."""
+    """Return the reason for the failure of a command in a few words; empty without one."""
     names: dict[str, list[str]] = {}
     for warning in warnings:
         if warning.fails and warning.kind and warning.text:

@@ -1,1 +1,1 @@
-"""Runs a system many times: what is varied, the record of all runs, and what follows from it."""
+"""Searches and sweeps: many simulations of a system with varied inputs, and their analysis."""

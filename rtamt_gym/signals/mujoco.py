@@ -99,8 +99,8 @@ def field_of(what: str, selector: Selector, holder: Any) -> Any:
     field = selector.field or "data"
     if field not in fields:
         raise InputError(
-            f"{what}: {selector} does not fit: expected one of the fields "
-            f"{', '.join(fields)}, got {field!r}{nearest(field, fields)}"
+            f"{what}: {selector} does not fit: expected a field ({', '.join(fields)}), got "
+            f"{field!r}{nearest(field, fields)}"
         )
     return getattr(named, field)
 

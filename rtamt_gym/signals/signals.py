@@ -301,14 +301,14 @@ class ParsedSignal:
         if callable(value):
             if isinstance(value, Batched) and (agents or "obs" not in sources):
                 raise InputError(
-                    f"signal {name!r}: {value} is for batches of environments of Gymnasium, and "
-                    "there are none here; leave batched out, for a function of one"
+                    f"signal {name!r}: {value} reads a batch of Gymnasium environments, and this "
+                    "is a single environment; remove batched"
                 )
             return cls(name, value, default)
         if not isinstance(value, str):
             raise InputTypeError(
-                f"signal {name!r}: expected a selector, a callable, or a pair of one of them and "
-                f"its value at reset, got {value!r}; a selector is {hint(sources)}"
+                f"signal {name!r}: expected a selector, a callable, or a pair of a selector or "
+                f"callable and its value at reset, got {value!r}; a selector is {hint(sources)}"
             )
         selector = parse_selector(f"signal {name!r}", value, sources, agents)
         row = sources[selector.source]

@@ -111,9 +111,9 @@ def rescaling(env: Any, signals: Sequence[ParsedSignal], *, below: bool, rescale
     if below and rescaled:
         raise InputError(
             Argument("below", value=True),
-            " reads signals beneath wrappers that rescale observations, and ",
+            " reads signals below the wrappers that rescale observations, and ",
             Argument("rescaled", value=True),
-            " as these give them; expected one of the two",
+            " reads the rescaled values; omit one",
         )
     if rescaled:
         return None

@@ -1,1 +1,1 @@
-"""What can run: environments, MuJoCo models, FMUs, functions and samples, with their policies."""
+"""Systems to run: environments, MuJoCo models, FMUs, functions and samples, with policies."""

@@ -97,7 +97,7 @@ class Environment(System):
         return environment
 
     def known(self, signals: Signals) -> Mapping[str, SignalLike]:
-        """Return the given signals, those of the monitor, and those of the environment."""
+        """Return the passed signals, then signals of the monitor and of the environment."""
         of_monitor = {} if self._monitor is None else self._monitor.judging.signals or {}
         return {**own_signals(self._env), **of_monitor, **(signals or {})}
 
@@ -273,13 +273,13 @@ class Environment(System):
 
 
 def _reported(info: Mapping[str, Any]) -> bool | None:
-    """Return the environment's own ``is_success`` in the last info; None if it has none."""
+    """Return the environment's own ``is_success`` in the last info, or None."""
     own = info.get("is_success")
     return None if own is None else bool(own)
 
 
 def monitor_of(env: Any) -> StlMonitor[Any, Any] | None:  # noqa: ANN401 - any system
-    """Return the monitor of an environment below its wrappers; None if there is none."""
+    """Return the monitor of an environment below its wrappers, or None."""
     while isinstance(env, gym.Wrapper):
         if isinstance(env, StlMonitor):
             return env
@@ -293,7 +293,7 @@ def with_own_monitor(
     signals: Mapping[str, SignalLike] | None,
     reading: EvaluationOptions,
 ) -> tuple[Any, Mapping[str, SignalLike] | None, EvaluationOptions]:
-    """Return specifications, signals and options; without specifications, those of the monitor."""
+    """Return specifications, signals and options; by default, the values of the monitor."""
     if monitor is None or specs is not None:
         return specs, signals, reading
     own: Judging = monitor.judging

@@ -124,7 +124,7 @@ class EnvironmentCase:
             if policy is not None:
                 raise InputError(
                     f"the case drives all actions of {self._name}, {listing(self._drives)}, and "
-                    "nothing is left for the policy; leave one of them out"
+                    "leaves no action to the policy; remove the policy, or an action from the case"
                 )
             others: _Policy | None = None
         else:
@@ -159,7 +159,7 @@ class EnvironmentCase:
 def baseline_of(env: gym.Env[Any, Any]) -> _Policy | None:
     """Return the environment's own policy, its attribute ``baseline``.
 
-    None if there is none, or a wrapper changes the actions.
+    None without one, or if a wrapper changes the actions.
     """
     simulation: Any = env.unwrapped
     baseline = getattr(simulation, "baseline", None)
@@ -170,7 +170,7 @@ def baseline_of(env: gym.Env[Any, Any]) -> _Policy | None:
 
 
 def _parameters(simulation: Any) -> Mapping[str, Any]:  # noqa: ANN401
-    """Return the parameters of a scenario by name; other environments have none."""
+    """Return the parameters of a scenario by name; empty for other environments."""
     parameters = getattr(simulation, "parameters", None)
     if isinstance(parameters, Mapping) and hasattr(simulation, "action_names"):
         return parameters

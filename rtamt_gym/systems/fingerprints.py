@@ -1,4 +1,4 @@
-"""`fingerprint_of`: hashes and versions of what simulations run."""
+"""`fingerprint_of`: hashes and versions of the code and files that simulations run."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def made_by(thing: object, maker: object) -> None:
 
 
 def fingerprint_of(system: Iterable[object], policy: Iterable[object] = ()) -> Fingerprint:
-    """Return the fingerprint of what simulations run.
+    """Return the fingerprint of the code and files that simulations run.
 
     Files are hashed as they are now. Functions are known by the modules that define them, by the
     values that they hold (arguments of a ``partial``, defaults, variables around them), and by
@@ -105,7 +105,7 @@ class _Collector:
             if places.setdefault(name, path) != path:
                 name = f"{name} of {path.parent.name}"
             contents[name] = file_hash(path)
-            if path in edited:  # what runs is not what the file holds now
+            if path in edited:  # the running code differs from the file
                 contents[name] = f"edited after process {os.getpid()} imported it"
         versions = {**versions_in_use(), **self._packages, "python": platform.python_version()}
         return Fingerprint(
@@ -170,7 +170,7 @@ class _Collector:
                 if path.suffix.lower() in {*READ, ".json"} and path.is_file():
                     self._add_files(model_files(path))
                     return
-        if name and values and not isinstance(thing, Path):  # a place, as of a log, is no model
+        if name and values and not isinstance(thing, Path):  # a path, as of a log, is not a model
             self._values[name] = _short(repr(thing))
 
     def _add_array(self, array: Any, name: str, *, values: bool) -> None:  # noqa: ANN401
@@ -415,7 +415,7 @@ def _file_of(module: str) -> Path:
 
 
 def _attribute(thing: object, name: str) -> object:
-    """Return an attribute of an object; None if there is none, or it raises an error."""
+    """Return an attribute of an object; None if it is missing or raises an error."""
     with suppress(Exception):
         return getattr(thing, name, None)
     return None

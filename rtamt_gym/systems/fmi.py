@@ -41,49 +41,37 @@ _InputSource = int | Callable[[float], float]
 class Fmus(System):
     """Connected FMUs for co-simulation, as Simulink, Modelica tools and others export them.
 
-    All FMUs step from one communication point to the next; then the outputs are copied to the
-    inputs that they are connected to. The order of the FMUs does not matter. An output that depends
-    on an input without delay lags by one communication step. FMI 2.0 and 3.0.
+    All FMUs (FMI 2.0 and 3.0) step to the next communication point; then outputs are copied to the
+    connected inputs, in any order. An output that depends directly on an input is one step late.
 
-    The name of a variable is ``"plant.level"``: the name of its FMU, a dot, its own name. If there
-    is only one FMU, the variable's own name is enough. An array of FMI 3.0 is read, connected and
-    set number by number: ``"plant.row[0]"`` is the first, ``"plant.grid[0][2]"`` one of a matrix.
-
-    Errors repeat the last messages of the FMU, whose debug logging is on.
+    A variable is named ``"plant.level"``, by its FMU and its own name; a single FMU needs no
+    prefix. Elements of FMI 3.0 arrays are separate numbers: ``"plant.grid[0][2]"``.
 
     Attributes:
         paths: The paths of the FMUs by name.
-        arguments: The other arguments that it was made with.
+        arguments: The other arguments.
 
     Args:
-        fmus: The path of an FMU; or several paths, whose FMUs are named after their files; or a
-            mapping from names to paths.
-        inputs: What input variables receive: another variable, a number, or a function of time.
-            Other inputs keep the value that their FMU gives them.
-        parameters: Numbers for parameters, and for other variables that have a start value.
-        step: Seconds between communication points. None: the period of the samples, which is the
-            step size that the FMUs were exported with unless `simulate` is given another.
-        validate: Whether to refuse FMUs whose model description breaks a rule of the standard,
-            which FMPy checks. Some tools export such FMUs, and most of them run.
+        fmus: The path of an FMU, several paths (the names are the file names), or a mapping from
+            names to paths.
+        inputs: The sources of inputs: another variable, a number, or a function of time. Default:
+            inputs keep their start values.
+        parameters: Numbers for parameters and other variables with a start value.
+        step: Seconds between communication points. Default: the period of the samples, by default
+            the step size of the export.
+        validate: Whether to refuse FMUs that break a rule of the standard, which FMPy checks.
 
     Raises:
-        InputError: If a file is not an FMU for co-simulation of FMI 2.0 or 3.0, if a variable does
-            not exist (names the nearest), or if one cannot be read, set or connected.
-        InputTypeError: If an argument is not of the types above.
-        ModuleNotFoundError: If FMPy is not installed, which the extra ``fmi`` does.
+        InputError: If a file is not a co-simulation FMU, or a variable does not exist or cannot be
+            read, set or connected. Errors of an FMU repeat its last messages.
+        InputTypeError: If an argument has a wrong type.
+        ModuleNotFoundError: If FMPy, the extra ``fmi``, is not installed.
 
     Example:
         A controller and its plant::
 
-            system = Fmus(
-                ["controller.fmu", "plant.fmu"],
-                inputs={
-                    "plant.valve": "controller.valve",
-                    "controller.level": "plant.level",
-                    "controller.wanted": lambda t: 1.0 if t < 20 else 2.0,
-                },
-                parameters={"plant.area": 0.5},
-            )
+            wires = {"plant.valve": "controller.valve", "controller.level": "plant.level"}
+            system = Fmus(["controller.fmu", "plant.fmu"], wires, {"plant.area": 0.5})
             simulate(system, "always(plant.level < 2.2)", duration=60).plot("levels.png")
 
     Source: Functional Mock-up Interface 2.0.4 and 3.0.1, Modelica Association; run by FMPy.

@@ -124,7 +124,7 @@ class Instance:
         """Return whether an FMU of FMI 2.0 that has ended was successful up to a time."""
         try:
             return bool(self._fmu.getRealStatus(fmi2LastSuccessfulTime) >= time)
-        except FMICallException:  # it does not say
+        except FMICallException:  # the FMU does not report it
             return False
 
     def reader(self, variables: Sequence[Variable]) -> Reader:

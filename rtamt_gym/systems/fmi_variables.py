@@ -75,7 +75,7 @@ class Variables:
         if kind_of(variable.entry) is None:
             raise InputError(f"{name!r} is a {variable.entry.type}, expected a number")
         if variable.entry.dimensions and name in self._known:
-            raise InputError(f"{_array(name, variable.entry)}; choose one of them")
+            raise InputError(f"{_array(name, variable.entry)}; choose one element")
         return variable
 
     def input(self, name: str) -> Variable:
@@ -89,14 +89,15 @@ class Variables:
         return variable
 
     def parameter(self, name: str) -> Variable:
-        """Return the variable of a name whose start value can be set."""
+        """Return the variable of a name if its start value can be set."""
         variable = self.find(name)
         entry = variable.entry
         if entry.causality == "input":
             raise InputError(f"{name!r} is an input: give it in inputs=")
         if entry.causality == "structuralParameter":
             raise InputError(
-                f"{name!r} says how large arrays are, and keeps its start value {entry.start}"
+                f"{name!r} sets the size of arrays and cannot change from its start value "
+                f"{entry.start}"
             )
         if entry.variability == "constant" or entry.initial not in {"exact", "approx"}:
             raise InputError(
@@ -106,7 +107,7 @@ class Variables:
         return variable
 
     def _element(self, name: str) -> Variable | None:
-        """Return the array element of a name; None if there is no such array."""
+        """Return the array element of a name; None if the array does not exist."""
         of_element = _ELEMENT.fullmatch(name)
         array = self._known.get(of_element[1]) if of_element else None
         if of_element is None or array is None:

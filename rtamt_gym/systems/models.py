@@ -1,6 +1,6 @@
 """`Model`: the policies of a trained model, for one episode or a batch; loading saved models.
 
-To add an algorithm whose saved models ``rtamt run`` loads, add a row to `ALGORITHMS`.
+To add an algorithm for saved models in ``rtamt run``, add a row to `ALGORITHMS`.
 """
 
 from __future__ import annotations
@@ -231,7 +231,7 @@ class _Dice:
 
 
 def check_spaces(model: Any, env: gym.Env[Any, Any], what: str) -> None:  # noqa: ANN401
-    """Raise InputError if a model was trained in other spaces than those of an environment."""
+    """Raise InputError if a model was trained in other spaces than an environment has."""
     for which in ("observation", "action"):
         trained, has = getattr(model, f"{which}_space", None), getattr(env, f"{which}_space")
         if trained is not None and not _alike(trained, has):
@@ -272,19 +272,20 @@ the same."""
 def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
     """Loads ``FILE.zip`` or ``ALGORITHM:FILE.zip``; the policy gives the deterministic action.
 
-    Observations are normalised by the ``VecNormalize`` in ``FILE_vecnormalize.pkl``, if that lies
-    beside it. Both files hold pickled Python objects, which can do anything when they are loaded.
+    Observations are normalised by the ``VecNormalize`` in ``FILE_vecnormalize.pkl`` in the same
+    folder, if it exists. Both files hold pickled Python objects, which can do anything when they
+    are loaded.
 
     Args:
-        text: The path of the file; ahead of it, where the file does not tell the algorithm, its
+        text: The path of the file, with the algorithm in front if the file does not contain it: its
             name, or ``module.Class``.
-        env: The environment whose observations and actions the model must have.
+        env: The environment; the model must have its observations and actions.
 
     Returns:
-        What makes the policy of an episode.
+    A function that makes the policy of an episode.
 
     Raises:
-        InputError: If the file is no model, its algorithm is not known, it or the ``VecNormalize``
+        InputError: If the file is not a model, its algorithm is unknown, it or the ``VecNormalize``
             cannot be loaded, or it was trained in other spaces.
         OSError: If the file cannot be opened.
     """
@@ -297,7 +298,7 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
     name = given or algorithm_of(attributes, policy_module)
     if name is None:
         raise InputError(
-            f"{path} does not tell its algorithm; write sb3:ALGORITHM:{file}, where ALGORITHM is "
+            f"the algorithm of {path} is unknown; write sb3:ALGORITHM:{file}, where ALGORITHM is "
             f"{', '.join(ALGORITHMS)} or module.Class"
         )
     model = _load(name, path, attributes, file)
@@ -308,7 +309,7 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
 
 
 def _statistics(path: Path, beside: Path) -> Statistics | None:
-    """Return the ``VecNormalize`` in a file next to a model; None if there is no such file."""
+    """Return the ``VecNormalize`` in a file next to a model; None without this file."""
     if not beside.exists():
         return None
     held = beside.read_bytes()
@@ -337,15 +338,16 @@ def _read(path: Path) -> tuple[Collection[str], str]:
         return held.keys(), str(held["policy_class"].get("__module__"))
     except (BadZipFile, KeyError, ValueError, AttributeError) as error:
         raise InputError(
-            f"{path} is no model of Stable-Baselines3; expected the file that model.save() writes"
+            f"{path} is not a model of Stable-Baselines3; expected the file that model.save() "
+            "writes"
         ) from error
 
 
 def _load(name: str, path: Path, attributes: Collection[str], file: str) -> Any:  # noqa: ANN401
     if name == "MaskablePPO":
         raise InputError(
-            f"{path} is a model of MaskablePPO, which needs to be told the actions that are "
-            "allowed; write a function that does, and --policy module:function"
+            f"{path} is a model of MaskablePPO, which needs the mask of allowed actions; write a "
+            "function that passes the mask, and give --policy module:function"
         )
     algorithm = _class_of(name)
     instead = {key: value for key, value in WITHOUT_TRAINING.items() if key in attributes}
@@ -353,8 +355,8 @@ def _load(name: str, path: Path, attributes: Collection[str], file: str) -> Any:
         return algorithm.load(path, device="cpu", custom_objects=instead)
     except Exception as error:
         raise InputError(
-            f"cannot load {path} as a model of {name}: {type(error).__name__}: {error}; if it is "
-            f"one of another algorithm, write sb3:ALGORITHM:{file}"
+            f"cannot load {path} as a model of {name}: {type(error).__name__}: {error}; for a "
+            f"model of another algorithm, write sb3:ALGORITHM:{file}"
         ) from error
 
 

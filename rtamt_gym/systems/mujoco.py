@@ -69,7 +69,7 @@ class MujocoModel(System):
         return [read() for read in self._reads]
 
     def advance(self) -> list[float]:
-        """Make the steps of a period; then derive what the signals need from the new state."""
+        """Make the steps of a period; then derive quantities for the signals from the new state."""
         model, data = self._model, self._data
         for _ in range(self._steps):
             if self._policy is not None:
@@ -139,15 +139,15 @@ class Monitored(System):
         """Do nothing: the monitor has bound its signals."""
 
     def start(self) -> list[float]:
-        """Go to the start of the run; return its values, fed as sample 0 if there was none."""
+        """Go to the start of the run; return its values, which update sample 0 if it is missing."""
         monitor, self._taken = self._monitor, []
         known: Mapping[str, float] = {}
         if self._start is not None:
             self._set_aside()
             self._start.restore(monitor)
             if not monitor.forward:
-                derive(monitor.model, monitor.data)  # they are those of another branch
-            # As they were: `derive` updates values that `mj_step` leaves one step behind.
+                derive(monitor.model, monitor.data)  # replaces values of another branch
+            # restore: `derive` updates values that `mj_step` leaves one step late
             known = self._start.values
         self._ends.enter_context(monitor.recorded(self._keep))
         monitor.begin()

@@ -173,8 +173,7 @@ def _option(what: str, model: Any, selector: Selector) -> _Place:  # noqa: ANN40
     options = [name for name in dir(model.opt) if not name.startswith("_")]
     if selector.field not in options:
         raise InputError(
-            f"{what}: there is no option {selector.field!r} of MuJoCo"
-            f"{nearest(selector.field, options)}"
+            f"{what}: MuJoCo has no option {selector.field!r}{nearest(selector.field, options)}"
         )
     value = getattr(model.opt, selector.field)
     if isinstance(value, np.ndarray):

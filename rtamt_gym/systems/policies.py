@@ -34,12 +34,12 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> S
     | ``baseline`` | the scenario's own policy |
     | ``sb3:FILE.zip`` | a model that Stable-Baselines3 saved, see `load_policy` |
     | ``module:function`` | a function from observation to action |
-    | ``module:Class`` | a class of such functions, made anew for each episode |
+    | ``module:Class`` | a class of such functions, constructed for each episode |
 
     Args:
         text: The name.
         env: The environment.
-        what: What the name is called in messages.
+        what: The word for the name in messages.
 
     Raises:
         InputError: If the text names none, it cannot be loaded, or it does not fit the environment;
@@ -77,7 +77,7 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> S
 
 @dataclass(frozen=True)
 class PolicyClass:
-    """A class whose instances are policies, a new one for each episode."""
+    """A class of policies, with a new instance for each episode."""
 
     kind: type
     seeded: bool
@@ -90,8 +90,8 @@ class PolicyClass:
             if hasattr(kind, "predict"):
                 way_out = ", or save a model and write sb3:FILE.zip"
             raise InputError(
-                f"{what}: expected a class whose instances are called with the observation, got "
-                f"one without __call__; give it one that returns the action{way_out}"
+                f"{what}: expected a class with a method __call__(observation), got none; add "
+                f"__call__, which returns the action{way_out}"
             )
         try:
             parameters = inspect.signature(kind).parameters
@@ -106,9 +106,9 @@ class PolicyClass:
         ]
         if needed:
             raise InputError(
-                f"{what}: expected a class that is made without arguments, or with seed= alone, "
-                f"got one that needs {listing(needed)}; write a function of the module that "
-                "makes it and acts"
+                f"{what}: expected a class with a constructor without arguments, or with seed= "
+                f"only, got a constructor that needs {listing(needed)}; write a function in the "
+                "module that constructs it and returns the action"
             )
         return cls(kind, seeded="seed" in parameters)
 
@@ -209,14 +209,14 @@ _UNTRAINED: Mapping[str, Callable[[spaces.Space[Any], str], SeededPolicy]] = {
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A policy to evaluate: its name, and what makes the policy of an episode from a seed."""
+    """A policy to evaluate: its name, and a function from a seed to the policy of an episode."""
 
     name: str
     make: SeededPolicy | None
 
     @property
     def identity(self) -> str:
-        """What distinguishes the policy from others: weights of a model, name of a function."""
+        """Return the identity of the policy: weights of a model, name of a function."""
         if isinstance(self.make, Model):
             draws = "" if self.make.deterministic else ", actions drawn"
             return f"{self.name} {self.make.fingerprint}{draws}"
@@ -241,8 +241,8 @@ def evaluated(policy: Any, env: gym.Env[Any, Any], *, deterministic: bool) -> Ev
     if not callable(policy):
         raise InputTypeError(
             "expected a policy: a model of Stable-Baselines3, a function from observation to "
-            "action, a class of such, 'random', 'zero', 'baseline' or 'sb3:FILE.zip', got "
-            f"{policy!r}"
+            "action, a class of such functions, 'random', 'zero', 'baseline' or 'sb3:FILE.zip', "
+            f"got {policy!r}"
         )
     return Evaluated(_name(policy), _Same(policy))
 

@@ -95,7 +95,7 @@ def named_object(path: str) -> Any:  # noqa: ANN401
 
 
 def system_texts(name: Mapping[str, Any]) -> list[str]:
-    """Return what `named_system` imports or loads for a reference.
+    """Return the modules and files that `named_system` imports or loads for a reference.
 
     Example:
         >>> system_texts({"object": "os:abort"}), system_texts({"environment": "CartPole-v1"})
@@ -112,7 +112,7 @@ def system_texts(name: Mapping[str, Any]) -> list[str]:
 
 
 def policy_text(policy: str) -> str:
-    """Return what is imported or unpickled for a policy; empty for built-in policies.
+    """Return the code that a policy imports or unpickles; empty for built-in policies.
 
     Example:
         >>> policy_text("pilot:steer"), policy_text("zero"), policy_text("sb3:PPO:model.zip")
@@ -125,7 +125,7 @@ def policy_text(policy: str) -> str:
 
 
 def import_path(thing: object) -> str | None:
-    """Return the name ``module:name`` that imports an object; None if there is none."""
+    """Return the name ``module:name`` that imports an object, or None."""
     module, name = getattr(thing, "__module__", None), getattr(thing, "__qualname__", None)
     if not (isinstance(module, str) and isinstance(name, str)):
         return None

@@ -103,7 +103,7 @@ def package_of(env_id: str) -> str:
 
 
 def register(package: str) -> None:
-    """Register the environments of one of `PACKAGES`."""
+    """Register the environments of a package in `PACKAGES`."""
     # Without this, pygame, which highway-env imports, prints a greeting on stdout.
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     import_module(package)
@@ -151,15 +151,15 @@ def imported(module: str) -> ModuleType:
     except ModuleNotFoundError as error:
         if error.name is not None and f"{module}.".startswith(f"{error.name}."):
             raise InputError(
-                f"there is no module {error.name!r}, neither in the working directory nor where "
-                "Python looks for modules"
+                f"cannot find the module {error.name!r} in the working directory or on the search "
+                "path of Python"
             ) from error
         raise InputError(f"cannot import {module}: {error}{line_in(module, error)}") from error
     except SystemExit as end:
         code = "" if end.code is None else repr(end.code)
         raise InputError(
-            f"cannot import {module}: it called sys.exit({code}){line_in(module, end)}; put what "
-            'runs below if __name__ == "__main__":'
+            f"cannot import {module}: it called sys.exit({code}){line_in(module, end)}; put the "
+            'main program below if __name__ == "__main__":'
         ) from end
     except Exception as error:
         raise InputError(

@@ -38,8 +38,8 @@ class SampleSource(System):
         """Return the function with the entries of a case as keyword arguments."""
         if not callable(self._source):
             raise InputError(
-                "samples that are there already take no case; give a generator function, whose "
-                f"keyword arguments are the names {listing(case)}"
+                "a sequence of samples takes no case; give a generator function with the keyword "
+                f"arguments {listing(case)}"
             )
         known, open_ = _keywords(self._source, 1 if self.endless else 0)
         for name in case:

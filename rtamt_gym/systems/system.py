@@ -1,4 +1,4 @@
-"""The protocol of systems, and what their implementations share.
+"""The protocol of systems, and code that their implementations share.
 
 To add a system that takes cases: a method ``driven`` (see `Drivable`), a row of the table of cases
 in ``docs/simulations.md``, and a property that compares it with a loop written by hand.
@@ -68,7 +68,7 @@ class System(Protocol):
         """Make one step; return its sample, or None if the system has ended."""
 
     def close(self) -> None:
-        """Release what `start` has taken; also called after an error."""
+        """Release the resources of `start`; also called after an error."""
 
 
 @runtime_checkable
@@ -144,7 +144,7 @@ class no_exit:  # noqa: N801 - a context, used as a word
 
 
 def as_number(name: str, entry: float | Waveform, drivable: str = "") -> float:
-    """Return an entry as a number; ``drivable`` names what waveforms drive."""
+    """Return an entry as a number; ``drivable`` lists the names that waveforms drive."""
     if isinstance(entry, Waveform):
         raise InputError(
             f"expected {name!r} of the case as a number, which does not change during a run, got a "

@@ -83,7 +83,7 @@ def _with_return(episode: dict[str, Any], paid: Any) -> dict[str, Any]:
 
 
 class _LastStep:
-    """An environment whose step repeats the last step with other flags."""
+    """An environment with a step that repeats the last step with other flags."""
 
     def __init__(self, *result: Any) -> None:
         self._result = result
@@ -109,7 +109,7 @@ class _Kind(NamedTuple):
     Attributes:
         attributes: The attributes that identify it.
         returns: The attribute with the returns of episodes.
-        forget: Uncounts the last step; returns the reward with which it is repeated.
+        forget: Uncounts the last step; returns its reward for the repetition.
     """
 
     attributes: tuple[str, ...]

@@ -82,7 +82,7 @@ class EpisodeMonitoring(Monitoring):
                 minimum robustness if none was violated.
 
         Raises:
-            InputError: If there is no such specification.
+            InputError: If the specification is unknown.
             StateError: Without ``history=True``, or before the first :meth:`reset`.
 
         Example:
@@ -237,7 +237,7 @@ def _fed_by(tap: Tap, feed: Feed) -> Feed:
 
 @dataclass(frozen=True, slots=True)
 class _Recorded(ParsedSignal):
-    """A signal whose newest value is recorded: it is read once, for all readers."""
+    """A signal that records its newest value: it is read once, for all readers."""
 
     newest: dict[str, float] = field(default_factory=dict)
 

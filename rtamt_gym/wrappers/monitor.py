@@ -70,8 +70,6 @@ class StlMonitor(
         ...     _, _, terminated, _, info = env.step(1)
         >>> info["stl_violated_by"], info["stl_violated_at"], env.samples
         ('spec', 6, 7)
-        >>> [episode["violated_by"] for episode in env.stl_episodes]
-        ['spec']
 
     Change logs:
      * v0.5.0 - Initially added

@@ -179,7 +179,7 @@ class Monitoring(Observing):
         self._next = self._change(constants)
 
     def _change(self, constants: Mapping[str, ConstantValue]) -> ChangedConstants | None:
-        """Return the change to these values; None if there is none. Raises as `constants` does."""
+        """Return the change to these values, or None. Raises as `constants` does."""
         before = self._constants if self._next is None else self._next.constants
         after = before.at(constants)
         if after is before:
@@ -344,7 +344,7 @@ class Monitoring(Observing):
     def describe(self) -> dict[str, dict[str, Any]]:
         """Return the state of every specification, as in ``info["stl"]``, and the ``period``.
 
-        The period is in seconds, and absent if there is none. A vector environment has arrays.
+        The period is in seconds, and absent if it is unknown. A vector environment has arrays.
         """
         period = self._panel.period
         extra = {} if period is None else {"period": float(period)}

@@ -6,7 +6,7 @@ For every specification, in their order:
 |---|---|
 | robustness, times the weight | [-clip, clip] |
 | lower and upper bound of the robustness of the episode, times the weight | [-clip, clip] |
-| time left until the horizon, as a fraction of it; 1 if there is none | [0, 1] |
+| time left until the horizon, as a fraction of it; 1 without a horizon | [0, 1] |
 | the verdict: 1 certainly satisfied, -1 certainly violated, 0 undecided | [-1, 1] |
 | for each temporal operator in `StateFeatures.operators`, its clock | [0, 1] |
 | and the newest known robustness of each operand, times the weight | [-clip, clip] |
@@ -199,10 +199,10 @@ def _horizons(monitors: Mapping[str, tuple[Any, Any]]) -> tuple[int | None, ...]
 def _refuse_twice(env: Any, name: str, observe: Observe) -> None:
     while isinstance(env, gym.Wrapper | VectorWrapper):
         if isinstance(env, Observing) and env._state is not None:  # noqa: SLF001 - the same class
-            inner = type(env).__name__
+            inner, own = type(env).__name__, env._observe  # noqa: SLF001 - the same class
             raise InputError(
-                f"observe={observe!r} of {name} would append what observe={env._observe!r} of "  # noqa: SLF001 - the same class
-                f"the {inner} inside of it has appended already; give observe= to one of them"
+                f"observe={observe!r} of {name} would repeat the values that observe={own!r} of "
+                f"the inner {inner} appends; pass observe= to one wrapper only"
             )
         env = env.env
 

@@ -87,7 +87,7 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
 
         Raises:
             InputError: If there is no monitor inside, if the environment renders no pictures, or if
-                there is no signal of a name
+                a signal is unknown
         """
         RecordConstructorArgs.__init__(self, place=place, signals=signals)
         self._monitor = monitor_inside(env, type(self).__name__)
@@ -102,7 +102,7 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
         for name in () if signals is None else signals:
             if name not in known:
                 raise InputError(
-                    f"signals= names {name!r}, which is no signal of the monitor; they are "
+                    f"signals= names an unknown signal {name!r}; the signals of the monitor are "
                     f"{listing(known)}{nearest(name, known)}"
                 )
         self._place: PanelPlace = place

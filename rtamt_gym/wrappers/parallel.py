@@ -111,42 +111,13 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
             :class:`StlMonitor` keeps them.
 
     Example:
-        >>> import numpy as np
-        >>> from gymnasium.spaces import Box, Discrete
+        >>> from rtamt_envs.two_service_robots import parallel_env
         >>> from rtamt_gym import ParallelStlMonitor
-        >>> class Chase:
-        ...     "The second of two agents on a line is the faster one."
-        ...
-        ...     possible_agents = ["first", "second"]
-        ...
-        ...     def __init__(self):
-        ...         self.unwrapped = self
-        ...
-        ...     def observation_space(self, agent):
-        ...         return Box(0, 99, (1,))
-        ...
-        ...     def action_space(self, agent):
-        ...         return Discrete(1)
-        ...
-        ...     def reset(self, seed=None, options=None):
-        ...         self.agents, self.gap = [*self.possible_agents], 5.0
-        ...         return self.observed(), {"first": {}, "second": {}}
-        ...
-        ...     def step(self, actions):
-        ...         self.gap -= 1
-        ...         no, rewards = dict.fromkeys(self.agents, False), dict.fromkeys(self.agents, 1.0)
-        ...         return self.observed(), rewards, no, no, {"first": {}, "second": {}}
-        ...
-        ...     def observed(self):
-        ...         return {"first": np.array([self.gap]), "second": np.zeros(1)}
-        >>> signals = {"x1": "first: obs[0]", "x2": "second: obs[0]"}
-        >>> env = ParallelStlMonitor(Chase(), "always(x1 - x2 > 2)", signals)
+        >>> signals = {"x1": "robot_1: obs[0]", "x2": "robot_2: obs[0]"}
+        >>> env = ParallelStlMonitor(parallel_env(), "always(x1 - x2 > 100)", signals)
         >>> _, infos = env.reset(seed=1)
-        >>> while env.agents:
-        ...     actions = {agent: env.action_space(agent).sample() for agent in env.agents}
-        ...     _, _, terminations, _, infos = env.step(actions)
-        >>> terminations, infos["second"]["is_success"], infos["second"]["stl_violated_at"]
-        ({'first': True, 'second': True}, False, 3)
+        >>> infos["robot_1"]["stl_violated"], infos["robot_2"]["stl_violated"]
+        (True, True)
 
     Change logs:
      * v0.5.0 - Initially added
@@ -335,8 +306,8 @@ def _agents(env: Any) -> dict[str, Hashable]:
         )
     if hasattr(env, "agent_iter"):
         raise InputTypeError(
-            f"expected a parallel environment of PettingZoo, got {env}, whose agents take turns; "
-            "convert it with pettingzoo.utils.aec_to_parallel"
+            f"expected a parallel environment of PettingZoo, got {env}, in which agents take "
+            "turns; convert it with pettingzoo.utils.aec_to_parallel"
         )
     agents = getattr(env, "possible_agents", None)
     if not agents:

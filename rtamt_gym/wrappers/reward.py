@@ -98,7 +98,7 @@ class Rewarding(Observing):
         """Follow a change of constants, and refuse episodes with an unknown start.
 
         Args:
-            begun: The environments whose episodes begin; None: all.
+            begun: The environments with a starting episode; None for all.
 
         Raises:
             InputError: If a specification reads an unknown value of the sample of a reset.
@@ -129,7 +129,7 @@ class Rewarding(Observing):
         return values.judged if self._shaping.pays_episode else values.robustness
 
     def _potential_of(self, values: MonitorValues[Numeric]) -> Numeric:
-        """Return the number whose values before and after a step set its reward."""
+        """Return the number that sets the reward of a step by its values before and after."""
         if self._shaping.pays_bounds:
             return self._shaping.middle(values.lower, values.upper)
         return self._shaping.robustness(self._paying(values))
@@ -229,8 +229,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     robustness of the whole episode. Wrappers inside that count episodes get the returns that the
     learner was paid. ``compute_reward`` of a goal environment is not shaped.
 
-    :mod:`rtamt_gym.shaping` explains the purpose of each mode. The vector version of the wrapper is
-    :class:`VectorStlReward`.
+    :mod:`rtamt_gym.shaping` explains each mode. The vector version is :class:`VectorStlReward`.
 
     Example:
         >>> import gymnasium as gym

@@ -40,11 +40,10 @@ class Inside:
         for signal in signals:
             if signal.source in STEP and signal.source != "action":
                 raise InputError(
-                    f"signal {signal.name!r}: {signal} is not known inside of a step, and ",
+                    f"signal {signal.name!r}: {signal} is unknown during a step, and ",
                     Argument("substeps", value=True),
-                    " takes samples there; read the simulation instead, such as qpos[0], "
-                    "body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose env it may "
-                    "read",
+                    " samples there; read the simulation instead, such as qpos[0], "
+                    "body:torso.xpos[2], vehicle.speed, or a callable that reads step.env",
                 )
         self.reads = [signal.bind(env) for signal in signals]
 
@@ -138,8 +137,8 @@ def _follower(simulation: Any) -> _Follow:
     if loop is not MujocoEnv._step_mujoco_simulation:  # noqa: SLF001
         raise InputError(
             Argument("substeps", value=True),
-            " exchanges MujocoEnv._step_mujoco_simulation, and "
-            f"{type(simulation).__name__} has one of its own; leave it out",
+            f" exchanges MujocoEnv._step_mujoco_simulation, and {type(simulation).__name__} "
+            "overrides it; omit substeps=True",
         )
     return _Loop(simulation).follow
 

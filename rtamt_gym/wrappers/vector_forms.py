@@ -100,9 +100,9 @@ class _PoolVectorEnv(_AdaptedVectorEnv):
         pool: Any = env.unwrapped
         if pool.is_async:
             raise InputError(
-                "expected environments that step together, got an EnvPool with num_envs="
-                f"{pool.config['num_envs']} and batch_size={pool.config['batch_size']}, which "
-                "gives those that are ready; leave batch_size= out"
+                "expected environments that step together, got an EnvPool with "
+                f"num_envs={pool.config['num_envs']} and batch_size={pool.config['batch_size']}, "
+                "which steps only the environments that are ready; omit batch_size="
             )
         if pool.config.get("max_num_players", 1) > 1:
             raise InputError(
@@ -156,14 +156,15 @@ class PufferVectorEnv(_AdaptedVectorEnv):
             )
         if not native and driver.num_agents > 1:
             raise InputError(
-                f"expected environments of one agent, got {driver} with {driver.num_agents}, whose "
-                "episodes end together; put ParallelStlMonitor around the environment in it"
+                f"expected environments of one agent, got {driver} with {driver.num_agents} "
+                "agents, and their episodes end together; put ParallelStlMonitor around the "
+                "environment in it"
             )
         if native and final_obs is None:
             raise InputError(
                 f"expected environments that show the last observation of an episode, got {driver} "
-                "of PufferLib, which shows the first of the next in its place; "
-                "as_vector_env(env, final_obs='held') takes the one before it for the last"
+                "of PufferLib, which replaces it by the first observation of the next episode; "
+                "as_vector_env(env, final_obs='held') uses the observation before it instead"
             )
         self._holds = native
         self.infos: list[Any] = []

@@ -182,9 +182,9 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             options, change = self._split_options(options)
         elif options is not None and "constants" in options:
             raise InputError(
-                "expected a reset of all environments with other constants, which hold for all, "
-                "got one of some: reset all, or wrap each environment with StlMonitor, "
-                "whose constants change as its episodes end"
+                "expected a reset of all environments, because new constants apply to all, got a "
+                "reset of some: reset all, or wrap each environment with StlMonitor, which changes "
+                "constants when its episode ends"
             )
         lanes = np.ones(self.num_envs, np.bool_) if mask is None else mask
         self._warn_of_unseen_end(unended=self._abandon(lanes))
@@ -314,8 +314,8 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             kind = np.asarray(flags).dtype
             if kind != np.bool_:
                 raise InputTypeError(
-                    f"expected {name} of {self.env} as flags, of dtype bool, got dtype {kind}; put "
-                    "a wrapper around it whose step converts them, .astype(bool)"
+                    f"expected {name} of {self.env} as flags of dtype bool, got dtype {kind}; "
+                    "convert them in the step of a wrapper, .astype(bool)"
                 )
         self._has_flags = True
 

@@ -240,7 +240,7 @@ def test_function_and_metric_signals() -> None:
     [
         (
             {"x": "obs[2]"},
-            "signal 'x': obs[2] does not fit what one environment gives, an array of shape (2,)",
+            "signal 'x': obs[2] does not fit the values of one environment, an array of shape (2,)",
         ),
         (
             {"x": "metrics['fat']"},
@@ -248,7 +248,7 @@ def test_function_and_metric_signals() -> None:
         ),
         (
             {"x": "obs"},
-            "expected shape (5,) of 'x', got (5, 2); the lanes are those of init()",
+            "expected shape (5,) of 'x', got (5, 2); init() set the batch size",
         ),
     ],
 )

@@ -405,7 +405,7 @@ WRONG: list[tuple[Callable[..., object], str]] = [
     (lambda m, s, _: m.update(s, torch.ones(4, 2)), "expected shape (3,) of 'x', got (4,)"),
     (lambda m, s, _: m.update(s, {"x": [1.0, 2.0, 3.0]}), "expected the variable 'y', got x"),
     (lambda m, s, _: m.update(s, [[1.0] * 2] * 3), "got list; torch.asarray makes them"),
-    (lambda m, s, x: m.update((s, x), x), "State, got tuple; init(lanes) makes"),
+    (lambda m, s, x: m.update((s, x), x), "State, got tuple; init(lanes) returns"),
     (lambda m, s, _: m.update_(s, torch.ones(3, 2, dtype=torch.complex64)), "real numbers"),
     (lambda m, s, _: m.reset_(s, torch.ones(3)), "expected a mask of booleans"),
     (lambda m, s, x: m.update_(s, x), "expected a state and a sample that require no gradient"),

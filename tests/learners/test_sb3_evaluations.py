@@ -196,7 +196,7 @@ def test_what_cannot_be_evaluated_is_refused_before_training() -> None:
 
     envs = make_vec_env(monitored, 2, seed=1)
     trained_in = (
-        "expected an environment of its own to evaluate in, got one that is trained in; give the "
+        "expected a separate environment for evaluations, got the training environment; pass the "
         "function that makes it"
     )
     assert refused(learner(envs), SatisfactionCallback(envs)) == trained_in

@@ -172,7 +172,7 @@ def test_a_model_without_environment_and_an_unknown_wrapper_are_refused() -> Non
     with pytest.raises(InputError) as caught:
         as_trained(Seen(Rolled(DummyVecEnv([lambda: Drawn(BOX, 1)]))))
     assert str(caught.value) == (
-        "expected a training environment whose wrappers are of Stable-Baselines3, such as "
-        "VecNormalize and VecFrameStack, got Rolled; put what it does into a wrapper of "
-        "Gymnasium, around each environment"
+        "expected a training environment with vector wrappers of Stable-Baselines3 only, such as "
+        "VecNormalize and VecFrameStack, got Rolled; use a Gymnasium wrapper around each "
+        "environment instead"
     )

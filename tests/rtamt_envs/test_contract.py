@@ -268,7 +268,7 @@ def test_a_function_stays_as_it_is_where_numba_is_not_installed(
     [
         (
             lambda: scenario_of("ChasingCar"),
-            "there is no scenario 'ChasingCar'; did you mean 'ChasingCars'?; there are ",
+            "unknown scenario 'ChasingCar'; did you mean 'ChasingCars'?; there are ",
         ),
         (
             lambda: ScenarioEnv("RequestGrant", render_mode="ansi"),  # type: ignore[arg-type]

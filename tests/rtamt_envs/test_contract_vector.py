@@ -123,12 +123,12 @@ def test_lanes_begin_anew_where_a_mask_says(name: str) -> None:
     for row in actions:
         _, _, _, truncated, _ = lanes.step(row)
     assert truncated.all()
-    with pytest.raises(rtamt.InputError, match="lane 0 has ended; reset it"):
+    with pytest.raises(rtamt.InputError, match="environment 0 has ended; reset it"):
         lanes.step(actions[0])
     mask = np.array([False, True, False])
     again, _ = lanes.reset(seed=4, options={"reset_mask": mask})
     np.testing.assert_array_equal(again[1], first[1])
-    with pytest.raises(rtamt.InputError, match="lane 0 has ended"):
+    with pytest.raises(rtamt.InputError, match="environment 0 has ended"):
         lanes.step(actions[0])
 
 
@@ -138,10 +138,10 @@ def test_episodes_begin_with_reset(name: str) -> None:
     actions = random_actions(scenario_of(name), (4, LANES), 5)
     calls = (lambda: lanes.step(actions[0]), lambda: lanes.rollout(actions), lanes.baseline)
     for call in (*calls, lambda: lanes.rollout(2)):
-        with pytest.raises(rtamt.StateError, match="runs in lane 0; call reset"):
+        with pytest.raises(rtamt.StateError, match="runs in environment 0; call reset"):
             call()
     lanes.reset(options={"reset_mask": np.array([True, False, True])})
-    with pytest.raises(rtamt.StateError, match="runs in lane 1; call reset"):
+    with pytest.raises(rtamt.StateError, match="runs in environment 1; call reset"):
         lanes.step(actions[0])
     lanes.rollout(actions, [True, False, True])
 
@@ -156,14 +156,14 @@ def test_wrong_calls_change_nothing(name: str) -> None:
     wrong[2, 1, 0] = np.nan
     action = lanes.action_names[0]
     with pytest.raises(
-        rtamt.InputError, match=f"a number as action '{action}' of step 2 in lane 1, got nan"
+        rtamt.InputError, match=f"a number as action '{action}' of step 2 in environment 1, got nan"
     ):
         lanes.rollout(wrong)
     with pytest.raises(rtamt.InputError, match="of shape"):
         lanes.step(actions)
     with pytest.raises(rtamt.InputError, match="expected active as 3 booleans"):
         lanes.rollout(actions, [True])
-    with pytest.raises(rtamt.InputError, match="expected a seed for each of 3 lanes, got 2"):
+    with pytest.raises(rtamt.InputError, match="expected a seed for each of 3 environments, got 2"):
         lanes.reset(seed=[1, 2])
     with pytest.raises(rtamt.InputError, match="has no parameter 'colour'"):
         lanes.reset(seed=9, options={"colour": 1.0})

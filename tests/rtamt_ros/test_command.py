@@ -54,8 +54,8 @@ ERRORS = {
     "  eventually[0:0.25](x>1)\n"
     "            ^\n"
     "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart, or let --align round it",
-    "--spec next(x>1) --dense": "STL:1:1: 'next' speaks of neighbouring samples, and dense time "
-    "has none\n"
+    "--spec next(x>1) --dense": "STL:1:1: 'next' reads the next or previous sample, and "
+    "dense time has events only\n"
     "  next(x>1)\n"
     "  ^\n"
     "  hint: look a time d away with eventually[0:d], or leave out --dense",

@@ -267,7 +267,7 @@ def test_values_without_a_robustness_begin_anew() -> None:
 
 
 def test_dense_refusals() -> None:
-    with pytest.raises(SpecificationError, match="'prev' speaks of neighbouring samples"):
+    with pytest.raises(SpecificationError, match="'prev' reads the next or previous sample"):
         started("always(prev(x > 0))")
 
 

@@ -1,1 +1,1 @@
-"""Searches for an input that violates a requirement, and simplifies what it finds."""
+"""Search for an input that violates a requirement, and simplification of the input."""

@@ -18,18 +18,16 @@ _PROBES: Final = 512
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """How much of a space simulations have seen. It guarantees nothing about what lies between.
+    """How much of a space simulations cover. It guarantees nothing about the points between them.
 
     Attributes:
-        simulations: The number of simulations that were judged; of those that an error has ended
-            nothing was seen.
+        simulations: The number of judged simulations; simulations that an error ended do not count.
         columns: The number of columns of the space.
-        gap: The widest part of the range of one column that no simulation lies in, as a share of
-            the range; of all columns the greatest. Columns are looked at one by one.
-        distance: How far a case of the space is from the nearest simulation: in the column in which
-            the two differ most, as a share of the range, the median over evenly spread cases.
-            Columns are looked at together: in many columns it is large after any number of
-            simulations that one can afford.
+        gap: The widest part of a column's range without a simulation, as a share of the range; the
+            maximum over all columns, which are examined separately.
+        distance: The median distance of evenly spread cases to the nearest simulation: the largest
+            difference in a column, as a share of its range. Columns are looked at together: in many
+            columns it is large after any number of simulations that one can afford.
     """
 
     simulations: int

@@ -1,4 +1,4 @@
-"""Inputs without an effect on the robustness, told by simulations at the other end of ranges."""
+"""Inputs without an effect on the robustness, found by moving each to its other end."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Effects(NamedTuple):
 
     Attributes:
         without: The names of the inputs.
-        simulations: The number of simulations that told them.
+        simulations: The number of simulations for this.
     """
 
     without: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""`Falsification`: what a search for a violation has found."""
+"""`Falsification`: the result of a search for a violation."""
 
 from __future__ import annotations
 
@@ -47,26 +47,26 @@ _DRAWN = 100
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Falsification:
-    """What a search for an input that violates a requirement has found; `falsify` makes it.
+    """The result of a search for an input that violates a requirement; `falsify` returns it.
 
-    ``print`` tells all of it.
+    ``print`` shows the full result.
 
     Attributes:
         falsified: Whether a simulation violates a requirement.
-        requirement: The name of the requirement that is violated; if none is, the name of the one
-            that came closest.
+        requirement: The name of the violated requirement; without a violation, the name of the
+            requirement that came closest.
         row: The simulation that violates, with the reduced input; if none does, the closest.
         unreduced: The case that violates as it was found, before it was reduced; if none does, the
             closest.
         record: All simulations of the search, in their order, without those for the reduction and
             for `effects`.
-        space: What was searched.
+        space: The space of the search.
         scales: The scale of each predicate, by its text; empty where the search used none.
         coverage: How much of the space the simulations have seen that were judged.
         reductions: The simulations that the reduction took.
-        effects: The inputs without an effect on the robustness, and the simulations that told them.
-            In each, one input was moved to the other end of its range, from `unreduced` and from a
-            second simulation of the search.
+        effects: The inputs without an effect on the robustness, and the simulations for this: each
+            moves one input to the other end of its range, from `unreduced` and from a second
+            simulation of the search.
         optimizer: The name of the optimizer.
         budget: The most simulations that the search could make.
         seed: The seed of the search.
@@ -98,7 +98,7 @@ class Falsification:
 
     @property
     def simulations(self) -> int:
-        """The number of simulations up to the one that violates, that included."""
+        """The number of simulations up to and including the violation."""
         return len(self.record)
 
     @property
@@ -113,18 +113,18 @@ class Falsification:
 
     @property
     def simulated_time(self) -> float:
-        """The simulated seconds of these (steps if there is no period)."""
+        """The simulated seconds of these (steps without a period)."""
         return math.fsum(row.simulated for row in self.record)
 
     @property
     def robustness(self) -> float:
-        """The robustness of `requirement` in `row`, in its own units; nan if it has none."""
+        """The robustness of `requirement` in `row`, in its own units; nan if it is missing."""
         outcome = self.row.outcomes.get(self.requirement)
         return math.nan if outcome is None else outcome.robustness
 
     @property
     def not_violated(self) -> str:
-        """What a search without a violation has shown: of judged simulations alone."""
+        """The coverage of a search without a violation, from judged simulations only."""
         triggers = triggered_in(self.record, self.requirement)
         but = ", and never triggered" * (triggers is not None and not triggers[0])
         undecided, judged = undecided_in(self.record, self.requirement)
@@ -167,7 +167,7 @@ class Falsification:
     def save(
         self, path: str | os.PathLike[str], *, system: str | None = None, policy: str | None = None
     ) -> None:
-        """Writes a file from which ``rtamt replay`` and `SavedCase.load` run `input` again.
+        """Write a file with which ``rtamt replay`` and `SavedCase.load` run `input` again.
 
         It is strict JSON, and holds the system's name and arguments, the requirement's text, the
         input, the seed, and the verdict and robustness that come of it. Scenarios and registered
@@ -175,13 +175,12 @@ class Falsification:
 
         Args:
             path: The name of the file, which ends in ``.json``.
-            system: A name ``module:name`` for a system that has none: of an object, or of a
-                function without arguments that makes it.
-            policy: A name for a policy that has none, as ``rtamt run --policy`` takes it.
+            system: A name ``module:name`` for a system without a name: an object, or a function
+                without arguments that makes it.
+            policy: A name for a policy without a name, as for ``rtamt run --policy``.
 
         Raises:
-            InputError: If a file can hold no name of the system, the policy or a signal, with the
-                way out.
+            InputError: If the system, the policy or a signal has no name for a file.
         """
         from rtamt_gym.play.saved_case import SavedCase
         from rtamt_gym.results.codec import check_name
@@ -241,7 +240,7 @@ class Falsification:
         )
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: what was found, and the input with a curve for each waveform."""
+        """Return HTML for notebooks: the result, and the input with a curve for each waveform."""
         rows = []
         for name, entry in self.input.items():
             if isinstance(entry, Waveform):
@@ -272,10 +271,10 @@ class Falsification:
         return f" {BY_END}" * self._by_end
 
     def lines(self) -> list[str]:
-        """What was found, as lines of text."""
+        """Return the result as lines of text."""
         name, system = self.requirement, self.record.system
         end = f"is violated{self._how}" if self.falsified else f"was {self.not_violated}"
-        # A blank that does not break is none to `wrap`.
+        # `wrap` does not break lines at no-break spaces.
         head = f"{name} of {system} {end}: robustness\xa0{number(self.robustness)}"
         lines = [line.replace("\xa0", " ") for line in _wrapped(head, "")]
         if self.interrupted:

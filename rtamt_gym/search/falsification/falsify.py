@@ -1,4 +1,4 @@
-"""`falsify`: searches for an input with which a system violates a requirement."""
+"""`falsify`: search for an input with which a system violates a requirement."""
 
 from __future__ import annotations
 
@@ -87,132 +87,64 @@ def falsify(
     progress: bool = False,
     **reading: Unpack[EvaluationKeywords],
 ) -> Falsification:
-    """Searches for an input with which a system violates a requirement.
+    """Search for an input with which a system violates a requirement.
 
-    Simulations are run until one violates, or the budget is spent. Each is stopped at its certain
-    violation. An environment whose native vector environment has ``rollout``, as every scenario
-    has, runs many side by side; all else runs one by one, by `simulate`. The result does not depend
-    on that: it is what points that run one after the other give.
-
-    | optimizer | what it does |
-    |---|---|
-    | ``"portfolio"`` | corners, then quasi-random points, then CMA-ES with restarts |
-    | ``"corners"`` | inputs constant at the ends of their ranges, then all corners of the space |
-    | ``"random"`` | uniform points |
-    | ``"sobol"`` | a scrambled Sobol sequence |
-    | ``"cma"`` | CMA-ES from random starts |
-    | ``"dual_annealing"``, ``"differential_evolution"`` | SciPy's, with its defaults |
-    | ``"tpe"`` | the Parzen estimator of Optuna |
-    | a function | one's own: it calls ``evaluate`` until that ends it |
-
-    One's own is called with ``evaluate``, the dimension of the space and a
-    ``numpy.random.Generator``. ``evaluate(points)`` takes points of the unit cube, shape
-    (k, dimension), and returns k numbers to minimize: the least robustness over the requirements.
-
-    In a robustness over several units, the unit with the smallest numbers decides: for speed and
-    rpm, the speed. If predicates read different variables, optimizers get the robustness in units
-    of scales (`Specification.scaled`). Verdicts and `Falsification.robustness` are not scaled.
-
-    The search ends with a further simulation for each input, in which this input alone is at the
-    other end of its range. `Falsification.effects` lists the inputs that did not change the
-    robustness.
+    The search ends at the first violation, or when the budget is spent. A violating input is then
+    reduced, and one more simulation for each input shows whether it has an effect. Many cases run
+    side by side in a scenario, with the same result. docs/falsification.md describes the search.
 
     Args:
-        system: The id of an environment (``"rtamt/ChasingCars-v0"``), or what `simulate` takes; not
-            a `StepMonitor` or an iterator, which are not the same a second time.
-        requirements: The name of one of the scenario's own requirements (``"AT6a"``), a
-            specification as for `simulate`, or several: a sequence of names and texts, or a mapping
-            from names to specifications. None: all of the scenario's own. The search ends at the
-            first that is violated.
-        space: The signals and parameters to choose. None: the inputs of the scenario.
-        fixed: What every simulation is given beside the space.
-        budget: The most simulations of the search.
-        seed: The seed of the search, and the seed of the first simulation of an environment; each
-            further one has one more.
-        optimizer: What chooses the points, as above.
+        system: The id of an environment, or a system of `simulate` that can be restarted.
+        requirements: Names of the scenario's own requirements (``"AT6a"``), or specifications as
+            for `simulate`: one, a sequence, or a mapping by name. Default: all of the scenario.
+        space: The signals and parameters to choose. Default: the inputs of the scenario.
+        fixed: Values by name that are the same in every simulation. Default: no fixed values.
+        budget: The maximum number of simulations of the search.
+        seed: The seed of the search and of the first simulation; simulation i has ``seed + i``.
+        optimizer: ``"portfolio"``, another name (docs/falsification.md#optimizers lists them), or a
+            function ``optimizer(evaluate, dimension, rng)``: ``evaluate`` takes points of the unit
+            cube, shape (k, dimension), and returns k numbers to minimize.
         signals: As for `simulate`.
         policy: As for `simulate`.
-        duration: The simulated time of a run, in seconds. None: until the system ends by itself.
-        batch: How many simulations run side by side at most; 1: none do.
-        scales: The scale of predicates by their text, ``{"rpm < 3000": 1000}``; ``"plain"``: none.
-            None: where predicates read different variables, the range of each one's robustness over
-            the first eight simulations; an optimizer that begins with fewer points gets
-            quasi-random ones before its own.
-        reduce: Whether to make a violating input simpler while it still violates, in 200 further
-            simulations at most: parameters get their defaults, signals lose control points, numbers
-            lose digits.
-        n_jobs: How many simulations, or batches of lanes, run at once, each in a process of its
-            own, of the points that the optimizer asks for together; -1: as many as there are cores.
-            The result is the same. The runs that scales come from, and the reduction, stay in this
-            process. None: all do, unless ``backend`` or ``timeout`` is given.
+        duration: The simulated time of a run in seconds. Default: until the system ends.
+        batch: The maximum number of simulations side by side; 1 turns this off.
+        scales: The scale of predicates by their text, ``{"rpm < 3000": 1000}``, or ``"plain"`` for
+            no scales. Default: the spread in the first eight simulations, if predicates read
+            different variables. Verdicts and reported robustness are never scaled.
+        reduce: Whether to simplify a violating input in up to 200 further simulations.
+        n_jobs: The number of processes for points that the optimizer passes together; -1: one for
+            each core. Default: this process. The result is the same.
         backend: As for `sweep`.
-        timeout: As for `sweep`, of the simulations in other processes.
-        folder: A folder for finished simulations. The same call goes on there after an
-            interruption, as if there had been none: the optimizer is asked again, and gets what is
-            kept for points that have run. ``budget`` may be another one. The first eight
-            simulations are kept once the scales that come of them are known; those of the reduction
-            are not. `Record.load` reads the folder at any time.
+        timeout: As for `sweep`, for simulations in other processes.
+        folder: A folder for finished simulations; the same call resumes from it, also with another
+            ``budget``. Default: no folder.
         accept_changed: As for `sweep`.
-        progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **reading: How samples are judged, the options of `rtamt_gym.EvaluationOptions`: ``period``,
-            ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination``
-            and ``at_truncation``.
+        progress: Whether to show a bar on a terminal if tqdm is installed.
+        **reading: Evaluation options.
 
     Returns:
-        What was found; if no simulation violates, the closest. A simulation that raises an error
-        has it in its row, and the search goes on; it counts as failed, and not as one that was
-        judged: neither for the coverage nor as the closest.
+        The violation, or the closest simulation if none violates. A failed simulation keeps its
+        error in its row and counts neither for the coverage nor as the closest.
 
     Raises:
         SpecificationError: If a requirement is wrong.
-        InputError: If there is no such system, requirement or optimizer, the space does not fit, or
-            an option is wrong; if an optimizer evaluates no point, or one out of the unit cube; if
-            all simulations failed, with the error of the first; if ``folder`` holds another search
-            or simulations of a model that has changed, or the optimizer asks for other points than
-            before.
-        InputTypeError: If an argument is not of the types above.
-
-        An error of the optimizer, and Ctrl-C too, comes with its own type, and with what was found
-        so far as its attribute ``falsification``.
+        InputError: If a name or an option is wrong, the space does not fit, the optimizer evaluates
+            no point or a point outside the unit cube, all simulations failed, or ``folder`` belongs
+            to another search or a changed model. An error of the optimizer and Ctrl-C keep their
+            type and get the result so far as their attribute ``falsification``.
+        InputTypeError: If an argument has a wrong type.
 
     Warns:
         FailedSimulationWarning: If some simulations failed.
-        IrreproducibleWarning: If the violating input does not violate a second time.
+        IrreproducibleWarning: If the violating input does not violate again.
 
     Example:
         >>> from rtamt_gym import Parameter, falsify
-        >>> def tank(inflow, leak):
-        ...     level = 1.0
-        ...     for _ in range(20):
-        ...         yield {"level": level}
-        ...         level += inflow - leak * level
-        >>> space = [Parameter("inflow", 0.1, 0.25), Parameter("leak", 0.1, 0.2)]
-        >>> found = falsify(tank, {"dry": "always(level < 2)"}, space, period=1)
-        >>> found
-        <Falsification: dry of tank falsified, 3 simulations, robustness -0.0292841>
-        >>> found.input
-        Case({'inflow': 0.25, 'leak': 0.1})
-        >>> print(found.explain())
-        robustness -0.0292841 at 0 s, decided by level < 2 at 11 s
-        <BLANKLINE>
-          at       value  formula
-         0 s  -0.0292841  dry = always(level < 2)
-        11 s  -0.0292841  level < 2
-        11 s     2.02928  level
-
-        An optimizer of one's own:
-
-        >>> def hill(evaluate, dimension, rng):
-        ...     best = rng.random(dimension)
-        ...     height = evaluate([best])[0]
-        ...     while True:
-        ...         points = (best + 0.1 * rng.normal(size=(4, dimension))).clip(0, 1)
-        ...         heights = evaluate(points)
-        ...         if heights.min() < height:
-        ...             best, height = points[heights.argmin()], heights.min()
-        >>> found = falsify(tank, "always(level < 2)", space, period=1, optimizer=hill)
-        >>> found.falsified, found.optimizer
-        (True, 'hill')
+        >>> def tank(inflow):
+        ...     for second in range(10):
+        ...         yield {"level": 1 + inflow * second}
+        >>> falsify(tank, "always(level < 2)", [Parameter("inflow", 0.1, 0.3)], period=1)
+        <Falsification: spec of tank falsified, 2 simulations, robustness -0.2>
     """
     chosen = find_optimizer(optimizer)
     name = optimizer if isinstance(optimizer, str) else _name_of(optimizer)
@@ -332,7 +264,7 @@ def _check_rows(search: Search, runner: Runner, optimizer: str) -> None:
     """Warns if some simulations failed.
 
     Raises:
-        InputError: If all did, or there are none.
+        InputError: If all failed, or there are no simulations.
     """
     if not search.rows:
         raise InputError(
@@ -392,7 +324,7 @@ def _name_of(optimizer: Any) -> str:  # noqa: ANN401 - any function
 
 
 def _carry(error: BaseException, found: Falsification) -> None:
-    """Makes what was found so far the attribute ``falsification`` of an error, and says so."""
+    """Attach the result so far to an error as ``falsification``, with a note."""
     with suppress(AttributeError):  # of an error that takes no attributes
         crashed: Any = error
         crashed.falsification = found

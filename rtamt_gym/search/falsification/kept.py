@@ -27,12 +27,12 @@ _SEARCH: Final = "search"
 
 
 class Valued(NamedTuple):
-    """A simulation of a search, and what it is worth to the optimizer.
+    """A simulation of a search, with its value for the optimizer.
 
     Attributes:
         row: The simulation.
-        least: The requirement with the least robustness, in units of the scales.
-        value: This robustness, or a bound of it; what the optimizer is told.
+        least: The requirement with the smallest robustness, in units of the scales.
+        value: This robustness, or a bound of it; the number that the optimizer gets.
         violated: The requirement that it violates; None if it violates none.
     """
 
@@ -71,7 +71,7 @@ class KeptSearch:
         self._stored = frozenset(self._known)
 
     def forget(self) -> None:
-        """Forgets simulations before scales were known, unless one of them ended the search."""
+        """Discard simulations before the scales were known, unless one ended the search."""
         if all(each.violated is None for each in self._known.values()):
             self._known.clear()
 
@@ -123,7 +123,7 @@ class KeptSearch:
             self._folder.finish(record, self._also(found))
 
     def close(self) -> None:
-        """Writes what waits for it, and frees the folder."""
+        """Write pending simulations, and release the folder."""
         try:
             self.write()
         finally:

@@ -36,15 +36,15 @@ def find_optimizer(given: OptimizerLike) -> Optimizer:
     """The optimizer of a name; one's own as it is.
 
     Raises:
-        InputError: If there is no optimizer of this name.
+        InputError: If the optimizer is unknown.
         InputTypeError: If it is neither a name nor a function.
     """
     if isinstance(given, str):
         known = optimizers()
         if given not in known:
             raise InputError(
-                f"there is no optimizer {given!r}; there are {listing(known)}"
-                f"{nearest(given, known)}"
+                f"unknown optimizer {given!r}; the optimizers are "
+                f"{listing(known)}{nearest(given, known)}"
             )
         return known[given]
     if not callable(given):
@@ -141,10 +141,10 @@ GROUP: Final = "rtamt.optimizers"
 
 
 def optimizers() -> Mapping[str, Optimizer]:
-    """The optimizers of this package, and those that other packages add, by name.
+    """Return the optimizers of this and other packages, by name.
 
     Raises:
-        InputError: If what is added is no function, or has the name of one that is there.
+        InputError: If an added optimizer is not a function, or its name is taken.
     """
     added = plugins(GROUP)
     for name, optimizer in added.items():

@@ -24,7 +24,7 @@ def take(points: Iterator[Floats], count: int, dimension: int) -> Floats:
 
 
 class Pieces:
-    """Points whose inputs have a few pieces: each keeps a value over neighbouring coordinates.
+    """Return points with inputs of a few pieces: each has one value over neighbouring coordinates.
 
     Attributes:
         dimension: The number of pieces of all inputs together.
@@ -49,7 +49,7 @@ class Pieces:
 
 
 def extremes(groups: Sequence[slice]) -> Iterator[Floats]:
-    """All points whose inputs are constant at an end of their range, each once.
+    """Return all points with inputs constant at an end of their range, each once.
 
     All inputs low and all high come first, then corners among which every two inputs have all four
     combinations equally often, then the rest. With up to 15 inputs, the first 16 corners hold every
@@ -87,7 +87,7 @@ def spread(groups: Sequence[slice], rng: np.random.Generator) -> Iterator[Floats
 
 
 def quasi_random(dimension: int, rng: np.random.Generator) -> Iterator[Floats]:
-    """Points of a scrambled Sobol sequence without end; uniform ones where there is none."""
+    """Yield points of a scrambled Sobol sequence; uniform points if the dimension is too large."""
     from scipy.stats import qmc
 
     # A sequence has no more dimensions, and no more points.

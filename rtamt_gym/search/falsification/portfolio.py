@@ -42,10 +42,10 @@ def portfolio(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> N
     All inputs constant at the ends of their ranges come first, 16 such points at most. Then come 24
     quasi-random points, see `spread`. CMA-ES climbs from the best of them, with 12 points in a
     generation; after every sixth generation come 12 more quasi-random points. When a climb has
-    converged or found nothing better in 12 generations, the next begins at the best point that none
-    has begun at. Where a quarter of the points share the least value, up to 96 more points come
-    before a climb. These are even in the whole space: values are all the same where requirements
-    are about events, such as shifts of gears, which inputs that move much bring about.
+    converged or made no progress in 12 generations, the next starts at the best unused point. If a
+    quarter of the points share the minimum, up to 96 more points, even in the whole space, come
+    before a climb: such plateaus occur with requirements about events, such as shifts of gears,
+    which inputs with large movements cause.
     """
     corners = take(extremes(evaluate.groups), _CORNERS, dimension)
     starts = _Starts(spread(evaluate.groups, rng), dimension)
@@ -83,7 +83,7 @@ class _Starts:
 
     @property
     def flat(self) -> bool:
-        """Whether a quarter of the points have the least value: it does not say where to climb."""
+        """Return whether a quarter of the points share the minimum: then it gives no direction."""
         least = np.count_nonzero(self._values == self._values.min())
         return bool(4 * least >= len(self._values))
 

@@ -1,4 +1,4 @@
-"""What an optimizer is: a function that asks for the values of points until the search is over."""
+"""The protocol of optimizers: functions that request values of points until the search ends."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 class Evaluate(Protocol):
-    """Runs simulations; what an optimizer is called with.
+    """Run simulations for an optimizer; the first argument of its call.
 
     Attributes:
         groups: The coordinates of each input: a signal has one for every control point, a parameter
@@ -30,8 +30,8 @@ class Evaluate(Protocol):
         Args:
             points: Points of the unit cube, shape (k, dimension), any number of them. They run side
                 by side where the system has lanes.
-            level: The value above which the optimizer has no use for a number: a run that is
-                certain to stay above it may be stopped, and gets what it is certain to stay above.
+            level: A value above which exact numbers do not matter: a run that certainly stays above
+                it may be stopped, and returns a lower bound of its value.
 
         Returns:
             k numbers to minimize; negative where the requirement is violated.

@@ -24,13 +24,13 @@ def reduced(
 ) -> tuple[Trial, int]:
     """Makes a violating case simpler, in steps that keep the violation.
 
-    In this order: parameters get their defaults, which takes faults out; signals become constant,
-    or lose control points; numbers are rounded. Steps are tried in a fixed order, each on what the
-    steps before have left.
+    In this order: parameters get their defaults, which removes faults; signals become constant, or
+    lose control points; numbers are rounded. Steps are tried in a fixed order, each on the result
+    of the steps before.
 
     Args:
         row: A simulation that violates.
-        space: What it was chosen from: values stay in its ranges, or become defaults.
+        space: The space of the search: values stay in its ranges, or become defaults.
         again: Runs a case; gives None if it does not violate.
         most: The most cases that are run.
 

@@ -1,4 +1,4 @@
-"""Scales of predicates: what makes a robustness over several units one that a search can follow."""
+"""Scales of predicates, which make predicates of different units comparable for a search."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def given_scales(
     """Checks scales that were given; returns them by the canonical texts of the predicates.
 
     Raises:
-        SpecificationError: If a name is no formula.
-        InputError: If a name is no predicate of a requirement, or a scale is not positive.
+        SpecificationError: If a name is not a formula.
+        InputError: If a name is not a predicate of a requirement, or a scale is not positive.
     """
     known = [str(each) for each in _predicates(specs.values())]
     found = {}
@@ -38,7 +38,7 @@ def given_scales(
         name = str(rtamt.parse(text).formula)
         if name not in known:
             raise InputError(
-                f"scales= names {text!r}, which is no predicate; the predicates are "
+                f"scales= names an unknown predicate {text!r}; the predicates are "
                 f"{listing(known)}{nearest(name, known)}"
             )
         found[name] = check_number(f"scales[{text!r}]", scale)
@@ -48,10 +48,10 @@ def given_scales(
 def spreads(
     specs: Mapping[str, Specification], traces: Iterable[SimulatedTrace]
 ) -> dict[str, float]:
-    """The scales of predicates: the greatest difference of their robustness in all of the traces.
+    """Return the scales of predicates: the range of their robustness over all traces.
 
-    Predicates that read the same variables share the greatest of their scales. A predicate whose
-    robustness never changes, or is not finite, has no scale.
+    Predicates that read the same variables share their largest scale. A predicate with a constant
+    or infinite robustness has no scale.
     """
     predicates = _predicates(specs.values())
     low = dict.fromkeys(predicates, math.inf)
@@ -82,7 +82,7 @@ def in_scales(
 def _in_scales(spec: Specification, scales: Mapping[str, float]) -> Specification:
     own = {each: scales[str(each)] for each in _predicates([spec]) if str(each) in scales}
     formula = spec.scaled(own).formula
-    # Named formulas of the text are no part of the new one.
+    # Named formulas of the text are not part of the new one.
     bare = replace(
         spec, formula=formula, name=None, formulas={}, positions={}, uses={}, requirement=None
     )

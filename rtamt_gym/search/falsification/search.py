@@ -1,4 +1,4 @@
-"""`Search`: what an optimizer evaluates points with, and what it leaves behind."""
+"""`Search`: the evaluation of points for an optimizer, and the results of the search."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ _FIRST: Final = 8
 
 
 class SearchOver(BaseException):
-    """Ends an optimizer; it is no `Exception`, so that an optimizer does not catch it by chance."""
+    """The end of the search; not an `Exception`, so that an optimizer does not catch it."""
 
 
 class Search:
     """Evaluates points for an optimizer, until one violates or the budget is spent.
 
-    The rows are as if the points had run one after the other, in the order in which they were asked
+    The rows are as if the points had run one after the other, in the order of the requests
     for: the search is over at the first that violates, and what runs beside it does not count.
 
     Attributes:
         groups: The coordinates of each input.
         rows: The simulations so far.
         points: Their points.
-        values: Their values: the least robustness over the requirements, in units of the scales.
+        values: Their values: the minimum robustness over the requirements, in units of the scales.
         scales: The scales by the text of a predicate; None while they are to be found.
         violated: The requirement that the last row violates; None while none does.
         advance: Is called with the number of simulations that are over.
@@ -65,7 +65,7 @@ class Search:
         seed: The seed of the first simulation of an environment; each further one has one more.
         rng: Random numbers for runs that scales come from.
         scales: The scales; None: from the first runs.
-        elsewhere: Makes what runs the cases of a runner in other processes; None: they run here.
+        elsewhere: A function that makes a runner in other processes; None runs the cases here.
         kept: The folder that finished simulations are kept in; None: none. It is closed with this.
     """
 
@@ -129,7 +129,7 @@ class Search:
         return np.concatenate([first, self._run(asked[_FIRST:], level)])
 
     def _find_scales(self) -> None:
-        """Finds the scales that the first simulations give, and values these anew."""
+        """Compute the scales from the first simulations, and value these again."""
         if self._kept is not None and self._kept.scales is not None:
             self.scales = self._kept.scales  # and the values that are kept are in their units
             self._use(self.scales)
@@ -147,7 +147,7 @@ class Search:
 
     @property
     def valued(self) -> list[Valued]:
-        """The simulations so far, with what they are worth."""
+        """The simulations so far, with their values."""
         violated = [None] * len(self.rows)
         found = zip(self.rows, self._least, self.values, violated, strict=True)
         listed = [Valued(*each) for each in found]
@@ -162,7 +162,7 @@ class Search:
 
     @property
     def best(self) -> int:
-        """The index of the row that violates; while none does, of that with the least value.
+        """The index of the violating row; without a violation, of the row with the minimum value.
 
         A row that an error has ended is the best only where no other was judged.
         """
@@ -172,7 +172,7 @@ class Search:
 
     @property
     def judged_points(self) -> Floats:
-        """The points whose simulations no error has ended, shape (points, dimension)."""
+        """The points of simulations without an error, shape (points, dimension)."""
         kept = [point for point, row in zip(self.points, self.rows, strict=True) if not row.error]
         return np.array(kept).reshape(-1, self.dimension)
 
@@ -184,8 +184,8 @@ class Search:
     def effects(self) -> Effects:
         """Return the inputs without an effect, by simulations that are not among the rows.
 
-        The base points are the best and the row whose value differs most from it. An input whose
-        range is one value is left out, and so are all if no simulation was judged.
+        The base points are the best row and the row with the most different value. An input with a
+        range of one value is left out; without a judged simulation, all inputs are.
         """
         judged = [index for index, row in enumerate(self.rows) if not row.error]
         if not judged:
@@ -213,18 +213,18 @@ class Search:
             return inputs_without_effect(groups, [self.points[index] for index in bases], run)
 
     def _result(self, row: Trial) -> object:
-        """Return what two simulations are compared by; it can be read if one is nan."""
+        """Return a key that compares two simulations, also with nan."""
         return row.error, [repr(outcome.robustness) for outcome in row.outcomes.values()]
 
     def close(self) -> None:
-        """Closes what runs the simulations, but for the runner that was given."""
+        """Close the processes of the simulations, but not the runner of the caller."""
         self._opened.close()
 
     def _checked(self, points: ArrayLike) -> Floats:
         """The points as an array.
 
         Raises:
-            InputError: If they are no points of the unit cube.
+            InputError: If they are not points of the unit cube.
         """
         try:
             asked = np.array(points, np.float64)
@@ -269,15 +269,15 @@ class Search:
         """Runs points and keeps their rows.
 
         Raises:
-            SearchOver: If one violates, the budget is spent, or the first eight
-                failed alike before sample 0.
+            SearchOver: If one violates, the budget is spent, or the first eight failed in the same
+                way before sample 0.
         """
         begin = len(self.rows)
         asked = asked[: self._budget - begin]
         cases = [Case({**self._space.case(point), **self._fixed}) for point in asked]
         found: dict[int, Valued] = {}
         traces: dict[int, SimulatedTrace] = {}
-        last = len(cases)  # of those that count
+        last = len(cases)  # the number of cases that count
         for index, case in enumerate(cases):
             known = None if self._kept is None else self._kept.known(begin + index, case)
             if known is not None and index <= last:
@@ -313,7 +313,7 @@ class Search:
         level: float,
         traces: dict[int, SimulatedTrace],
     ) -> Iterator[tuple[int, Trial]]:
-        """Runs the cases that are left, whose first has a number; gives rows with their indices."""
+        """Run the remaining cases, numbered from the first; yield rows with their indices."""
         if not left:
             return
         asked = [cases[index] for index in left]
@@ -330,13 +330,13 @@ class Search:
             yield left[place], row
 
     def _last(self, index: int, found: Mapping[int, Valued]) -> int:
-        """The index of the run after which none counts, by what has come with this one."""
+        """Return the index of the last run that counts, given the row of this one."""
         if found[index].violated is not None:
             return index
         return _FIRST - len(self.rows) - 1 if self._hopeless(found) else sys.maxsize
 
     def _hopeless(self, found: Mapping[int, Valued]) -> bool:
-        """Whether the first simulations failed alike before sample 0: all others would too."""
+        """Return whether the first simulations all failed in the same way before sample 0."""
         first = self.rows[:_FIRST]
         first += [found[i].row for i in range(_FIRST - len(first)) if i in found]
         alike = {row.error for row in first}
@@ -351,14 +351,14 @@ class Search:
         self.points.append(point)
 
     def _valued_row(self, row: Trial) -> Valued:
-        """A row with what it is worth, and with the outcomes of the requirements alone."""
+        """Return a row with its value, and with the outcomes of the requirements only."""
         heights = {name: _height(row, name) for name in self._valued}
         own = {name: row.outcomes[name] for name in self._specs if name in row.outcomes}
         least, value = self._worth(heights)
         return Valued(replace(row, outcomes=own), least, value, self._violated(row))
 
     def _violated(self, row: Trial) -> str | None:
-        """The requirement that a run violates, the one with the least robustness; or None."""
+        """Return the violated requirement with the smallest robustness, or None."""
         if row.error:
             return None
         violated = [
@@ -369,7 +369,7 @@ class Search:
         return min(violated)[1] if violated else None
 
     def _worth(self, heights: Mapping[str, float]) -> tuple[str, float]:
-        """The requirement with the least height, and what the height is worth."""
+        """Return the requirement with the smallest height, and the height in units of its scale."""
         own = dict(zip(self._specs, heights.values(), strict=True))
         worth = {
             name: _WORST if math.isnan(height) else min(max(height, -_WORST), _WORST)
@@ -379,7 +379,7 @@ class Search:
 
 
 def _height(row: Trial, name: str) -> float:
-    """What a run hands to the optimizer: a robustness, or the bound that is known; else nan."""
+    """Return the value of a run for the optimizer: its robustness, a known bound, or nan."""
     if row.error:
         return math.nan
     outcome = row.outcomes[name]

@@ -1,4 +1,4 @@
-"""psy-taliro in both directions: it searches systems of ours, and `falsify` its models."""
+"""psy-taliro in both directions: it searches rtamt's systems, and `falsify` searches its models."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ State = dict[str, float]
 
 @documents_options("episodes")
 class TaliroProblem(Model[State, Case, Sample]):  # type: ignore[misc]  # it has no types here
-    """A system of ours and its requirements, as a model and a specification of psy-taliro.
+    """A system with its requirements, as a model and a specification of psy-taliro.
 
     A static input from 0 to 1 stands for each column of the space. The trace of a simulation has
     the signals by name, so that specifications of psy-taliro can read them too. An evaluation has
@@ -59,7 +59,7 @@ class TaliroProblem(Model[State, Case, Sample]):  # type: ignore[misc]  # it has
     Attributes:
         space: What is searched.
         static_inputs: The argument of this name of ``staliro.TestOptions``.
-        requirement: The robustness of the requirements, the least of several, as a specification.
+        requirement: The minimum robustness of the requirements, as a specification.
 
     Args:
         system: As for `rtamt_gym.sweep`.
@@ -136,7 +136,7 @@ class _RunTrace(staliro.Trace[State]):  # type: ignore[misc]  # it has no types 
 
 
 class _Requirement(staliro.Specification[State, float, None]):  # type: ignore[misc]  # it has no types here
-    """The least robustness that the requirements of a run had at its end."""
+    """The minimum robustness of the requirements at the end of a run."""
 
     def evaluate(self, trace: staliro.Trace[State], /) -> Result[float, None]:
         if not isinstance(trace, _RunTrace):
@@ -150,25 +150,26 @@ class _Requirement(staliro.Specification[State, float, None]):  # type: ignore[m
 class TaliroSystem(System):
     """A model of psy-taliro as a system that `rtamt_gym.falsify`, `sweep` and `simulate` run.
 
-    Static inputs become parameters of `space`. A signal input whose control points are even and
-    have one range becomes a signal, with as many points at the same times; any other becomes a
-    parameter for each control point, ``name[0]`` and so on. A signal that is given other control
-    points, as when a violating input is reduced, hands its values at those times to psy-taliro,
-    whose factory makes the signal between them.
+    Static inputs become parameters of `space`. A signal input with even control points of one range
+    becomes a signal with as many points at the same times; any other becomes a parameter for each
+    control point, ``name[0]`` and so on. If a signal gets other control points, as when a violating
+    input is reduced, psy-taliro gets its values at the original times, and its factory makes the
+    signal between them.
 
     Attributes:
         space: What is searched.
 
     Args:
         model: The model.
-        options: What its inputs are: ``tspan``, ``static_inputs`` and ``signals`` are read.
+        options: The description of its inputs: ``tspan``, ``static_inputs`` and ``signals`` are
+            read.
         period: Seconds between samples. A trace with other times, as of an ordinary differential
             equation, is sampled; between two times its values lie on straight lines.
         columns: The places of variables in the states, ``{"gap": 0}``. None: states have names.
 
     Raises:
-        InputError: If there are no inputs, or ``tspan`` is missing and there are signals.
-        InputTypeError: If model or options are none of psy-taliro.
+        InputError: If there are no inputs, or signals without ``tspan``.
+        InputTypeError: If model or options do not belong to psy-taliro.
 
     Example:
         >>> import staliro
@@ -227,7 +228,7 @@ class TaliroSystem(System):
         return made
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
-        """Keeps what is read, and the period."""
+        """Store the recorded names and the period."""
         self._reads = named_signals(variables, signals)
         self._step = float(period or 1)
 

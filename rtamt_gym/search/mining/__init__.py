@@ -1,1 +1,1 @@
-"""Finds the tightest constant for which a requirement holds on all traces."""
+"""Mining of the tightest constant with which a requirement holds on all traces."""

@@ -1,4 +1,4 @@
-"""The tightest value for which all traces satisfy a requirement, by bisection."""
+"""Bisection for the tightest value with which all traces satisfy a requirement."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PROBES: Final = 17
 
 
 class ValueVerdict(NamedTuple):
-    """What a trace is at one value of the parameter."""
+    """The verdict and robustness of a trace at one value of the parameter."""
 
     verdict: Verdict
     robustness: float
@@ -27,12 +27,12 @@ class ValueVerdict(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The tightest value, and what shows that it is.
+    """The tightest value, with its evidence.
 
     Attributes:
         place: The number of the value.
-        tighter: The number of the neighbour, for which the requirement does not hold.
-        failing: The traces that do not satisfy it there, the one with the least robustness first.
+        tighter: The number of the neighbour, where the requirement does not hold.
+        failing: The traces that do not satisfy it there, in ascending order of robustness.
         robustness: The robustness of each of them at the tightest value.
         evaluations: How many times a trace was judged.
         probes: At how many values every trace was judged.
@@ -91,8 +91,8 @@ class _Bisection:
             f"{verdict} at {self.text(place)}" for verdict, place in zip(verdicts, at, strict=True)
         )
         raise InputError(
-            f"expected a requirement that is monotone in {self.parameter!r}; "
-            f"{self.names[trace]} is {shown}; give a range in which it changes once"
+            f"expected a requirement that is monotone in {self.parameter!r}; {self.names[trace]} "
+            f"is {shown}; give a range with a single change"
         )
 
 
@@ -103,18 +103,18 @@ def tightest(
     judge: Callable[[int, Fraction], ValueVerdict],
     advance: Callable[[int], None],
 ) -> Found:
-    """Finds the tightest value for which all traces satisfy a requirement.
+    """Return the tightest value with which all traces satisfy a requirement.
 
-    Every trace is judged at `PROBES` values. Then the traces are taken one after the other, and
-    only one that does not satisfy the requirement at the tightest value so far is bisected. In the
-    end all are judged at the value that was found, and at its neighbour.
+    Every trace is judged at `PROBES` values. Then each trace that does not satisfy the requirement
+    at the tightest value so far is bisected. In the end all traces are judged at the resulting
+    value and at its neighbour.
 
     Args:
         names: The names of the traces.
         values: The values.
         parameter: The name of the parameter.
         judge: Judges the trace of a number at a value.
-        advance: Is told how many traces were judged at all probes.
+        advance: A function that gets the number of traces judged at all probes.
 
     Raises:
         InputError: If a trace changes its verdict more than once over the values, two traces change
@@ -170,7 +170,7 @@ def tightest(
 
 
 def _refuse_opposite(search: _Bisection, brackets: Sequence[tuple[int, int, int]]) -> None:
-    """Refuses traces of which one needs greater values and another needs smaller ones."""
+    """Raise InputError if traces need values in opposite directions."""
     rising = next((each for each in brackets if each[0] < each[1]), None)
     falling = next((each for each in brackets if each[0] > each[1]), None)
     if rising is None or falling is None:

@@ -1,4 +1,4 @@
-"""`mine`: finds the tightest constant for which a requirement holds on all traces."""
+"""`mine`: the tightest constant with which a requirement holds on all traces."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Witness:
         name: Its name: the path, the label of a run, or its number.
         index: Its number among the traces, from 0.
         robustness: Its robustness at the value that was found.
-        trace: What was handed over; of a sweep, the `Row`, which ``sweep.replay`` runs again.
+        trace: The trace as passed; for a sweep, the `Row`, which ``sweep.replay`` runs again.
     """
 
     name: str
@@ -57,9 +57,9 @@ class Witness:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Mined:
-    """The tightest value of a parameter for which a requirement holds on all traces.
+    """The tightest value of a parameter with which a requirement holds on all traces.
 
-    ``print`` shows the value, what decided it, and how far it was checked.
+    ``print`` shows the value, the trace that decided it, and how far it was checked.
 
     Attributes:
         requirement: The requirement with its parameter, as it was given.
@@ -67,22 +67,22 @@ class Mined:
         value: The value. The requirement holds for it on all traces; that was judged.
         side: ``"least"`` if the requirement holds from this value on, ``"greatest"`` if it holds up
             to it.
-        fails_at: The neighbour of the value on the other side, for which it does not hold on all;
-            that was judged too.
-        low: The least value that was looked at.
-        high: The greatest value that was looked at.
+        fails_at: The neighbour of the value on the other side, where it does not hold on all
+            traces; this was judged too.
+        low: The lower end of the range.
+        high: The upper end of the range.
         specification: The requirement with the value in the place of the parameter.
         traces: The number of traces.
-        witnesses: The traces that do not satisfy the requirement at ``fails_at``, the one with the
-            least robustness there first.
+        witnesses: The traces that do not satisfy the requirement at ``fails_at``, in ascending
+            order of robustness there.
         explanation: Which sub-formulas and samples decide the robustness of the first witness at
             the value.
         evaluations: How many times a trace was judged.
         probes: At how many values, both ends among them, every trace was judged to see whether it
             changes its verdict once at most.
-        notes: What else is to be known, in sentences.
-        triggers: How many traces put the requirement to the test at the value; None if it has no
-            implication. Where it is 0, the value says nothing of the system.
+        notes: Further remarks, in sentences.
+        triggers: How many traces trigger the requirement at the value; None if it has no
+            implication. If it is 0, the value does not describe the system.
     """
 
     requirement: str
@@ -116,7 +116,7 @@ class Mined:
 
     @property
     def _formula(self) -> str:
-        """The text if it is one formula that shows its parameter, else the formula at the value."""
+        """The text, if it is one formula with its parameter; otherwise the formula at the value."""
         shows = f"?{self.parameter}" in self.requirement
         return self.requirement if shows and "\n" not in self.requirement else self.formula
 
@@ -127,14 +127,14 @@ class Mined:
 
     @property
     def never_triggered(self) -> str:
-        """That no trace puts the requirement to the test at the value, in words; else empty."""
+        """A warning that no trace triggers the requirement at the value; otherwise empty."""
         if self.triggers != 0:
             return ""
         what = f"{self.parameter} = {text_of(self.value)}"
         return f"never triggered: {what} in 0 of {counted(self.traces, 'trace')}"
 
     def to_json(self) -> str:
-        """The value as a result of the kind ``"mined"``, whose trials are the witnesses."""
+        """Return the value as a result of the kind ``"mined"``, with the witnesses as trials."""
         names = ("requirement", "parameter", "value", "side", "fails_at", "low", "high", "traces")
         trials = [
             Trial.of_trace(each.name, "", {self.parameter: Outcome.of_height(each.robustness)})
@@ -202,31 +202,31 @@ def mine(
     progress: bool = True,
     **reading: Unpack[EvaluationKeywords],
 ) -> Mined:
-    """Finds the tightest value of a parameter for which a requirement holds on all traces.
+    """Return the tightest value of a parameter with which a requirement holds on all traces.
 
     A ``?`` before a name makes it the parameter: ``always(speed < ?v)``. It may stand in place of a
     number in a predicate, which is then found to a tolerance, or of a bound in an interval,
     ``eventually[0:?t](x > 1)``, which is then sought among the multiples of the period.
 
     The requirement has to be monotone: all traces satisfy it from some value on, or up to it. That
-    is checked by judging, not proved: every trace is judged at 17 values spread over the range, and
-    one that changes its verdict twice is refused with the values that show it. Then bisection finds
-    the value. What it finds is certain: at the value all traces were judged to satisfy the
-    requirement, and at its neighbour one was judged not to.
+    is checked, not proved: every trace is judged at 17 values spread over the range, and a trace
+    that changes its verdict twice is an error that shows the values. Then bisection finds the
+    value. The result is certain: at the value all traces were judged to satisfy the requirement,
+    and at its neighbour at least one was judged not to.
 
     Args:
         requirement: A text with a parameter ``?name``; or a text or a specification that defines a
             constant of this name (``const float v = 3``), which is then the parameter.
-        traces: One trace or several: columns by name, data frames, paths of files as
-            ``rtamt monitor`` reads them, `Run`s; or a `Sweep`, whose simulations are run again,
-            once, to their end (those that failed are left out).
-        ranges: The least and the greatest value of the parameter: ``{"v": (0, 200)}``.
+        traces: One trace or several: columns by name, data frames, paths of files as ``rtamt
+            monitor`` reads them, `Run`s; or a `Sweep`: its simulations run again, once, to their
+            end, without failed ones.
+        ranges: The lower and upper end of the parameter's range: ``{"v": (0, 200)}``.
         constants: Values of other parameters and constants.
-        tolerance: The distance of two values that are told apart; their multiples are tried. 0: all
-            floats. None: the power of ten at or below a 100,000th of the range. Not for a bound.
-        end: The reading of the end of a trace, as for `rtamt.judge`. None: ``"complete"`` for a run
-            that its system has ended, else ``"cut"``. What is undecided does not satisfy.
-        progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
+        tolerance: The distance of values to distinguish; its multiples are tried. 0: all floats.
+            Default: the largest power of ten up to a 100,000th of the range. Not for a bound.
+        end: The end mode of a trace, as for `rtamt.judge`. Default: ``"complete"`` for a run that
+            its system ended, otherwise ``"cut"``. An undecided trace does not satisfy.
+        progress: Whether to show a bar on a terminal if tqdm is installed.
         **reading: How samples are judged: ``period`` (None: the period of a file or a run, else
             bounds count samples), ``nan``, ``align`` (a run has the one that it was judged with),
             ``semantics``, ``inputs`` and ``outputs``, as for `rtamt.judge`.
@@ -236,7 +236,7 @@ def mine(
         InputError: If the requirement is not monotone, or holds for no value of the range, or for
             all; if there is not one parameter with a range; if a trace cannot be read or judged.
         InputTypeError: If an argument is not of the types above.
-        OSError: If there is no such file.
+        OSError: If a file does not exist.
 
     Example:
         >>> from rtamt_gym import mine

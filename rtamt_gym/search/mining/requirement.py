@@ -53,8 +53,8 @@ class Template:
     Attributes:
         text: The requirement, as it was given.
         parameter: The name of the parameter.
-        low: The least value that is asked for.
-        high: The greatest value that is asked for.
+        low: The lower end of the range.
+        high: The upper end of the range.
         unit: The unit of the parameter if it bounds a time, as in ``eventually[0:?t](x > 1)``; None
             if it does not.
     """
@@ -94,7 +94,7 @@ class Template:
             spec = spec.requirements[self._requirement]
         if len(spec.requirements) > 1:
             raise InputError(
-                f"expected one requirement, got {listing(spec.requirements)}; mine one of them"
+                f"expected one requirement, got {listing(spec.requirements)}; select one"
             )
         if self._every:
             return spec.always()
@@ -105,7 +105,7 @@ class Template:
         return spec
 
     def _bounding_unit(self) -> str | None:
-        """The unit of the parameter if the interval of an operator depends on it, else None."""
+        """The unit of the parameter if an interval of an operator depends on it, or None."""
         least, most = (list(_intervals(self.at(value).formula)) for value in (self.low, self.high))
         for one, other in zip(least, most, strict=True):
             if one != other:
@@ -139,10 +139,10 @@ def template(
         ranges: The range of the parameter.
         constants: Values of other parameters and constants.
         every: Whether the requirement is to hold at every sample, not at the first alone.
-        text: What is shown as the requirement; empty: what was given.
+        text: The displayed text of the requirement; empty for the original text.
 
     Raises:
-        InputError: If there is not one parameter with a range, or the range is no range.
+        InputError: If not exactly one parameter has a range, or the range is empty.
         InputTypeError: If an argument is not of the types above.
         SpecificationError: If the requirement is wrong, or reads no sample but the first.
     """
@@ -176,7 +176,7 @@ def template(
 def check_parameter(
     given: str | rtamt.Specification, parameter: str, fixed: Mapping[str, object]
 ) -> None:
-    """Refuses a name that is no parameter of the requirement, and a parameter without a value.
+    """Raise InputError for a name that is not a parameter, or a parameter without a value.
 
     Args:
         given: The requirement.
@@ -221,7 +221,7 @@ def _read_range(parameter: str, ends: object) -> tuple[float, float]:
     low, high = map(float, read)
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise InputError(
-            f"expected the range of {parameter!r} as two finite numbers, the least first, got "
+            f"expected the range of {parameter!r} as two finite numbers, the smaller first, got "
             f"{number(low)} and {number(high)}"
         )
     return low, high

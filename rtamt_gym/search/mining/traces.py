@@ -1,4 +1,4 @@
-"""What a parameter is mined over: recorded traces, runs of simulations, runs of a sweep."""
+"""Traces for mining: recorded traces, runs of simulations and runs of a sweep."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ class Samples:
 
     Attributes:
         name: Its name in messages.
-        given: What was handed over; of a sweep, the `Row`.
+        given: The trace as passed; for a sweep, the `Row`.
         signals: The values of its variables, as `rtamt.judge` takes them.
         reading: How it is judged: its period in seconds, and the reading of its end too.
         n: The number of samples, if it is known.
         start: The time of the first sample.
-        notes: What was done to it that its file does not say, in sentences.
+        notes: Changes to the trace that its file does not show, in sentences.
         stopped: Whether it is a run that was stopped at a verdict.
     """
 
@@ -101,7 +101,7 @@ def samples_of(
     *,
     shown: bool,
 ) -> tuple[list[Samples], tuple[str, ...]]:
-    """Reads the traces; returns them, and what a reader of the result is to know of them.
+    """Return the traces, and notes on them for readers of the result.
 
     Args:
         traces: The traces.
@@ -111,9 +111,9 @@ def samples_of(
         shown: Whether to show a bar while runs are made.
 
     Raises:
-        InputError: If there is none, one cannot be read, or a sweep has no system to run.
-        InputTypeError: If one is no trace.
-        OSError: If there is no such file.
+        InputError: If there is no trace, a trace cannot be read, or a sweep has no system.
+        InputTypeError: If a value is not a trace.
+        OSError: If a file does not exist.
     """
     every = [traces] if _is_one(traces) else _listed(traces)
     read: list[Samples] = []
@@ -147,7 +147,7 @@ def samples_of(
 
 
 def notes_on(traces: Sequence[Samples]) -> tuple[str, ...]:
-    """What a reader of the result is to know of the traces."""
+    """Return notes on the traces for readers of the result."""
     having: dict[str, list[str]] = {}
     for trace in traces:
         for note in trace.notes:
@@ -178,7 +178,7 @@ def _listed(traces: Any) -> list[Any]:  # noqa: ANN401
 
 
 def _check_columns(name: str, given: object, spec: rtamt.Specification) -> None:
-    """Refuses a mapping without a variable, such as one of traces by name."""
+    """Raise InputError for a mapping without a variable, such as traces by name."""
     variables = {re.split(r"[.\[]", each)[0] for each in spec.variables} | {*spec.variables}
     if not isinstance(given, Mapping) or not variables or variables & given.keys():
         return
@@ -223,8 +223,8 @@ def _of_file(
 ) -> Samples:
     if not Path(path).suffix and path != "-" and not Path(path).exists():
         raise InputError(
-            f"there is no file {path!r}; of a system write "
-            f"mine(requirement, sweep({path!r}, ...), ranges)"
+            f"the file {path!r} does not exist; for a system write mine(requirement, "
+            f"sweep({path!r}, ...), ranges)"
         )
     if Path(path).is_dir() and not is_bag(path):
         raise InputError(f'{path} is a folder; write sorted(Path("{path}").glob("*.csv"))')
@@ -244,7 +244,7 @@ def _of_file(
 def _of_episode(
     reading: EvaluationOptions, period: Fraction | None, ended: RunEnd
 ) -> EvaluationOptions:
-    """How a run is judged; one that its system has ended is all there is."""
+    """Return the end mode of a run: complete if its system ended it."""
     if reading.period is None:
         reading = reading.having(period=period)
     if "end" not in reading.given and ended == "terminated":
@@ -259,7 +259,7 @@ def _of_sweep(
     *,
     shown: bool,
 ) -> list[Samples]:
-    """Runs the simulations of a sweep again, each to its end; keeps what a requirement reads."""
+    """Run the simulations of a sweep again, each to its end; return the signals it reads."""
     runner = sweep.under({"mined": spec})
     rows = {i: row for i, row in enumerate(sweep.record) if not row.error}
     kept: dict[int, SimulatedTrace] = {}

@@ -111,7 +111,7 @@ def _float(ordinal: int) -> float:
 
 
 def values_between(low: float, high: float, tolerance: float | None) -> Candidates:
-    """The values from which a constant is chosen: steps of a tolerance, or all floats of a range.
+    """The candidate values of a constant: steps of a tolerance, or all floats of a range.
 
     Args:
         low: The least value.
@@ -120,7 +120,7 @@ def values_between(low: float, high: float, tolerance: float | None) -> Candidat
             100,000th of the range.
 
     Raises:
-        InputError: If the tolerance is no finite number from 0 up to the width of the range.
+        InputError: If the tolerance is not a finite number from 0 up to the width of the range.
 
     Example:
         >>> [text_of(values_between(1, 200, step).at(1)) for step in (None, 0.25, 0)]

@@ -1,1 +1,1 @@
-"""Runs a system on many points of a space, and says what moves its robustness."""
+"""Simulations of a system on many points of a space, and the effects on its robustness."""

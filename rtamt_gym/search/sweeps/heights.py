@@ -36,9 +36,9 @@ class RobustnessMap:
         values: The robustness of each of them, shape (n,).
         xs: The different numbers of x, increasing.
         ys: The different numbers of y, increasing.
-        cells: The robustness of each pair of numbers, shape (ys, xs), nan where it failed; None if
-            the simulations are no grid.
-        folded: Whether a cell is the least of several simulations.
+        cells: The robustness of each pair of numbers, shape (ys, xs), nan for failures; None if the
+            simulations are not a grid.
+        folded: Whether a cell is the minimum of several simulations.
     """
 
     requirement: str
@@ -52,7 +52,7 @@ class RobustnessMap:
     folded: bool
 
     def lines(self) -> list[str]:
-        """The cells as a table for a terminal; no lines if they are no grid, or too wide."""
+        """Return the cells as a table for a terminal; empty if they are not a grid, or too wide."""
         if self.cells is None:
             return []
         rows = [(shorten(self.y, 24), *(f"{x:.4g}" for x in self.xs))]
@@ -71,8 +71,8 @@ def map_of(
     """The map of a requirement over two columns; None: the second and the first of only two.
 
     Raises:
-        InputError: If there is no such column or requirement, one is left out where there are
-            others to choose from, or no simulation has a robustness.
+        InputError: If a column or requirement is unknown, is missing although there are several, or
+            no simulation has a robustness.
     """
     name = record.name(requirement)
     x, y = two_of(space.columns, x, y)
@@ -80,7 +80,7 @@ def map_of(
     heights = record.robustness_values(name)
     known = ~np.isnan(heights)
     if not known.any():
-        raise InputError(f"no simulation has a robustness of {name!r}: there is no map")
+        raise InputError(f"cannot draw a map: no simulation has a robustness of {name!r}")
     xs, i = np.unique(every[:, 0], return_inverse=True)
     ys, j = np.unique(every[:, 1], return_inverse=True)
     times = np.zeros((len(ys), len(xs)), np.int64)
@@ -88,7 +88,7 @@ def map_of(
     cells: Floats | None = None
     if times.all():
         cells = np.full(times.shape, np.nan)
-        # The least, as far as any is known.
+        # the minimum of the known values
         np.fmin.at(cells, (j, i), heights)
     folded = cells is not None and bool((times > 1).any())
     return RobustnessMap(name, x, y, every[known], heights[known], xs, ys, cells, folded)
@@ -98,7 +98,7 @@ def two_of(columns: Sequence[str], x: str | None, y: str | None) -> tuple[str, s
     """The columns of a map; where neither is named, the second and the first of only two.
 
     Raises:
-        InputError: If there is no such column, or one is left out where there are others to choose.
+        InputError: If a column is unknown, or is missing although there are several.
     """
     if x is None or y is None:
         if len(columns) != 2 or x is not y:
@@ -112,8 +112,8 @@ def two_of(columns: Sequence[str], x: str | None, y: str | None) -> tuple[str, s
     for column in (x, y):
         if column not in columns:
             raise InputError(
-                f"there is no column {column!r}; the space has {listing(columns)}"
-                f"{nearest(column, columns)}"
+                f"unknown column {column!r}; the space has "
+                f"{listing(columns)}{nearest(column, columns)}"
             )
     if x == y:
         raise InputError(f"expected two different columns, got {x!r} as x and as y")

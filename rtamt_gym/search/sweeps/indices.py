@@ -37,7 +37,7 @@ SALib."""
 
 @dataclass(frozen=True, eq=False)
 class Indices:
-    """How much each column of a space moves the robustness of a requirement, greatest first.
+    """How much each column of a space moves the robustness of a requirement, in descending order.
 
     A sweep with Morris's trajectories gives ``mu*``, the mean size of the change by a step in a
     column (in the unit of the robustness, for a step over the whole range), ``mu``, the same with
@@ -67,7 +67,7 @@ class Indices:
 
     def __str__(self) -> str:
         head = ("varied", *self.values)
-        # What differences of rounded numbers leave is shown as 0.
+        # Differences of rounding are shown as 0.
         least = 1e-12 * max(float(np.abs(values).max()) for values in self.values.values())
         shown = [np.where(np.abs(values) > least, values, 0.0) for values in self.values.values()]
         rows = [

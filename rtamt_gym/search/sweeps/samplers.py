@@ -58,7 +58,7 @@ many points |
 
     Raises:
         InputError: If the number does not fit the sampler.
-        InputTypeError: If it is no whole number.
+        InputTypeError: If it is not a whole number.
         ModuleNotFoundError: If the sampler needs SciPy or SALib, which the extra ``search``
             installs.
 
@@ -122,9 +122,9 @@ def _grid(space: Space, samples: SampleCount) -> Points:
     total = math.prod(map(len, axes))
     if total * len(axes) > _MOST:
         raise InputError(
-            f"expected a smaller grid, got one of {total} points in {len(axes)} columns; ",
+            f"expected a smaller grid, got {total} points in {len(axes)} columns; ",
             Argument("sampler", "sobol"),
-            " fills a space with any number",
+            " fills a space with any number of points",
         )
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 

@@ -1,4 +1,4 @@
-"""`sweep`: runs a system on many points of a space, and keeps what each has become."""
+"""`sweep`: simulations of a system on many points of a space, with their outcomes."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ class FailedSimulationWarning(UserWarning):
 class Sweep:
     """Many simulations of one system, each on a point of a space; `sweep` makes it.
 
-    ``print`` shows the robustness and the verdicts of every requirement; of a grid of two columns
-    also the maps, but for those that are the same everywhere.
+    ``print`` shows the robustness and the verdicts of every requirement, and the maps of a grid of
+    two columns, except maps with a constant value.
 
     Attributes:
         record: The simulations, a row for each.
-        space: What was varied.
+        space: The varied signals and parameters.
         sampler: How the points were chosen.
         seed: The seed that chose them, and the seed of the first simulation.
     """
@@ -77,7 +77,7 @@ class Sweep:
         return self._runner is not None
 
     def worst(self, requirement: str | None = None) -> Trial:
-        """The simulation with the least robustness; ``sweep.replay`` runs it again.
+        """Return the simulation with the smallest robustness; ``sweep.replay`` runs it again.
 
         Raises:
             InputError: As `Record.worst`.
@@ -104,7 +104,7 @@ class Sweep:
         return self._runner.simulate(row.case, row.seed)
 
     def under(self, requirements: Requirements) -> Runner:
-        """A runner of the system under other requirements, whose runs go to their end.
+        """Return a runner of the system under other requirements, with runs to their end.
 
         Raises:
             InputError: If the sweep was read from a file, which does not hold the system.
@@ -139,7 +139,7 @@ class Sweep:
             requirement: The requirement; None: the only one.
 
         Raises:
-            InputError: If there is no such column or requirement, or one has to be named.
+            InputError: If a column or requirement is unknown or must be named.
         """
         return map_of(self.record, self.space, x, y, requirement)
 
@@ -152,7 +152,7 @@ class Sweep:
     ) -> None:
         """Draws `map` into a file: a grid as cells with their numbers, other points as dots.
 
-        Where a grid has more columns, a cell is the least over these. Needs the extra ``plot``.
+        If a grid has more columns, a cell is the minimum over these. Needs the extra ``plot``.
 
         Raises:
             InputError: As `map`, and if the file does not have the extension of a picture.
@@ -243,90 +243,60 @@ def sweep(
     progress: bool = True,
     **reading: Unpack[EvaluationKeywords],
 ) -> Sweep:
-    r"""Runs a system on many points of a space; keeps what every requirement becomes on each.
+    r"""Simulate a system on many points of a space and record the outcome of every requirement.
 
-    An environment whose native vector environment has ``rollout``, as every scenario has, runs many
-    cases side by side; all else runs one by one, by `simulate`. The numbers are the same.
+    Many cases run side by side in a scenario, with the same numbers. docs/sweeps.md describes the
+    record, samplers, sensitivity indices, campaigns in folders and clusters.
 
     Args:
-        system: The id of an environment (``"rtamt/ChasingCars-v0"``), or what `simulate` takes; not
-            a `StepMonitor` or an iterator, which are not the same a second time.
-        requirements: The name of one of the scenario's own requirements (``"AT6a"``), a
-            specification as for `simulate`, or several: a sequence of names and texts, or a mapping
-            from names to specifications. None: all of the scenario's own.
-        space: The signals and parameters to vary. None: the inputs of the scenario.
-        fixed: Parameters that have one value in all simulations, by name.
-        samples: How many points, as the sampler counts them.
-        sampler: How points are chosen: ``"grid"``, ``"sobol"``, ``"lhs"`` (Latin hypercube),
-            ``"random"``, ``"morris"`` or ``"saltelli"``; the last two are for `Sweep.indices`.
-        seed: The seed that chooses the points, and the seed of the first simulation of an
-            environment; each further one has one more.
+        system: The id of an environment, or a system of `simulate` that can be restarted.
+        requirements: Names of the scenario's own requirements (``"AT6a"``), or specifications as
+            for `simulate`: one, a sequence, or a mapping by name. Default: all of the scenario.
+        space: The signals and parameters to vary. Default: the inputs of the scenario.
+        fixed: Parameters with one value in all simulations, by name. Default: no fixed values.
+        samples: The number of points, as the sampler counts them.
+        sampler: ``"sobol"``, ``"lhs"`` (Latin hypercube), ``"random"`` or ``"grid"``; ``"morris"``
+            and ``"saltelli"`` are for `Sweep.indices`.
+        seed: The seed of the points and of the first simulation; simulation i has ``seed + i``.
         signals: As for `simulate`.
         policy: As for `simulate`.
-        duration: The simulated time of a run, in seconds. None: until the system ends by itself.
-        stop: When to stop a run, as for `simulate`; here ``"end"`` unless it is given, because the
-            robustness of whole runs is compared.
-        batch: How many simulations run side by side at most; 1: none do.
-        n_jobs: How many processes run simulations; -1: as many as there are cores. None: this one.
-            The record is the same, but for wall times. One that a simulation ends, by a crash, is
-            started again, and the simulation with it; ended again, its row has a
-            ``ChildProcessError``.
-        backend: Where the processes run: None: on this machine; ``"dask"``: on the workers of the
-            present Dask client; ``"ray"``: on the workers of Ray.
-        timeout: Seconds that a simulation may take, in a process of its own: one that takes longer
-            is ended, even if it hangs, and has a ``TimeoutError`` in its row.
-        folder: A folder for finished simulations. The same call goes on there after an
-            interruption, with those that are not finished; `Record.load` reads them at any time.
-            It stores hashes of the model, of its source and of its policy, and versions.
-        accept_changed: Whether to use the simulations in the folder although the model, its source,
-            its policy, rtamt or the simulator has changed since, which is an error otherwise. The
-            record states the mixture, in ``record.provenance.reuse``.
-        progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **reading: How samples are judged, the options of `rtamt_gym.EvaluationOptions`: ``period``,
-            ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination``
-            and ``at_truncation``.
+        duration: The simulated time of a run in seconds. Default: until the system ends.
+        stop: When to stop a run, as for `simulate`; ``"end"``, the default, compares whole runs.
+        batch: The maximum number of simulations side by side; 1 turns this off.
+        n_jobs: The number of processes; -1: one for each core. Default: this process. A simulation
+            that crashes its process runs again, and then has a ``ChildProcessError`` in its row.
+        backend: ``"dask"`` or ``"ray"`` for a cluster. Default: this machine.
+        timeout: The maximum time of a simulation in seconds, in a process of its own; a longer one
+            is killed and has a ``TimeoutError`` in its row. Default: no limit.
+        folder: A folder for finished simulations; the same call resumes from it. Default: none.
+        accept_changed: Whether to use simulations in the folder although the model, its policy,
+            rtamt or the simulator has changed; ``record.provenance.reuse`` then counts them.
+        progress: Whether to show a bar on a terminal if tqdm is installed.
+        **reading: Evaluation options.
 
     Returns:
-        The record, the space, and what follows from them. An error of a simulation is in its row.
+        The record and the space. A failed simulation keeps its error in its row.
 
     Raises:
         SpecificationError: If a requirement is wrong.
-        InputError: If there is no such system or requirement, the space does not fit, or an option
-            is wrong; if ``folder`` holds another campaign, or simulations of a model that has
-            changed; if all simulations failed, with the error of the first.
-        InputTypeError: If an argument is not of the types above, or the system cannot be sent to
-            another process.
+        InputError: If a name or an option is wrong, the space does not fit, all simulations failed,
+            or ``folder`` belongs to another campaign or a changed model.
+        InputTypeError: If an argument has a wrong type, or the system cannot be sent to a process.
 
     Warns:
         FailedSimulationWarning: If some simulations failed.
 
     Example:
         >>> from rtamt_gym import Parameter, sweep
-        >>> def tank(inflow, leak):
-        ...     level = 1.0
-        ...     for _ in range(20):
-        ...         yield {"level": level}
-        ...         level += inflow - leak * level
-        >>> inflow, leak = Parameter("inflow", 0.1, 0.3), Parameter("leak", 0.1, 0.2)
-        >>> done = sweep(
-        ...     tank,
-        ...     {"dry": "always(level < 2)"},
-        ...     [inflow, leak],
-        ...     samples=3,
-        ...     sampler="grid",
-        ...     period=1,
-        ... )
-        >>> print("\n".join(done.map().lines()))
-        robustness of dry over leak:
-        inflow     0.1   0.15    0.2
-           0.1   1.000  1.000  1.000
-           0.2   0.135  0.682  1.000
-           0.3  -0.730  0.046  0.507
-        >>> row = done.worst()
-        >>> row.case
-        Case({'inflow': 0.3, 'leak': 0.1})
-        >>> done.replay(row)
-        <Run of tank: terminated at 19 s, 20 samples>
+        >>> def tank(inflow):
+        ...     for second in range(10):
+        ...         yield {"level": 1 + inflow * second}
+        >>> space = [Parameter("inflow", 0, 0.2)]
+        >>> done = sweep(tank, "always(level < 2)", space, samples=3, sampler="grid", period=1)
+        >>> done
+        <Sweep of tank: 3 simulations, 1 violates>
+        >>> done.replay(done.worst())
+        <Run of tank: terminated at 9 s, 10 samples>
     """
     seed, judged = _checked_seed(seed), checked_options(reading, sweep, "episodes")
     runner = Runner(
@@ -364,12 +334,12 @@ def sweep(
 
 
 def _also(space: Space, sampler: Sampler, seed: int) -> dict[str, Any]:
-    """What is kept of a sweep beside its record."""
+    """The parts of a saved sweep next to its record."""
     return {"space": written_space(space), "sampler": sampler, "seed": seed}
 
 
 def _checked_seed(seed: object) -> int:
-    """The seed as an int; refuses one that no random generator takes."""
+    """Return the seed as an int; raise an error if no random generator takes it."""
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError(
             "expected ", Argument("seed"), f" as a whole number, 0 or more, got {seed!r}"
@@ -378,14 +348,14 @@ def _checked_seed(seed: object) -> int:
 
 
 def space_of(runner: Runner, space: SpaceLike | None, caller: str) -> Space:
-    """What is varied, with the duration of a run for its signals.
+    """Return the space of the sweep, with the duration of a run for its signals.
 
     Raises:
-        InputError: If nothing is given, and the system says nothing; names the caller.
+        InputError: If no space is passed and the system declares none.
     """
     if space is None and not runner.inputs:
         raise InputError(
-            f"{runner.name} does not say what to vary; ",
+            f"{runner.name} does not declare a space of parameters; ",
             Argument(
                 "space",
                 words=f"give a space, as in {caller}(system, requirements, "

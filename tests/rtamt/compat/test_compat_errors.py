@@ -29,7 +29,7 @@ def test_every_error_is_the_released_exception() -> None:
         "cannot import the module 'nowhere': No module named 'nowhere'": (
             lambda: spec.import_module("nowhere", "Foo")
         ),
-        "expected one of the units s, ms, us, ns, ps, min, h, got 'd'": (
+        "expected a unit (s, ms, us, ns, ps, min, h), got 'd'": (
             lambda: spec.set_sampling_period(1, "d")
         ),
         "expected a tolerance between 0 and 1, got 2": lambda: spec.set_sampling_period(1, "s", 2),

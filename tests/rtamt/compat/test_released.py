@@ -121,7 +121,7 @@ def test_earlier_names_take_the_arguments_of_all_times(name: str) -> None:
     with pytest.raises(rtamt.InputError) as raised:
         spec.iosem = "nonsense"
     assert str(raised.value) == (
-        "expected a member of Semantics, or one of 'standard', 'output-robustness', "
+        "expected a member of Semantics, or 'standard', 'output-robustness', "
         "'input-vacuity', 'input-robustness', 'output-vacuity', got 'nonsense'"
     )
 

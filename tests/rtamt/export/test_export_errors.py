@@ -73,10 +73,9 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
             {"dense": True},
             SpecificationError,
             (
-                "STL:1:1: 'rise' speaks of neighbouring samples, and dense time has none\n"
-                "  rise(x > 1)\n"
-                "  ^\n"
-                "  hint: look a time d away with once[0:d], or use Monitor with a period"
+                "STL:1:1: 'rise' reads the next or previous sample, and dense time has events "
+                "only\n  rise(x > 1)\n  ^\n  hint: look a time d away with once[0:d], or use "
+                "Monitor with a period"
             ),
         ),
     ],

@@ -124,7 +124,7 @@ def test_variables_without_a_default_are_needed(backend: BackendName) -> None:
         ),
         (
             lambda: rtamt.evaluate(alone, {}, backend=backend),
-            "every variable has its default: say how many samples with n=",
+            "every variable has its default: pass the number of samples as n=",
         ),
     ):
         with pytest.raises(rtamt.InputError) as caught:

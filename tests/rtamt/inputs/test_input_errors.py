@@ -274,7 +274,7 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
     (
         lambda b: evaluate("true", {}, backend=b),
         InputError,
-        "the formula has no variables: say how many samples with n=",
+        "the formula has no variables: pass the number of samples as n=",
     ),
     (
         lambda b: evaluate("true", {}, n=-1, backend=b),
@@ -318,11 +318,9 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
         lambda b: Monitor("x > 0 and eventually(y > 0)", backend=b),
         SpecificationError,
         (
-            "STL:1:11: 'eventually' without an end needs the whole future, "
-            "for which Monitor cannot wait\n"
-            "  x > 0 and eventually(y > 0)\n"
-            "            ^\n"
-            "  hint: write an end, as in eventually[0:10], or use EpisodeMonitor or evaluate()"
+            "STL:1:11: 'eventually' without an end needs the whole future, and Monitor cannot wait "
+            "for it\n  x > 0 and eventually(y > 0)\n            ^\n  hint: write an end, as in "
+            "eventually[0:10], or use EpisodeMonitor or evaluate()"
         ),
     ),
     (

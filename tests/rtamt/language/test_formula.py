@@ -200,7 +200,7 @@ def bad(made: object) -> Any:  # noqa: ANN401 - what the checker would refuse is
         (lambda: p.always(-1, 1), "expected a bound of at least 0, got -1"),
         (
             lambda: p.always(0, "5 d"),
-            "expected one of the units s, ms, us, ns, ps, min, h, got 'd'",
+            "expected a unit (s, ms, us, ns, ps, min, h), got 'd'",
         ),
         (lambda: p.always(0, math.nan), "expected a finite number for the end of an interval"),
         (lambda: p.always(0, Fraction(1, 3)), "expected a decimal number, got 1/3"),

@@ -119,7 +119,7 @@ def test_an_operator_is_one_row(add: Add, backend: Literal["python", "auto"]) ->
         formula("lather(x > 1)")
     with pytest.raises(SpecificationError, match="'lX' is the operator 'later' and cannot name"):
         variable("lX")
-    with pytest.raises(ParseError, match="'later' speaks of neighbouring samples"):
+    with pytest.raises(ParseError, match="'later' reads the next or previous sample"):
         rtamt.dense.Monitor("later(x > 1)")
 
 

@@ -222,7 +222,7 @@ def test_the_end_is_an_instant_with_a_robustness_of_its_own(backend: Backend) ->
 )
 def test_operators_on_neighbouring_samples_are_refused(text: str, symbol: str, way: str) -> None:
     expected = (
-        f"STL:1:1: '{symbol}' speaks of neighbouring samples, and dense time has none\n"
+        f"STL:1:1: '{symbol}' reads the next or previous sample, and dense time has events only\n"
         f"  {text}\n"
         "  ^\n"
         f"  hint: look a time d away with {way}, or use Monitor with a period"
@@ -240,7 +240,7 @@ def test_a_formula_without_variables_is_refused() -> None:
     with pytest.raises(SpecificationError) as error:
         rtamt.dense.evaluate("once[0:1] true", {})
     assert str(error.value) == (
-        "STL:1:5: without variables there are no events, which give a trace its begin and end\n"
+        "STL:1:5: a formula without variables has no events to set the start and end of a trace\n"
         "  once[0:1] true\n"
         "      ^\n"
         "  hint: use evaluate() with n=, or a formula of a variable"

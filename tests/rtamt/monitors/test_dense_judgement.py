@@ -360,8 +360,8 @@ def test_times_far_from_0_lose_nothing(whole: Signals, shift: int, backend: Back
         ("x > 0", {}, "expected events of every variable, got none of 'x'"),
         ("sqrt(x) > 0", {"x": [(0, 1), (2, -1)]}, "'sqrt(x)' is not a number at time 2.0"),
         ("x > y", {"x": [(0, 1)], "y": [(1, 1)]}, "expected signals that overlap in time"),
-        ("next(x > 0)", {"x": [(0, 1)]}, "'next' speaks of neighbouring samples"),
-        ("true", {}, "without variables there are no events"),
+        ("next(x > 0)", {"x": [(0, 1)]}, "'next' reads the next or previous sample"),
+        ("true", {}, "a formula without variables has no events"),
     ],
 )
 def test_it_refuses_what_evaluate_dense_refuses(

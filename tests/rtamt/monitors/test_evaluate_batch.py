@@ -156,8 +156,8 @@ X = "always(sqrt(x) > 1)"
             {"lengths": []},
             InputError,
             (
-                "the formula has no variables: say how many samples with an array of shape "
-                "(traces, samples, 0)"
+                "the formula has no variables: pass an array of shape (traces, samples, 0) for the "
+                "number of samples"
             ),
         ),
         (

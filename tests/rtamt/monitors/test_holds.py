@@ -33,8 +33,8 @@ INF = math.inf
 
 
 NAN = (
-    " is no robustness; a monitor gives it as long as the value is unknown: for the first "
-    "`latency` samples, or before the first"
+    " is not a robustness: a monitor returns nan while the value is unknown, for the first "
+    "`latency` samples or before the first sample"
 )
 
 

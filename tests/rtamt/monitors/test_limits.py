@@ -116,7 +116,9 @@ def test_the_first_sample_that_is_not_known_is_refused_if_two_machines_are_too_m
     monkeypatch.setattr(limits, "window_bytes", 4 * one - 1)
     lanes = rtamt.VectorEpisodeMonitor(text, 2, backend=backend)
     lanes.update([[1.0], [3.0]])
-    with pytest.raises(SpecificationError, match="in 2 lanes with samples that are not known"):
+    with pytest.raises(
+        SpecificationError, match="in 2 batch entries with samples that are not known"
+    ):
         lanes.update([[1.0], [1.0]], upper=[[2.0], [1.0]])
     assert (lanes.samples.tolist(), lanes.robustness.tolist()) == ([1, 1], [1.0, 3.0])
 
@@ -184,7 +186,7 @@ def test_the_error_names_bytes_formula_and_limit() -> None:
         "rtamt.limits.window_bytes"
     )
     with pytest.raises(
-        SpecificationError, match="the windows need 160000800 bytes in 10 lanes, and this"
+        SpecificationError, match="the windows need 160000800 bytes in 10 batch entries, and this"
     ):
         limited(1000, lambda: rtamt.VectorMonitor("once[0:2000009](x > 0)", 10))
 

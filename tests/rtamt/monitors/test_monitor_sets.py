@@ -482,7 +482,7 @@ def test_samples_that_are_missing_are_read_as_the_monitors_do(nan: Any, backend:
 
 def test_a_nan_is_refused_with_its_lane_and_the_monitors_in_front_are_fed(backend: Backend) -> None:
     book = book_of(["always(x > 0)", "always(y > 0)", "always(x > 1)"], 2, backend)
-    with pytest.raises(InputError, match=r"y.*nan.*lane 1"):
+    with pytest.raises(InputError, match=r"y.*nan.*batch entry 1"):
         book.feed(np.array([[1.0, 1.0], [1.0, np.nan]]), columns_of(book))
     assert [each.samples.tolist() for each in book.monitors] == [[1, 1], [0, 0], [0, 0]]
 

@@ -118,7 +118,7 @@ def test_copies_go_on_by_themselves(backend: Any) -> None:  # noqa: ANN401
     other.feed([[-1, 1]])
     assert clocks.fractions.tolist() == [[0.25, 0.25]]
     assert other.fractions.tolist() == [[0.5, 0.0]]
-    assert repr(other) == "<OperatorClocks: 1 over 1 parts in 2 lanes>"
+    assert repr(other) == "<OperatorClocks: 1 over 1 parts in 2 batch entries>"
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -147,15 +147,15 @@ OUT_OF_ORDER = (
         ),
         (
             lambda clocks: clocks.feed([[1, 2]], np.array([1, 0])),
-            "expected a mask of 2 booleans, one for each lane, got int64 of the shape (2,)",
+            "expected a mask of 2 booleans, one for each batch entry, got int64 of the shape (2,)",
         ),
         (
             lambda clocks: clocks.reset(np.array([True])),
-            "expected a mask of 2 booleans, one for each lane, got bool of the shape (1,)",
+            "expected a mask of 2 booleans, one for each batch entry, got bool of the shape (1,)",
         ),
         (
             lambda _: OperatorClocks([ONE, ONE._replace(asked=1)], 1, 2),
-            "expected clocks of the parts 0 to 0, got one of 1",
+            "expected clocks of the parts 0 to 0, got part 1",
         ),
         (
             lambda _: OperatorClocks([ONE._replace(event="until")], 1, 2),

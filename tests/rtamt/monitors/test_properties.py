@@ -360,7 +360,7 @@ def test_one_below_a_window_of_one_sample_is_refused(name: str, text: str, symbo
     if name == "DenseMonitor":
         monitor, instead = "rtamt.dense.Monitor", "rtamt.dense.evaluate()"
     assert reason.partition(": ")[2] == (
-        f"'{symbol}' without an end needs the whole future, for which {monitor} cannot wait"
+        f"'{symbol}' without an end needs the whole future, and {monitor} cannot wait for it"
     )
     assert hint == f"  hint: write an end, as in {symbol}[0:10], or use {instead}"
 

@@ -200,7 +200,7 @@ def test_hold_keeps_an_interval(backend: Backend) -> None:
             [[1, 1], [1, 1]],
             (
                 "expected a lower end of 'x' that is not above the upper one, got 2.0 and 1.0 at "
-                "sample 1 of lane 1"
+                "sample 1 of batch entry 1"
             ),
         ),
         (
@@ -208,7 +208,7 @@ def test_hold_keeps_an_interval(backend: Backend) -> None:
             [[1, -0.0], [2, 1]],
             (
                 "expected a lower end of 'y' that is not above the upper one, got 0.0 and -0.0 at "
-                "sample 1 of lane 0"
+                "sample 1 of batch entry 0"
             ),
         ),
         (
@@ -216,7 +216,7 @@ def test_hold_keeps_an_interval(backend: Backend) -> None:
             [[1, NAN], [2, 1]],
             (
                 "expected numbers as ends of 'y', and -inf and inf of what is not known, got nan "
-                "and nan at sample 1 of lane 0"
+                "and nan at sample 1 of batch entry 0"
             ),
         ),
         ([[1, 1], [2, 1]], [[1], [2]], "expected an array of shape (2, 2)"),
@@ -224,7 +224,7 @@ def test_hold_keeps_an_interval(backend: Backend) -> None:
             [[1, 1], [-9, 0]],
             [[2, 1], [-8, 3]],
             (
-                "'sqrt(x + y)' is not a number at sample 1 of lane 1, "
+                "'sqrt(x + y)' is not a number at sample 1 of batch entry 1, "
                 "where x = UncertainValue(-9.0, -8.0), y = UncertainValue(0.0, 3.0)"
             ),
         ),
@@ -248,7 +248,7 @@ def test_an_error_leaves_every_lane_as_it_was(
         vector.update([[1.0, 1.0], [NAN, 1.0]])
     only = np.array([True, False])
     vector.finish(only)
-    with pytest.raises(StateError, match="the episode of lane 0 is finished"):
+    with pytest.raises(StateError, match="the episode of batch entry 0 is finished"):
         vector.update([[1, 1], [1, 1]], upper=[[1, 1], [2, 1]])
     vector.update([[5.0, NAN], [1.0, 1.0]], ~only, upper=[[1, 1], [2, 1]])  # that row is ignored
     assert vector.samples.tolist() == [1, 2]

@@ -44,39 +44,41 @@ def same(found: object, expected: object) -> bool:
 MASK = np.array([True, True, False])
 
 
-NEEDED = "expected an array of shape (3, 2), a row for each lane and a column for each of x, y, "
+NEEDED = (
+    "expected an array of shape (3, 2), a row for each batch entry and a column for each of x, y, "
+)
 
 
 REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
     (
         lambda v: v.update(np.zeros((2, 3))),
         InputError,
-        NEEDED + "got shape (2, 3); lanes that a mask leaves out have rows too",
+        NEEDED + "got shape (2, 3); batch entries outside the mask need rows too",
     ),
     (
         lambda v: v.update(np.zeros((2, 2)), MASK),
         InputError,
-        NEEDED + "got shape (2, 2); lanes that a mask leaves out have rows too",
+        NEEDED + "got shape (2, 2); batch entries outside the mask need rows too",
     ),
     (
         lambda v: v.update(np.zeros(6)),
         InputError,
-        NEEDED + "got shape (6,); lanes that a mask leaves out have rows too",
+        NEEDED + "got shape (6,); batch entries outside the mask need rows too",
     ),
     (
         lambda v: v.update(np.zeros((3, 2), dtype=complex)),
         InputTypeError,
-        "expected an array of numbers for the lanes, got complex128",
+        "expected an array of numbers for the batch, got complex128",
     ),
     (
         lambda v: v.update([[1, 2], [3], [4, 5]]),
         InputTypeError,
-        "expected an array of numbers for the lanes, got list [[1, 2], [3], [4, 5]]",
+        "expected an array of numbers for the batch, got list [[1, 2], [3], [4, 5]]",
     ),
     (
         lambda v: v.update(None),
         InputTypeError,
-        "expected an array of numbers for the lanes, got NoneType None",
+        "expected an array of numbers for the batch, got NoneType None",
     ),
     (
         lambda v: v.update(np.zeros((3, 2)), [[True], [True, False]]),
@@ -92,8 +94,8 @@ REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
         lambda v: v.update({"x": 1}),
         InputTypeError,
         (
-            "expected an array with a row for each lane, got dict {'x': 1}, whose columns have "
-            "names; pass them by name, as in update(**columns)"
+            "expected an array with a row for each batch entry, got dict {'x': 1} with named "
+            "columns; pass the columns by name, as in update(**columns)"
         ),
     ),
     (
@@ -101,7 +103,7 @@ REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
         InputTypeError,
         (
             "expected a mask of 3 booleans, got dtype int64; "
-            "np.isin(range(3), [0, 2]) makes one from lane numbers"
+            "np.isin(range(3), [0, 2]) makes a mask from indices"
         ),
     ),
     (
@@ -109,49 +111,58 @@ REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
         InputTypeError,
         (
             "expected a mask of 3 booleans, got dtype float64; "
-            "np.isin(range(3), [0, 2]) makes one from lane numbers"
+            "np.isin(range(3), [0, 2]) makes a mask from indices"
         ),
     ),
     (
         lambda v: v.update(np.zeros((3, 2)), [True, False]),
         InputError,
         (
-            "expected a mask of 3 booleans, one for each lane, got shape (2,); "
-            "without a mask all lanes are meant"
+            "expected a mask of 3 booleans, one for each batch entry, got shape (2,); without a "
+            "mask, all entries are updated"
         ),
     ),
     (
         lambda v: v.reset(np.ones((3, 1), dtype=bool)),
         InputError,
         (
-            "expected a mask of 3 booleans, one for each lane, got shape (3, 1); "
-            "without a mask all lanes are meant"
+            "expected a mask of 3 booleans, one for each batch entry, got shape (3, 1); without a "
+            "mask, all entries are updated"
         ),
     ),
     (
         lambda v: v.update([[1.0, 1.0], [1.0, NAN], [NAN, 1.0]]),
         InputError,
-        "variable 'y' is nan at sample 2 of lane 1; pass nan='hold' to keep the last value instead",
+        (
+            "variable 'y' is nan at sample 2 of batch entry 1; pass nan='hold' to keep the last "
+            "value instead"
+        ),
     ),
     (
         lambda v: v.update([[1.0, 1.0], [NAN, NAN], [1.0, 1.0]], MASK),
         InputError,
-        "variable 'x' is nan at sample 2 of lane 1; pass nan='hold' to keep the last value instead",
+        (
+            "variable 'x' is nan at sample 2 of batch entry 1; pass nan='hold' to keep the last "
+            "value instead"
+        ),
     ),
     (
         lambda v: v.update([[1, 1], [1, 1], [0, -1]]),
         InputError,
-        "'sqrt(x + y)' is not a number at sample 1 of lane 2, where x = 0.0, y = -1.0",
+        "'sqrt(x + y)' is not a number at sample 1 of batch entry 2, where x = 0.0, y = -1.0",
     ),
     (
         lambda v: v.update([[-1.0, 0.0], [1.0, 1.0], [NAN, 1.0]]),
         InputError,
-        "variable 'x' is nan at sample 1 of lane 2; pass nan='hold' to keep the last value instead",
+        (
+            "variable 'x' is nan at sample 1 of batch entry 2; pass nan='hold' to keep the last "
+            "value instead"
+        ),
     ),
     (
         lambda v: v.update([[-1, 0], [-2, 0], [-3, 0]], ~MASK),
         InputError,
-        "'sqrt(x + y)' is not a number at sample 1 of lane 2, where x = -3.0, y = 0.0",
+        "'sqrt(x + y)' is not a number at sample 1 of batch entry 2, where x = -3.0, y = 0.0",
     ),
 ]
 
@@ -184,16 +195,18 @@ def test_a_nan_that_cannot_be_held_is_refused(backend: Backend) -> None:
     with pytest.raises(InputError) as caught:
         vector.update([[NAN, 1.0], [NAN, 1.0]])
     assert str(caught.value) == (
-        "variable 'x' is nan at sample 0 of lane 1; "
+        "variable 'x' is nan at sample 0 of batch entry 1; "
         "nan='hold' keeps the last value, and the first sample has none"
     )
     assert vector.update([[NAN, 1.0], [1.0, 1.0]]).tolist() == [2.0, 2.0]
     vector.reset([True, False])
-    with pytest.raises(InputError, match="variable 'y' is nan at sample 0 of lane 0; "):
+    with pytest.raises(InputError, match="variable 'y' is nan at sample 0 of batch entry 0; "):
         vector.update([[1.0, NAN], [NAN, 1.0]])
     with pytest.raises(InputError) as caught:
         vector.update([[1.0, 1.0], [math.inf, -math.inf]])
-    assert str(caught.value).startswith("'x + y' is not a number at sample 1 of lane 1, where ")
+    assert str(caught.value).startswith(
+        "'x + y' is not a number at sample 1 of batch entry 1, where "
+    )
 
 
 def test_a_finished_lane_takes_no_sample(backend: Backend) -> None:
@@ -203,8 +216,8 @@ def test_a_finished_lane_takes_no_sample(backend: Backend) -> None:
     with pytest.raises(StateError) as caught:
         vector.update(np.full((3, 1), NAN))
     assert str(caught.value) == (
-        "the episode of lane 1 is finished; "
-        "reset it before its next update, or leave it out with a mask"
+        "the episode of batch entry 1 is finished; reset it before its next update, or exclude it "
+        "with a mask"
     )
     assert vector.samples.tolist() == [1, 1, 1]
     assert vector.update([[2.0], [NAN], [-1.0]], [True, False, True]).tolist() == [1.0, 1.0, -1.0]
@@ -219,8 +232,8 @@ def test_finish_needs_a_sample_in_every_lane_and_finishes_all_or_none(backend: B
     with pytest.raises(StateError) as caught:
         vector.finish()
     assert str(caught.value) == (
-        "finish() needs at least one sample, lane 2 has got none since its reset; "
-        "leave it out with a mask"
+        "finish() needs at least one sample, batch entry 2 got 0 since its reset; exclude it with "
+        "a mask"
     )
     assert vector.finished.tolist() == [False, False, False]
     for _ in range(2):
@@ -235,25 +248,28 @@ def test_finish_needs_a_sample_in_every_lane_and_finishes_all_or_none(backend: B
 @pytest.mark.parametrize(
     ("num", "error", "message"),
     [
-        (0, InputError, "expected 1 or more lanes, got 0"),
-        (-3, InputError, "expected 1 or more lanes, got -3"),
-        (2**24 + 1, InputError, "expected at most 16777216 lanes, got 16777217"),
-        (2**62, InputError, f"expected at most 16777216 lanes, got {2**62}"),
-        (2**70, InputError, f"expected at most 16777216 lanes, got {2**70}"),
+        (0, InputError, "expected 1 or more batch entries, got 0"),
+        (-3, InputError, "expected 1 or more batch entries, got -3"),
+        (2**24 + 1, InputError, "expected at most 16777216 batch entries, got 16777217"),
+        (2**62, InputError, f"expected at most 16777216 batch entries, got {2**62}"),
+        (2**70, InputError, f"expected at most 16777216 batch entries, got {2**70}"),
         (
             cast("int", 2.5),
             InputTypeError,
-            "expected a whole number of lanes, got 2.5; the period is the third argument",
+            "expected a whole number of batch entries, got 2.5; the period is the third argument",
         ),
         (
             cast("int", "100ms"),
             InputTypeError,
-            "expected a whole number of lanes, got '100ms'; the period is the third argument",
+            (
+                "expected a whole number of batch entries, got '100ms'; the period is the third "
+                "argument"
+            ),
         ),
         (
             True,
             InputTypeError,
-            "expected a whole number of lanes, got True; the period is the third argument",
+            "expected a whole number of batch entries, got True; the period is the third argument",
         ),
     ],
 )
@@ -387,7 +403,7 @@ def test_uncertain_columns_are_between(backend: Backend) -> None:
 def test_a_default_whose_last_value_is_unknown_is_refused(backend: Backend) -> None:
     monitor = VectorEpisodeMonitor(DECLARED, 2, backend=backend)
     monitor.update(x=[1, 1], limit=UncertainValue([2, 2], [2, 3]))
-    with pytest.raises(InputError, match="'limit', whose last value is not known in lane 1"):
+    with pytest.raises(InputError, match="'limit': batch entry 1 has no known last value"):
         monitor.update(x=[1, 1])
 
 

@@ -240,7 +240,9 @@ def test_an_episode_that_another_thread_ends_while_values_are_read_takes_none(
         return found
 
     monkeypatch.setattr(LaneReader, "ends", late)
-    with pytest.raises(StateError, match=r"^the episode of lane 0 is finished; reset it before"):
+    with pytest.raises(
+        StateError, match=r"^the episode of batch entry 0 is finished; reset it before"
+    ):
         episodes.update([[math.nan], [3.0]])
     assert episodes.samples.tolist() == [1, 1]
 

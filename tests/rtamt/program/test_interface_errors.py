@@ -43,8 +43,8 @@ REFUSED: list[tuple[str, dict[str, Any], type[RtamtError], str]] = [
         {"semantics": "input-vacuity"},
         InputError,
         (
-            "semantics='input-vacuity' is about inputs, and there are none; declare them in the "
-            "text (input float req) or name them: inputs=('req',)"
+            "semantics='input-vacuity' needs input variables, and none are declared; declare them "
+            "in the text (input float req) or name them: inputs=('req',)"
         ),
     ),
     (
@@ -52,8 +52,8 @@ REFUSED: list[tuple[str, dict[str, Any], type[RtamtError], str]] = [
         {"semantics": "output-vacuity"},
         InputError,
         (
-            "semantics='output-vacuity' is about outputs, and there are none; declare them in the "
-            "text (output float x) or name them: outputs=('x',)"
+            "semantics='output-vacuity' needs output variables, and none are declared; declare "
+            "them in the text (output float x) or name them: outputs=('x',)"
         ),
     ),
     (

@@ -160,18 +160,18 @@ def test_rates_are_read_and_named(capsys: pytest.CaptureFixture[str]) -> None:
         (
             ["x < 2"],
             (
-                "--rate: expected a variable and what it changes by at least and at most, such as "
-                "'x in [-2, 2]', got 'x < 2'"
+                "--rate: expected a variable and the range of its change, such as 'x in [-2, 2]', "
+                "got 'x < 2'"
             ),
         ),
         (
             ["x in [-2, fast]"],
             (
-                "--rate: expected a variable and what it changes by at least and at most, such as "
-                "'x in [-2, 2]', got 'x in [-2, fast]'"
+                "--rate: expected a variable and the range of its change, such as 'x in [-2, 2]', "
+                "got 'x in [-2, fast]'"
             ),
         ),
-        (["x in [0, 1]", "x in [0, 2]"], "--rate: 'x' has two rates; give one of them"),
+        (["x in [0, 1]", "x in [0, 2]"], "--rate: 'x' has two rates; give one rate"),
         (
             ["y in [0, 1]"],
             "--rate expected variables of the specification, which are x, got 'y'",
@@ -260,8 +260,8 @@ def test_bounds_in_time_need_a_period(capsys: pytest.CaptureFixture[str]) -> Non
     assert main(["check", "always[0:2s](x > 0)"]) == 2
     message = capsys.readouterr().err
     assert message == (
-        "rtamt: error: --period: spec has bounds with units, and nobody said how long a sample "
-        "is; give --period 100ms, for instance\n"
+        "rtamt: error: --period: spec has bounds with units, and the period of the samples is "
+        "unknown; give it, such as --period 100ms\n"
     )
 
 

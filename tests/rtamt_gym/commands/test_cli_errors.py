@@ -219,8 +219,8 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         (
             "run CartPole-v1 --spec always(x<1) --signal x=action,up",
             (
-                "--signal: expected a number behind the comma, the value at reset, or unknown, "
-                "got 'x=action,up'"
+                "--signal: expected a number after the comma, the value at reset, or unknown, got "
+                "'x=action,up'"
             ),
         ),
         (
@@ -233,7 +233,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ),
         (
             "run CartPole-v1 --spec a=always(x<1) --spec a=always(x<2) --signal x=obs[0]",
-            "expected one specification 'a', got two; name one of them",
+            "expected one specification 'a', got two; rename one",
         ),
         (
             "run CartPole-v1 --spec x<1 --signal x=obs[0]",
@@ -245,9 +245,10 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         (
             "run Blackjack-v1 --spec always[0:2](x<1) --signal x=obs[0]",
             (
-                "specification 'spec' has bounds in time, but Blackjack-v1 does not say how long a "
-                "step lasts: there is no dt, tau or config['policy_frequency'] in it, or in an "
-                "environment inside it; give --period in seconds, or --period 1 if every bound counts steps"
+                "specification 'spec' has bounds in time, but Blackjack-v1 does not state the "
+                "duration of a step: there is no dt, tau or config['policy_frequency'] in it, or "
+                "in an environment inside it; give --period in seconds, or --period 1 if every "
+                "bound counts steps"
             ),
         ),
         (
@@ -256,7 +257,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ),
         (
             "run CartPole-v1 --spec always(x<1) --signal x=obs[0] --json no/x.json",
-            "cannot write no/x.json: there is no folder no",
+            "cannot write no/x.json: the folder no does not exist",
         ),
         (
             "run CartPole-v1 --spec always(x<1) --episodes 0",
@@ -269,7 +270,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
             "run CartPole-v1 --spec always(x<1) --seed -1",
             "argument --seed: expected a whole number, got '-1'; see rtamt run --help",
         ),
-        ("demo --plot no/x.png", "cannot write no/x.png: there is no folder no"),
+        ("demo --plot no/x.png", "cannot write no/x.png: the folder no does not exist"),
     ],
 )
 def test_bad_input_is_refused_in_one_message_and_exit_code_2(

@@ -214,7 +214,7 @@ def run_period(env: gym.Env[Any, Any]) -> float:
         (
             "Blackjack-v1",
             [
-                "Blackjack-v1 does not say how long a step lasts;",
+                "Blackjack-v1 does not state the duration of a step;",
                 "for bounds in time give --period in seconds, or --period 1 if bounds count steps",
                 "obs: Tuple(Discrete(32), Discrete(11), Discrete(2))",
                 "action: Discrete(2)",
@@ -253,7 +253,7 @@ class Stepped(Rich):
         (
             ["dt=0.1", "tau=0.02"],
             [
-                "RtamtStepped-v0 does not say how long a step lasts;",
+                "RtamtStepped-v0 does not state the duration of a step;",
                 "dt (0.1 s) and tau (0.02 s) are different times of a step;",
                 "for bounds in time give --period in seconds, or --period 1 if bounds count steps",
             ],

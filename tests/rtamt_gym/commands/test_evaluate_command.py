@@ -102,7 +102,7 @@ def test_a_scenario_is_evaluated_under_its_own_requirements_and_policy(capsys: O
         ),
         (
             ["--policy", "zero", "--target", "0.9", "--until-width", "0.1"],
-            ("expected one rule, got --until-width 0.1 and --target 0.9; leave out one of them"),
+            ("expected one rule, got --until-width 0.1 and --target 0.9; omit one"),
         ),
         (
             ["--policy", "zero", "--target", "0.9", "--margin", "0.95"],

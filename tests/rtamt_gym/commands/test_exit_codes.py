@@ -211,15 +211,15 @@ def test_an_empty_cell_beside_an_odd_one_does_not_hide_it(folder: Path, capsys: 
         (
             ["--signal", "u=action[0],1_0"],
             (
-                "--signal: expected a number behind the comma, the value at reset, or unknown, "
-                "got 'u=action[0],1_0'"
+                "--signal: expected a number after the comma, the value at reset, or unknown, got "
+                "'u=action[0],1_0'"
             ),
         ),
         (
             ["--signal", "u=action[0],٣"],
             (
-                "--signal: expected a number behind the comma, the value at reset, or unknown, "
-                "got 'u=action[0],٣'"
+                "--signal: expected a number after the comma, the value at reset, or unknown, got "
+                "'u=action[0],٣'"
             ),
         ),
         (["--seed", "٣"], "argument --seed: expected a whole number, got '٣'"),
@@ -280,7 +280,7 @@ def test_times_that_are_too_far_apart_are_code_2(
     (folder / "odd.csv").write_text("time,x\n-1e308,1\n1e308,1\n")
     assert main(["monitor", "always(x > 0)", "odd.csv", *options]) == 2
     assert capsys.readouterr().err == (
-        "rtamt: error: odd.csv, line 3, column 'time': expected times whose distances are finite, "
-        "got 1e+308 after -1e+308; --period reads samples and leaves the column aside\n"
+        "rtamt: error: odd.csv, line 3, column 'time': expected times at finite distances, got "
+        "1e+308 after -1e+308; --period reads samples and ignores the column\n"
     )
     assert main(["monitor", "always(x > 0)", "odd.csv", "--period", "1"]) == 0

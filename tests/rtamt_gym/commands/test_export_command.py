@@ -66,7 +66,7 @@ def test_a_text_that_does_not_look_ahead_is_noted(capsys: Output) -> None:
     [
         (
             "always(next(x > 0))",
-            "STL:1:8: 'next' speaks of neighbouring samples, and dense time has none",
+            "STL:1:8: 'next' reads the next or previous sample, and dense time has events only",
             "look a time d away with eventually[0:d], or leave out --dense",
         ),
     ],
@@ -120,7 +120,7 @@ def test_one_of_several_requirements_is_chosen(capsys: Output) -> None:
         ),
         (
             ["one.stl", "-o", "no/m.fmu", "--period", "1"],
-            "cannot write no/m.fmu: there is no folder no",
+            "cannot write no/m.fmu: the folder no does not exist",
         ),
         (
             ["one.stl", "-o", "one.stl", "--period", "1"],

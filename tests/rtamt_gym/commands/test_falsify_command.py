@@ -153,7 +153,7 @@ MISTAKES = {
         "expected a system as module:function, got the name of a file; write tank:FUNCTION"
     ),
     ("named_systems:pump", "always(x < 2)"): (
-        "pump does not say what to vary; write --vary mass=1:2"
+        "pump does not declare a space of parameters; write --vary mass=1:2"
     ),
     ("named_systems:pump",): (
         "named_systems:pump has no requirements of its own; write 'always(x < 1)'"
@@ -168,13 +168,13 @@ MISTAKES = {
         f"{SYSTEM} has no requirement 'grantd'; it has 'granted'; did you mean 'granted'?"
     ),
     (SYSTEM, "--optimizer", "cam"): (
-        "there is no optimizer 'cam'; there are 'portfolio', 'random', 'sobol', 'corners', 'cma', "
-        "'dual_annealing', 'differential_evolution', 'tpe'; did you mean 'cma'?"
+        "unknown optimizer 'cam'; the optimizers are 'portfolio', 'random', 'sobol', 'corners', "
+        "'cma', 'dual_annealing', 'differential_evolution', 'tpe'; did you mean 'cma'?"
     ),
     (SYSTEM, "--save", "case.yaml"): ("cannot write case.yaml: expected a name that ends in .json"),
     (SYSTEM, "--policy", "random"): (
-        "--policy random: expected a policy that acts alike each time; vary what acts with "
-        "--vary NAME=LOW:HIGH,points=N"
+        "--policy random: expected a policy that repeats its actions; vary the actions with --vary "
+        "NAME=LOW:HIGH,points=N"
     ),
     (SYSTEM, "always(rq < 2)", "--budget", "2"): (
         "variable 'rq' has no signal; the signals are 'req', 'gnt'; did you mean 'req'?"

@@ -260,11 +260,11 @@ def test_a_past_requirement_is_changed_at_every_sample(tmp_path: Path, capsys: O
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--min-killed", "80%"], "--min-killed says something of mutants; give --mutants"),
-        (["--mutation", "bound"], "--mutation says something of mutants"),
-        (["--max-mutants", "5"], "--max-mutants says something of mutants"),
-        (["--write-killing-traces", "x"], "--write-killing-traces says something of mutants"),
-        (["--mutants", "--junit", "x.xml"], "or --junit, which tells of their verdicts"),
+        (["--min-killed", "80%"], "--min-killed needs mutants; give --mutants"),
+        (["--mutation", "bound"], "--mutation needs mutants"),
+        (["--max-mutants", "5"], "--max-mutants needs mutants"),
+        (["--write-killing-traces", "x"], "--write-killing-traces needs mutants"),
+        (["--mutants", "--junit", "x.xml"], "or --junit, which writes their verdicts"),
         (["--mutants", "--min-killed", "80"], "such as 80%, got '80'"),
         (["--mutants", "--mutation", "bond"], "invalid choice: 'bond'"),
         (

@@ -396,7 +396,7 @@ def test_a_function_of_the_working_directory_drives_every_episode(capsys: Output
                 "got 'randm'"
             ),
         ),
-        ("rtamt_absent:act", "there is no module 'rtamt_absent'"),
+        ("rtamt_absent:act", "cannot find the module 'rtamt_absent'"),
         ("rtamt_pilot:acct", "the module rtamt_pilot has no 'acct'; did you mean 'act'?"),
         (
             "rtamt_pilot:act",
@@ -406,7 +406,7 @@ def test_a_function_of_the_working_directory_drives_every_episode(capsys: Output
             ),
         ),
         ("sb3:absent.zip", "cannot open absent.zip: No such file or directory"),
-        ("sb3:text.zip", "text.zip is no model of Stable-Baselines3"),
+        ("sb3:text.zip", "text.zip is not a model of Stable-Baselines3"),
     ],
 )
 def test_a_policy_that_fails_is_one_message(policy: str, message: str, capsys: Output) -> None:

@@ -13,7 +13,7 @@ from rtamt_gym.results.intervals import clopper_pearson
 from rtamt_gym.success import READINGS
 
 Output = pytest.CaptureFixture[str]
-WAY_OUT = "--success-key KEY names another, --signal success=SELECTOR reads what is none"
+WAY_OUT = "name another key with --success-key KEY, or read a signal with --signal success=SELECTOR"
 BLINK = ["evaluate", "blinking:Blink-v0", "--policy", "random", "--episodes", "20"]
 
 
@@ -115,7 +115,7 @@ def test_an_environment_that_ends_at_its_first_success_holds_nothing(capsys: Out
         ),
         (
             ["--success", "--env-kwarg", 'keys=["success", "is_success"]'],
-            "--success: expected success or is_success in the info of a step, got both of them",
+            "--success: expected success or is_success in the info of a step, got both numbers",
         ),
         (
             ["--success", "--spec", "success.any = eventually(x > 1)"],

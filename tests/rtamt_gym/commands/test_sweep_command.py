@@ -144,7 +144,7 @@ def test_functions_and_fmus_are_run_as_in_python(capsys: Output, tmp_path: Path)
     [
         (
             ["named_systems:pump", "--requirement", "a > 1", "--samples", "1"],
-            "pump does not say what to vary; write --vary mass=1:2",
+            "pump does not declare a space of parameters; write --vary mass=1:2",
         ),
         (
             ["named_systems:pump", "--samples", "1"],
@@ -210,10 +210,7 @@ def test_functions_and_fmus_are_run_as_in_python(capsys: Output, tmp_path: Path)
         ),
         (
             [SYSTEM, *HEAT_MAP, "--x", "heigth", "--y", "limit"],
-            (
-                "there is no column 'heigth'; the space has 'height', 'limit'; did you mean "
-                "'height'?"
-            ),
+            ("unknown column 'heigth'; the space has 'height', 'limit'; did you mean 'height'?"),
         ),
         (
             [SYSTEM, *HEAT_MAP, "--x", "limit", "--y", "limit"],
@@ -230,7 +227,7 @@ def test_functions_and_fmus_are_run_as_in_python(capsys: Output, tmp_path: Path)
         (
             [SYSTEM, "--policy", "random", "--samples", "1"],
             (
-                "--policy random: expected a policy that acts alike each time; vary what acts "
+                "--policy random: expected a policy that repeats its actions; vary the actions "
                 "with --vary NAME=LOW:HIGH,points=N"
             ),
         ),
@@ -256,6 +253,6 @@ def test_the_columns_of_a_map_may_be_those_of_the_scenario(capsys: Output) -> No
     axes = ["--heat-map", "map.png", "--x", "throttle[0]", "--y", "brakes[1]", "--samples", "1"]
     assert main(["sweep", "rtamt/ChasingCars-v0", "--requirement", "CC1", *axes]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("rtamt: error: there is no column 'brakes[1]'; the space has 'throttle")
+    assert said.startswith("rtamt: error: unknown column 'brakes[1]'; the space has 'throttle")
     assert "'brake[1]'" in said
     assert not Path("map.png").exists()

@@ -68,15 +68,15 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         (
             "req.stl --",
-            "expected SPEC... -- TRACE..., specifications before -- and traces behind it",
+            "expected SPEC... -- TRACE..., specifications before -- and traces after it",
         ),
         (
             "-- a.csv",
-            "expected SPEC... -- TRACE..., specifications before -- and traces behind it",
+            "expected SPEC... -- TRACE..., specifications before -- and traces after it",
         ),
         (
             "req.stl -- a.csv -- b.csv",
-            "expected SPEC... -- TRACE..., specifications before -- and traces behind it",
+            "expected SPEC... -- TRACE..., specifications before -- and traces after it",
         ),
         ("req.stl -- no*.csv", "no file has a name like no*.csv"),
         ("req.stl -- a.csv -", "expected - as the only trace, which is read from standard input"),
@@ -151,7 +151,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_anything_is_judged(
     assert main(["monitor", "req.stl", "even.csv", option, "no/out"]) == 2
     assert capsys.readouterr() == (
         "",
-        "rtamt: error: cannot write no/out: there is no folder no\n",
+        "rtamt: error: cannot write no/out: the folder no does not exist\n",
     )
     assert main(["monitor", "req.stl", "even.csv", option, ""]) == 2
     assert capsys.readouterr() == ("", "rtamt: error: cannot write .: it is a folder\n")
@@ -252,7 +252,7 @@ def test_two_requirements_of_one_name_are_told_apart_by_names(folder: Path, caps
     (folder / "other.stl").write_text("near = always(gap > 4)\n")
     assert main(["monitor", "req.stl", "other.stl", "even.csv"]) == 2
     assert capsys.readouterr().err == (
-        "rtamt: error: expected one specification 'near', got two; name one of them\n"
+        "rtamt: error: expected one specification 'near', got two; rename one\n"
     )
     assert main(["monitor", "req.stl", "more=other.stl", "even.csv"]) == 0
     assert capsys.readouterr().out.splitlines()[2].startswith("more: SATISFIED, robustness 1, ")
@@ -363,7 +363,7 @@ def test_instants_and_intervals_are_refused_where_they_mean_nothing(
 ) -> None:
     stages = ["--stage", "up > 0", "--stage", "always[0:2](up > 0.1)"]
     assert main(["monitor", "up > 0", trace, "--view", "step", *stages]) == 2
-    assert "--view step judges every instant by itself" in capsys.readouterr().err
+    assert "--view step evaluates every instant by itself" in capsys.readouterr().err
     events = tmp_path / "events.csv"
     events.write_text("time,up\n0,-1\n0.5,1\n3,1\n", encoding="utf-8")
     goal = "eventually always[0:1](up > 0.1)"

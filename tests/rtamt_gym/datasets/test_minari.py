@@ -203,8 +203,8 @@ def test_after_an_error_nothing_is_written(carts: Any, root: Path, monkeypatch: 
     with pytest.raises(InputError) as none:
         relabel(carts, SPECS, SIGNALS, dataset_id="cart/new-v0", keep=lambda _: False)
     assert str(none.value) == (
-        "no episode is left for 'cart/new-v0': keep= keeps none, or there are none; nothing was "
-        "written"
+        "no episode is left for 'cart/new-v0': there are no episodes, or keep= rejects all; no "
+        "dataset was written"
     )
     with pytest.raises(InputError) as taken:
         relabel(carts, SPECS, SIGNALS, dataset_id="cart/random-v0")

@@ -164,6 +164,7 @@ def test_a_bound_needs_a_period() -> None:
     with pytest.raises(SpecificationError) as error:
         relabel([episode()], "eventually[0:1](x > 0)", X)
     assert str(error.value) == (
-        "specification 'spec' has bounds in time, but the dataset does not say how long a step "
-        "lasts: it names no environment; give period= in seconds, or period=1 if every bound counts steps"
+        "specification 'spec' has bounds in time, but the dataset does not state the duration of a "
+        "step: it names no environment; give period= in seconds, or period=1 if every bound counts "
+        "steps"
     )

@@ -175,8 +175,8 @@ REFUSED: list[tuple[Any, dict[str, Any], str]] = [
         {"a": [0.1, float("nan")]},
         {},
         (
-            "expected finite scores of 'a', got one that is not in run 1; a run that failed has a "
-            "score too, such as 0"
+            "expected finite scores of 'a', got nan or inf in run 1; give a failed run a score, "
+            "such as 0"
         ),
     ),
     (
@@ -195,7 +195,7 @@ REFUSED: list[tuple[Any, dict[str, Any], str]] = [
     (
         {"plain": [0.1], "shaped": [0.2]},
         {"baseline": "plane"},
-        "expected baseline= as one of 'plain', 'shaped', got 'plane'; did you mean 'plain'?",
+        "expected baseline= as a method ('plain', 'shaped'), got 'plane'; did you mean 'plain'?",
     ),
     (
         {"a": [0.1]},

@@ -337,7 +337,7 @@ def test_files_that_hold_no_comparison_are_refused(tmp_path: Path) -> None:
         ),
         "torn.json": (
             '{"format": "rtamt result", "version": 2, "kind": "comparison"}',
-            "it is no result of kind 'comparison' that rtamt compare --save and Comparison.save ",
+            "it is not a result of kind 'comparison' from rtamt compare --save and ",
         ),
     }
     for name, (text, message) in texts.items():

@@ -331,7 +331,7 @@ def test_the_table_says_what_stopping_has_saved() -> None:
         ({"seed": -1}, "expected seed= as a whole number, 0 or more, got -1"),
         (
             {"until_width": 0.1, "target": 0.9},
-            "expected one rule, got until_width=0.1 and target=0.9; leave out one of them",
+            "expected one rule, got until_width=0.1 and target=0.9; omit one",
         ),
         ({"policy": "randm"}, "the policy: expected random, zero, baseline, sb3:FILE.zip or "),
         ({"policy": "baseline"}, "the policy baseline: expected a scenario, which has one, got "),
@@ -339,7 +339,7 @@ def test_the_table_says_what_stopping_has_saved() -> None:
         ({"env": 3}, "expected the id of an environment, a function that makes one, an "),
         (
             {"n_envs": 2},
-            "n_envs=2 needs as many environments, and Walk does not say how it is made; give a ",
+            "n_envs=2 needs as many environments, and Walk cannot be constructed again; pass a ",
         ),
     ],
 )

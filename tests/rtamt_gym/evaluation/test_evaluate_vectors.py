@@ -96,8 +96,8 @@ def test_monitors_inside_are_refused_for_they_might_end_episodes(specs: Any) -> 
     with pytest.raises(InputError) as error:
         evaluate_policy("zero", envs, specs, SIGNALS, episodes=3)
     assert str(error.value) == (
-        f"expected environments without monitors in {envs}, got some with; give the function that "
-        "makes one of them with n_envs=3, or put a VectorStlMonitor around all"
+        f"expected environments without monitors in {envs}, got some with; pass the function that "
+        "makes one environment with n_envs=3, or put a VectorStlMonitor around all"
     )
 
 

@@ -123,4 +123,4 @@ def test_commands_find_an_environment_in_the_working_directory(
 
 def test_a_module_that_is_not_there_is_named(capsys: Output) -> None:
     assert main(["run", "no_such_module:Own-v0", "--spec", "always(x > 0)"]) == 2
-    assert "there is no module 'no_such_module'" in capsys.readouterr().err
+    assert "cannot find the module 'no_such_module'" in capsys.readouterr().err

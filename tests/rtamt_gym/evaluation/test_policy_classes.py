@@ -117,17 +117,16 @@ def test_the_command_takes_one_by_its_name(
         (
             Needy,
             (
-                "the policy Needy: expected a class that is made without arguments, or with seed= "
-                "alone, got one that needs 'gain', 'bias'; write a function of the module that "
-                "makes it and acts"
+                "the policy Needy: expected a class with a constructor without arguments, or with "
+                "seed= only, got a constructor that needs 'gain', 'bias'; write a function in the "
+                "module that constructs it and returns the action"
             ),
         ),
         (
             Model,
             (
-                "the policy Model: expected a class whose instances are called with the "
-                "observation, got one without __call__; give it one that returns the action, or "
-                "save a model and write sb3:FILE.zip"
+                "the policy Model: expected a class with a method __call__(observation), got none; "
+                "add __call__, which returns the action, or save a model and write sb3:FILE.zip"
             ),
         ),
     ],

@@ -230,7 +230,7 @@ def test_arguments_ask_for_one_kind_or_none() -> None:
         ),
         (
             lambda: stopping_of(["a"], 0.05, 0.9),
-            "expected one rule, got until_width=0.05 and target=0.9; leave out one of them",
+            "expected one rule, got until_width=0.05 and target=0.9; omit one",
         ),
     ],
 )

@@ -93,7 +93,7 @@ PARAMETER_ERRORS: list[tuple[dict[str, Any], type[Exception], str]] = [
         InputError,
         "parameter 'm': expected low= above 0 with log=True, got 0",
     ),
-    ({"values": ()}, InputError, "parameter 'm': expected one of values= at least, got none"),
+    ({"values": ()}, InputError, "parameter 'm': expected at least one value in values=, got none"),
     ({"values": 3}, InputTypeError, "parameter 'm': expected values= as several numbers, got 3"),
     (
         {"values": "12"},

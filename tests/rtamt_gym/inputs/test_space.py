@@ -155,14 +155,14 @@ def test_a_space_says_what_it_expects(entries: object, kind: type[Exception], me
 U = Waveform([0, 5], [0, 1])
 
 CASE_OF_SPACE_ERRORS: list[tuple[dict[str, Any], str]] = [
-    ({"u": U}, "expected a case of 'u', 'k', 'mode', got one of 'u'"),
+    ({"u": U}, "expected a case of 'u', 'k', 'mode', got 'u'"),
     (
         {"u": U, "k": 1, "mode": 1, "more": 1},
-        "expected a case of 'u', 'k', 'mode', got one of 'u', 'k', 'mode', 'more'",
+        "expected a case of 'u', 'k', 'mode', got 'u', 'k', 'mode', 'more'",
     ),
     ({"u": U, "k": 3, "mode": 1}, "expected 'k' of a case from 1 to 2, got 3"),
     ({"u": U, "k": U, "mode": 1}, f"expected 'k' of a case as a number, got {U!r}"),
-    ({"u": U, "k": 1, "mode": 3}, "expected 'mode' of a case as one of 1.0, 2.0, got 3"),
+    ({"u": U, "k": 1, "mode": 3}, "expected 'mode' of a case among 1.0, 2.0, got 3"),
     (
         {"u": Waveform([0, 5], [0, 2]), "k": 1, "mode": 1},
         "expected 'u' of a case from 0 to 1, got 2",

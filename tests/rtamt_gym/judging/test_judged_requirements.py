@@ -139,7 +139,7 @@ def test_the_command_runs_every_requirement(
     ]
     assert main(["run", "CartPole-v1", options[0], *options]) == 2
     assert capsys.readouterr().err == (
-        "rtamt: error: expected one specification 'upright', got two; name one of them\n"
+        "rtamt: error: expected one specification 'upright', got two; rename one\n"
     )
 
 

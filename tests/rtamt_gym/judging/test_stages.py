@@ -430,7 +430,7 @@ def test_stages_are_of_one_requirement_and_of_an_episode() -> None:
     with pytest.raises(InputError, match=r"write \{'task': \[...\]\}"):
         Panel(specs, EvaluationOptions(stages=["a > 0", "b > 0"]))
     step = EvaluationOptions(view="step", stages=["a > 0", "b > 0"])
-    with pytest.raises(InputError, match="view='step' judges every instant by itself"):
+    with pytest.raises(InputError, match="view='step' evaluates every instant by itself"):
         Panel({"calm": specs["calm"]}, step)
 
 

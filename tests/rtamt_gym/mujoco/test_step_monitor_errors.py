@@ -63,8 +63,9 @@ X = {"x": "qpos[0]"}
             {"signals": {"x": 3}},
             InputTypeError,
             (
-                "signal 'x': expected a selector, a callable, or a pair of one of them and its "
-                "value at reset, got 3; a selector is qpos[0], body:torso.xpos[2] or sensor:imu[0]"
+                "signal 'x': expected a selector, a callable, or a pair of a selector or callable "
+                "and its value at reset, got 3; a selector is qpos[0], body:torso.xpos[2] or "
+                "sensor:imu[0]"
             ),
         ),
         ({"view": "now"}, InputError, "expected view='episode' or 'step', got 'now'"),

@@ -99,7 +99,7 @@ def test_what_cannot_be_sent_or_made_elsewhere_says_so(monkeypatch: pytest.Monke
         run_campaign(tank_runner(locked), tank_tasks(1), n_jobs=2)
     assert str(sent.value) == (
         "locked cannot be sent to other processes: TypeError: cannot pickle '_thread.lock' object; "
-        "give the id of a registered environment, or a function that makes in itself what cannot "
+        "give the id of a registered environment, or a function that builds the parts that cannot "
         "be pickled"
     )
     module: Any = ModuleType("only_here")
@@ -109,7 +109,7 @@ def test_what_cannot_be_sent_or_made_elsewhere_says_so(monkeypatch: pytest.Monke
         run_campaign(tank_runner(module.well), tank_tasks(1), n_jobs=2)
     assert str(made.value) == (
         "another process cannot make the system: ModuleNotFoundError: No module named 'only_here'; "
-        "give the id of a registered environment, or a function of what can be imported or pickled"
+        "give the id of a registered environment, or a function that can be imported or pickled"
     )
 
 

@@ -72,6 +72,6 @@ def test_numbers_to_stay_above_are_checked() -> None:
     with pytest.raises(InputError) as told:
         simulate(sampled([1]), "always(x < 1)", period=1, stop="known", above={"spek": 0})
     assert str(told.value) == (
-        "above= names 'spek', which is no specification; the specifications are 'spec'; "
+        "above= names an unknown specification 'spek'; the specifications are 'spec'; "
         "did you mean 'spec'?"
     )

@@ -176,8 +176,8 @@ def test_an_error_within_a_batch_leaves_the_other_cases(monkeypatch: pytest.Monk
             "rtamt_envs.vector.ScenarioVectorEnv.rollout", lambda *_: 1 / 0, raising=True
         )
         told = (
-            "lanes of rtamt/RequestGrant-v0 raised ZeroDivisionError: division by zero; the cases "
-            "ran one by one, which raised nothing"
+            "the vector environment of rtamt/RequestGrant-v0 raised ZeroDivisionError: division by "
+            "zero; the cases ran one by one without an error"
         )
         with pytest.warns(RuntimeWarning, match=f"^{told}$"):
             rows = dict(runner.run([{"delay": 1.0}, {"delay": 2.0}], [1, 2]))

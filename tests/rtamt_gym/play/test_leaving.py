@@ -147,7 +147,8 @@ def leaving_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 IMPORTED = (
-    "rtamt: error: cannot import wry: it called sys.exit(0) (wry.py, line 5); put what runs below "
+    "rtamt: error: cannot import wry: it called sys.exit(0) (wry.py, line 5); put "
+    "the main program below "
     'if __name__ == "__main__":\n'
 )
 

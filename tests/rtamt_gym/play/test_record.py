@@ -163,7 +163,7 @@ def test_a_name_of_a_case_is_not_that_of_another_column() -> None:
     with pytest.raises(InputError) as caught:
         of(row(1.0, case=Case({"wall": 1.0})))
     assert str(caught.value) == (
-        "'wall' is a column of every record, and so no name of what is varied; rename it"
+        "a varied parameter cannot have the name 'wall', a column of every record; rename it"
     )
 
 
@@ -182,12 +182,12 @@ def test_a_waveform_has_the_same_control_points_in_all_rows() -> None:
     [
         (
             lambda record: record.violated("saef"),
-            "there is no requirement 'saef'; the requirements are 'safe'; did you mean 'safe'?",
+            "unknown requirement 'saef'; the requirements are 'safe'; did you mean 'safe'?",
         ),
         (
             lambda record: record.numbers("mas"),
             (
-                "there is no column 'mas' of numbers; there are 'mass', 'seed', "
+                "unknown column of numbers 'mas'; the columns are 'mass', 'seed', "
                 "'robustness(safe)', 'lower(safe)', 'upper(safe)', 'decided_at(safe)', "
                 "'decided_sample(safe)', 'simulated', 'return', 'wall'; did you mean 'mass'?"
             ),
@@ -198,7 +198,7 @@ def test_a_waveform_has_the_same_control_points_in_all_rows() -> None:
         ),
         (
             lambda record: Record(record, {"a": "", "b": ""}).worst(),
-            "expected the name of a requirement, one of 'a', 'b'",
+            "expected the name of a requirement ('a', 'b')",
         ),
         (
             lambda record: record.save("record.csv"),
@@ -221,7 +221,7 @@ def test_files_that_hold_no_record_are_told(tmp_path: Path) -> None:
     of(row(1.0)).to_frame().to_parquet(frame)
     with pytest.raises(InputError) as caught:
         Record.load(text)
-    assert str(caught.value) == f"cannot read {text}: it is no Parquet file"
+    assert str(caught.value) == f"cannot read {text}: it is not a Parquet file"
     with pytest.raises(InputError) as caught:
         Record.load(frame)
     assert str(caught.value) == (

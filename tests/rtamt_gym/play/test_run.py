@@ -95,7 +95,7 @@ def test_what_holds_no_run_is_refused(tmp_path: Path) -> None:
     path.write_text("x,y")
     with pytest.raises(InputError) as refused:
         Run.load(path)
-    assert str(refused.value) == f"cannot read {path}: it is no Parquet file"
+    assert str(refused.value) == f"cannot read {path}: it is not a Parquet file"
 
 
 def test_runs_differ_in_what_they_record_and_not_in_wall_time() -> None:

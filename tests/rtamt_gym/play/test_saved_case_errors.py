@@ -63,9 +63,8 @@ def test_functions_among_signals_and_policies_are_refused(tmp_path: Path) -> Non
     space = [Parameter("env.gravity", 5, 25)]
     found = falsify(env, "always(angle < 9)", space, budget=2, at_termination="cut", **cart)
     assert refusal(found.save, tmp_path / "case.json") == (
-        "cannot save a case whose signal 'angle' is a function, which a file cannot hold; write a "
-        "selector, such as signals={'angle': 'obs[0]'}, or an environment that has the signal in "
-        "its info"
+        "cannot save a case in which signal 'angle' is a function; use a selector, such as "
+        "signals={'angle': 'obs[0]'}, or an environment that has the signal in its info"
     )
     cart["signals"] = {"angle": "obs[2]"}
     found = falsify(env, "always(angle < 9)", space, budget=2, at_termination="cut", **cart)
@@ -170,7 +169,7 @@ def test_files_that_hold_no_case_are_refused(tmp_path: Path) -> None:
         "'sed'; did you mean 'seed'?",
         "case.json: expected a case with 'seed', ",
         (
-            "case.json: expected \"verdict\" as one of 'VIOLATED', 'UNDECIDED', 'SATISFIED', got "
+            "case.json: expected \"verdict\" among 'VIOLATED', 'UNDECIDED', 'SATISFIED', got "
             "'BROKEN'"
         ),
         "case.json: expected \"robustness\" as a number, got 'high'",

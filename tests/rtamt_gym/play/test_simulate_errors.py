@@ -107,12 +107,12 @@ def refused(
         ),
         refused(
             lambda: run(ramp, LOW),
-            "ramp does not say how long a step lasts; give period= in seconds",
+            "ramp does not state the duration of a step; give period= in seconds",
         ),
         refused(
             lambda: run(ROWS, "always[0:2](level < 3)"),
-            "specification 'spec' has bounds in time, but samples does not say how long a step "
-            "lasts; give period= in seconds, or period=1 if every bound counts steps",
+            "specification 'spec' has bounds in time, but samples does not state the duration of "
+            "a step; give period= in seconds, or period=1 if every bound counts steps",
             SpecificationError,
         ),
         refused(

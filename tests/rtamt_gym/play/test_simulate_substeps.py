@@ -144,7 +144,7 @@ def test_a_violation_between_two_observations_stops_the_run_at_its_sample() -> N
 
 def test_what_only_a_whole_step_gives_is_refused() -> None:
     env = gym.make("InvertedPendulum-v5")
-    with pytest.raises(InputError, match=r"^signal 'x': obs\[0\] is not known inside of a step"):
+    with pytest.raises(InputError, match=r"^signal 'x': obs\[0\] is unknown during a step"):
         simulate(env, "always(x < 1)", {"x": "obs[0]"}, policy=lambda _: [0.0], substeps=True)
 
 
@@ -152,6 +152,6 @@ def test_a_system_that_is_no_environment_has_no_steps_inside_of_its_own() -> Non
     with pytest.raises(InputError) as refused:
         simulate([{"x": 1.0}], "always(x < 2)", substeps=True)
     assert str(refused.value) == (
-        "substeps=True is for environments, whose step makes several, got [{'x': 1.0}]; give a "
-        "smaller period= where the system takes one"
+        "substeps=True is for environments with several physics steps per step, got [{'x': 1.0}]; "
+        "give a smaller period= if the system takes a period"
     )

@@ -183,8 +183,8 @@ def test_what_was_held_is_said_below_the_verdict_and_in_json(folder: Path, capsy
 
 def test_options_of_tables_are_refused_for_bags(folder: Path, capsys: Output) -> None:
     period = (
-        "expected --period 100ms, at which the messages of a bag are sampled, or --dense, which "
-        "takes them as events"
+        "expected --period, such as 100ms, to sample the messages of a bag, or --dense to read "
+        "them as events"
     )
     clock = "expected --time log, the times of recording of a bag, or --time header, got 'stamp'"
     for options, message in (
@@ -212,7 +212,9 @@ def test_constants_are_mined_from_bags(folder: Path, capsys: Output) -> None:
     text = SPEC.partition("slow")[0] + "always(cmd.linear.x < ?v)"
     traces = [folder / "bags" / "b.bag", folder / "bags" / "c"]
     assert 1.5 < mine(text, traces, {"v": (0, 9)}, period=0.1).value < 1.501
-    with pytest.raises(rtamt.InputError, match=r"b\.bag: expected --period 100ms, at which"):
+    with pytest.raises(
+        rtamt.InputError, match=r"b\.bag: expected --period, such as 100ms, to sample"
+    ):
         mine(text, traces, {"v": (0, 9)})
 
 
@@ -225,8 +227,8 @@ def test_texts_that_differ_in_a_topic_are_refused_before_anything_is_read(
     assert not said.out
     assert said.err == (
         "rtamt: error: expected one topic for 'cmd', which two specifications read, got "
-        "robot0/cmd_vel and robot1/cmd_vel; give one of them another name, or judge them one at a "
-        "time\n"
+        "robot0/cmd_vel and robot1/cmd_vel; rename one variable, or judge the specifications "
+        "separately\n"
     )
     spec = "always(cmd.linear.x < 9)"
     assert main(["monitor", spec, "--signal", "cmd.linear=/x", "bags/a.mcap"]) == 2

@@ -181,8 +181,8 @@ def test_a_bag_is_sampled_or_read_as_events(tmp_path: Path) -> None:
     with pytest.raises(rtamt.InputError) as caught:
         read(path, EvaluationOptions())
     assert str(caught.value) == (
-        f"{path}: expected --period 100ms, at which the messages of a bag are sampled, or "
-        "--dense, which takes them as events"
+        f"{path}: expected --period, such as 100ms, to sample the messages of a bag, or --dense to "
+        "read them as events"
     )
     with pytest.raises(rtamt.InputError) as caught:
         read(path, EvaluationOptions(period=Fraction(1, 10**9)))

@@ -193,7 +193,7 @@ def test_specifications_that_differ_in_a_topic_are_refused(bag: str) -> None:
         read_ruled(bag, both, EvaluationOptions(dense=True), Columns())
     assert str(caught.value) == (
         "expected one topic for 'cmd', which two specifications read, got /robot0/cmd_vel and "
-        "/robot1/cmd_vel; give one of them another name, or judge them one at a time"
+        "/robot1/cmd_vel; rename one variable, or judge the specifications separately"
     )
     both["b"] = rtamt.parse("cmd.linear.x > 3")  # says nothing of its own
     trace, _ = read_ruled(bag, both, EvaluationOptions(period=Fraction(1)), Columns())
@@ -336,8 +336,8 @@ def test_defaults_alone_pass_no_gate(tmp_path: Path) -> None:
         with pytest.raises(rtamt.InputError) as caught:
             read_ruled(path, {"one": SPEC, "alone": spec}, rules, Columns())
         assert str(caught.value) == (
-            f"{path}: expected messages with 'limit', got none: defaults alone say nothing of a "
-            "trace; the topics are /robot0/cmd_vel"
+            f"{path}: expected messages with 'limit', got none: defaults alone are not a trace; "
+            "the topics are /robot0/cmd_vel"
         )
 
 
@@ -356,8 +356,8 @@ def test_two_defaults_of_one_variable_are_refused(tmp_path: Path) -> None:
     with pytest.raises(rtamt.InputError) as caught:
         read_ruled(bag_defaults(tmp_path, {}), {"one": SPEC, "two": other}, RULES, Columns())
     assert str(caught.value) == (
-        "expected one default for 'limit', which two specifications read, got 0.5 and 0.75; give "
-        "one of them another name, or judge them one at a time"
+        "expected one default for 'limit', which two specifications read, got 0.5 and 0.75; rename "
+        "one variable, or judge the specifications separately"
     )
 
 

@@ -93,11 +93,11 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
         ),
         (
             "monitor calm.stl calm.stl even.csv",
-            "expected one specification 'calm', got two; name one of them",
+            "expected one specification 'calm', got two; rename one",
         ),
         (
             "monitor calm.stl even.csv --out no/r.csv",
-            "cannot write no/r.csv: there is no folder no",
+            "cannot write no/r.csv: the folder no does not exist",
         ),
         (
             "monitor calm.stl even.csv --plot r.doc",

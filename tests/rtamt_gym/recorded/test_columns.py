@@ -86,7 +86,7 @@ def test_of_several_columns_time_is_taken_and_others_have_to_be_named() -> None:
     rows = "\n0,7,1\n2,8,1\n"
     assert read(f"time,stamp,x{rows}").period() == 2
     assert refused(f"t,stamp,x{rows}") == (
-        "t.csv: expected one column of times, got 't', 'stamp'; say which with --time 't'"
+        "t.csv: expected one column of times, got 't', 'stamp'; choose one with --time 't'"
     )
     assert read(f"t,stamp,x{rows}", Columns(time="stamp")).period() == 1
 
@@ -104,8 +104,8 @@ def test_of_several_columns_time_is_taken_and_others_have_to_be_named() -> None:
 )
 def test_numbers_that_can_hardly_be_seconds_are_refused(times: Sequence[int], got: str) -> None:
     message = (
-        f"t.csv: expected times in seconds in the column 'timestamp', got {got}; "
-        "say the unit with --time-unit, such as ns, ms or s"
+        f"t.csv: expected times in seconds in the column 'timestamp', got {got}; give the unit "
+        "with --time-unit, such as ns, ms or s"
     )
     text = timed("timestamp", times)
     assert refused(text) == message
@@ -138,8 +138,8 @@ def test_what_is_no_date_is_refused(text: str) -> None:
 
 def test_an_unknown_unit_is_refused() -> None:
     assert refused(timed("Time [ticks]", [0, 1])) == (
-        "t.csv, column 'Time [ticks]': expected a unit of time, got 'ticks'; "
-        "say the unit with --time-unit (ns, us, ms, s, min, h)"
+        "t.csv, column 'Time [ticks]': expected a unit of time, got 'ticks'; give the unit with "
+        "--time-unit (ns, us, ms, s, min, h)"
     )
 
 
@@ -249,11 +249,11 @@ def test_times_whose_distance_is_no_number_are_refused(columns: Columns) -> None
     begin = -1.7e308
     times = [begin, begin + 1e300, begin + 2e300, begin + 3e300, 1.7e308]
     assert refused(timed("t", times), columns) == (
-        "t.csv, line 6, column 't': expected times whose distances are finite, got 1.7e+308 after "
-        "-1.7e+308; --period reads samples and leaves the column aside"
+        "t.csv, line 6, column 't': expected times at finite distances, got 1.7e+308 after "
+        "-1.7e+308; --period reads samples and ignores the column"
     )
     text = timed("t [h]", [0, 1e305])
-    assert "are finite, got 1e+305 after 0.0; " in refused(text)
+    assert "finite distances, got 1e+305 after 0.0; " in refused(text)
 
 
 @given(st.floats(1e-300, 1e300), st.floats(1e-12, 0.01))

@@ -224,8 +224,7 @@ def test_nanoseconds_are_not_taken_for_seconds(extension: str, tmp_path: Path) -
         read(path, ["speed"]).period()
     assert str(caught.value) == (
         f"{path}: expected times in seconds in the column 'timestamp', got 1e+07 s apart "
-        "(0.01 s as ns); "
-        "say the unit with --time-unit, such as ns, ms or s"
+        "(0.01 s as ns); give the unit with --time-unit, such as ns, ms or s"
     )
     trace = read(path, ["speed"], Columns(time_unit="ns"))
     assert (trace.period(), trace.start) == (Fraction(1, 100), start / 1e9)

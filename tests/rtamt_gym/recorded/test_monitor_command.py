@@ -95,8 +95,8 @@ def test_episodes_are_judged_under_the_semantics(folder: Path) -> None:
         (
             "output-robustness",
             (
-                "--semantics output-robustness is about outputs, and there are none; declare them "
-                "in the text (output float gnt)"
+                "--semantics output-robustness needs output variables, and none are declared; "
+                "declare them in the text (output float gnt)"
             ),
         ),
         ("output", "argument --semantics: invalid choice: 'output' (choose from 'standard', "),

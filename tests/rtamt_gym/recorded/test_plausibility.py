@@ -228,7 +228,7 @@ def test_times_that_can_hardly_be_seconds_need_a_unit(
 ) -> None:
     write_late(folder_passes, "timestamp", 1e9)
     assert main(["monitor", LATE, "late.csv", *dense]) == 2
-    assert "; say the unit with --time-unit, such as ns, ms or s\n" in capsys.readouterr().err
+    assert "; give the unit with --time-unit, such as ns, ms or s\n" in capsys.readouterr().err
 
 
 def test_a_trace_that_was_resampled_says_so(folder_passes: Path, capsys: Output) -> None:

@@ -179,7 +179,9 @@ def test_defaults_are_refused_where_that_is_asked_for(
     with pytest.raises(rtamt.InputError) as caught:
         read_ruled(path, {"": SPEC}, reading, columns)
     said = str(caught.value)
-    assert said.startswith(f"{path}: expected records of 'limit', as --no-defaults says, got its ")
+    assert said.startswith(
+        f"{path}: expected records of 'limit', as --no-defaults requires, got its "
+    )
     assert said.endswith("; give --signal limit=COLUMN, or --default limit to take it")
     columns = Columns(missing=missing, no_defaults=True, defaults=("limit",))
     trace, _ = read_ruled(path, {"": SPEC}, reading, columns)
@@ -254,8 +256,8 @@ def test_defaults_alone_pass_no_gate(
     alone = "input float64 limit = 0.5; input float64 low = 0; always(limit > low)"
     assert main(["monitor", alone, *options, path]) == 2
     assert capsys.readouterr().err == (
-        f"rtamt: error: {path}: expected a record of 'limit', 'low', got none: defaults alone say "
-        f"nothing of a trace; it has {has}\n"
+        f"rtamt: error: {path}: expected a record of 'limit', 'low', got none: defaults alone are "
+        f"not a trace; it has {has}\n"
     )
 
 
@@ -276,7 +278,7 @@ def test_two_defaults_of_one_variable_are_refused(
     assert main(["monitor", *texts, table(tmp_path, ABSENT)]) == 2
     assert capsys.readouterr().err == (
         "rtamt: error: expected one default for 'limit', which two specifications read, got 0.5 "
-        "and 0.75; give one of them another name, or judge them one at a time\n"
+        "and 0.75; rename one variable, or judge the specifications separately\n"
     )
 
 

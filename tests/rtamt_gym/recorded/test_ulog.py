@@ -253,9 +253,9 @@ def test_a_log_that_ends_within_a_message_is_read_up_to_there_and_it_is_said(
         ("header", "expected a ULog file; Failed to parse header"),
         ("short", "expected a ULog file; Header too short"),
         ("flags", "expected a ULog file; Unknown incompatible flag set: cannot parse the log"),
-        ("zeros", "expected a whole ULog file; bytes of it are no messages"),
-        ("length", "expected a whole ULog file; bytes of it are no messages"),
-        ("subscription", "expected a whole ULog file; bytes of it are no messages"),
+        ("zeros", "expected a complete ULog file; parts of it are not messages"),
+        ("length", "expected a complete ULog file; parts of it are not messages"),
+        ("subscription", "expected a complete ULog file; parts of it are not messages"),
         ("empty", "expected a ULog file with data; it holds none"),
     ],
 )

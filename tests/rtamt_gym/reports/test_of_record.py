@@ -182,7 +182,7 @@ def test_a_saved_case_is_played_again_or_shown_as_it_is(tmp_path: Path) -> None:
     saved = SavedCase.load(path)
     alone = of_case(saved, ROOM, play=True)
     assert alone.notes == (f"The case was not run: {alone.not_played}",)
-    assert alone.not_played.startswith("InputError: there is no module 'tank_of_test'")
+    assert alone.not_played.startswith("InputError: cannot find the module 'tank_of_test'")
     assert alone.requirements[0].worst == ()
     assert alone.requirements[0].trials[0].robustness == pytest.approx(saved.robustness, rel=1e-5)
     (tmp_path / "tank_of_test.py").write_text(

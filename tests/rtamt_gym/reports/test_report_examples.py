@@ -143,7 +143,7 @@ def test_examples_of_something_else_are_refused(swept: Sweep, tmp_path: Path) ->
     other = RequirementExamples("always(level < 3)", None, yes, yes)
     with pytest.raises(InputError, match=r"dry is always\(level < 3\) there, and always\(level"):
         write_report(page, swept, examples={"dry": other})
-    with pytest.raises(InputError, match=r"expected what rtamt.examples returns, got Answer$"):
+    with pytest.raises(InputError, match=r"expected the result of rtamt.examples, got Answer$"):
         write_report(page, swept, examples={"dry": yes})  # type: ignore[dict-item]  # the mistake
     with pytest.raises(InputError, match="examples of 'wet', and none of 'dry'"):
         write_report(page, swept, examples={"wet": other})

@@ -240,7 +240,9 @@ def test_a_file_that_is_called_parquet_and_is_none_is_refused(
     path = tmp_path / "some.parquet"
     path.write_text("nothing", encoding="utf-8")
     assert main(["report", str(path), "-o", str(tmp_path / "page.html")]) == 2
-    assert capsys.readouterr().err == (f"rtamt: error: cannot read {path}: it is no Parquet file\n")
+    assert capsys.readouterr().err == (
+        f"rtamt: error: cannot read {path}: it is not a Parquet file\n"
+    )
 
 
 def test_a_damaged_result_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
@@ -251,7 +253,7 @@ def test_a_damaged_result_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         section_of(path, ROOM)
     assert str(caught.value) == (
-        f"cannot read {path}: it is no result of kind 'traces' that rtamt monitor --json wrote: "
+        f"cannot read {path}: it is not a result of kind 'traces' from rtamt monitor --json: "
         "KeyError: 'requirements'"
     )
 

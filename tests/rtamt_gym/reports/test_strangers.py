@@ -185,8 +185,8 @@ def test_a_note_on_a_trace_repeats_nothing_of_the_file(
     (tmp_path / name).write_text(CONTENT, encoding="utf-8")
     note = note_of(name, tmp_path, monkeypatch, capsys)
     assert note.endswith(
-        "is not shown in full: it cannot be read as it was when it was judged; rtamt monitor says "
-        "why."
+        "is not shown in full: it can no longer be read as before; rtamt monitor reports the "
+        "reason."
     )
     assert "root" not in note
     assert "administrator" not in note

@@ -189,7 +189,7 @@ def test_quantiles_of_none_are_empty_and_nan_is_refused() -> None:
     with pytest.raises(InputError) as refused:
         quantiles([1.0, math.nan])
     assert str(refused.value) == (
-        "expected values that are no nan, got one at 1; leave out episodes that have none"
+        "expected values that are not nan, got nan at index 1; remove episodes without a value"
     )
 
 
@@ -237,8 +237,8 @@ def test_the_bootstrap_refuses_what_has_no_mean(value: float) -> None:
     with pytest.raises(InputError) as refused:
         bootstrap([1.0, value])
     assert str(refused.value) == (
-        "expected finite values, of which there is a mean, got an infinite one; "
-        "median_interval takes infinities"
+        "expected finite values for a mean, got an infinite value; use median_interval for "
+        "infinities"
     )
 
 

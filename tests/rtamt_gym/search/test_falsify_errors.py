@@ -43,7 +43,7 @@ CLIP = "points.clip(0, 1) moves points into it"
             {"optimizer": "portfolo"},
             InputError,
             (
-                "there is no optimizer 'portfolo'; there are 'portfolio', 'random', 'sobol', "
+                "unknown optimizer 'portfolo'; the optimizers are 'portfolio', 'random', 'sobol', "
                 "'corners', 'cma', 'dual_annealing', 'differential_evolution', 'tpe'; "
                 "did you mean 'portfolio'?"
             ),
@@ -60,7 +60,7 @@ CLIP = "points.clip(0, 1) moves points into it"
             {"space": None},
             InputError,
             (
-                "plain does not say what to vary; give a space, as in "
+                "plain does not declare a space of parameters; give a space, as in "
                 'falsify(system, requirements, [Parameter("mass", 1, 2)], ...)'
             ),
         ),
@@ -74,7 +74,7 @@ CLIP = "points.clip(0, 1) moves points into it"
         (
             {"scales": {"z < 1": 2}},
             InputError,
-            "scales= names 'z < 1', which is no predicate; the predicates are 'y >= 0'",
+            "scales= names an unknown predicate 'z < 1'; the predicates are 'y >= 0'",
         ),
         (
             {"scales": {"y >= 0": 0}},

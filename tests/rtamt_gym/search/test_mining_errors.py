@@ -72,7 +72,7 @@ def test_what_is_undecided_does_not_satisfy() -> None:
 def test_a_requirement_that_is_not_monotone_is_refused_with_the_values_that_show_it() -> None:
     assert refusal("always(abs(speed - ?v) < 15)", CALM) == (
         "expected a requirement that is monotone in 'v'; trace 0 is VIOLATED at v = 9.375, "
-        "SATISFIED at v = 12.5, VIOLATED at v = 25; give a range in which it changes once"
+        "SATISFIED at v = 12.5, VIOLATED at v = 25; give a range with a single change"
     )
     # One trace needs more than 4, the other less than 6.
     text = "always(x > 0 implies y < ?v) and always(x < 0 implies y > ?v)"
@@ -86,7 +86,7 @@ def test_a_requirement_that_is_not_monotone_is_refused_with_the_values_that_show
     traces = [{"x": [9.24], "y": [-1.0]}, {"x": [8.5], "y": [1.0]}]
     assert refusal(gap, traces, {"v": (0, 16)}, tolerance=0.01) == (
         "expected a requirement that is monotone in 'v'; trace 1 is VIOLATED at v = 8, SATISFIED "
-        "at v = 9, VIOLATED at v = 9.25; give a range in which it changes once"
+        "at v = 9, VIOLATED at v = 9.25; give a range with a single change"
     )
 
 
@@ -121,10 +121,10 @@ def test_the_parameter_is_in_the_requirement_and_has_a_range() -> None:
         "have values: constants={'w': 3}"
     )
     assert refusal(ranges={"v": (20, 20)}) == (
-        "expected the range of 'v' as two finite numbers, the least first, got 20 and 20"
+        "expected the range of 'v' as two finite numbers, the smaller first, got 20 and 20"
     )
     assert refusal(ranges={"v": (0, float("inf"))}) == (
-        "expected the range of 'v' as two finite numbers, the least first, got 0 and inf"
+        "expected the range of 'v' as two finite numbers, the smaller first, got 0 and inf"
     )
     assert refusal(ranges={"v": 20}, kind=InputTypeError) == (
         "expected the range of 'v' as two numbers, (0, 100), got 20"
@@ -146,7 +146,7 @@ def test_the_requirement_is_one_that_looks_at_the_trace() -> None:
         "Path('slow.stl').read_text()"
     )
     assert refusal("a = always(speed < ?v); b = always(speed > 1)") == (
-        "expected one requirement, got 'a', 'b'; mine one of them"
+        "expected one requirement, got 'a', 'b'; select one"
     )
     assert refusal("always(speed < ?v", kind=ParseError) == (
         "STL:1:7: '(' is not closed\n  always(speed <  v\n        ^\n"

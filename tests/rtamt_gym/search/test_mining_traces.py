@@ -233,6 +233,6 @@ def test_what_is_no_trace_is_refused(tmp_path: Path) -> None:
         "sequence: list(traces.values())"
     )
     assert refusal("rtamt/RequestGrant-v0") == (
-        "there is no file 'rtamt/RequestGrant-v0'; of a system write "
-        "mine(requirement, sweep('rtamt/RequestGrant-v0', ...), ranges)"
+        "the file 'rtamt/RequestGrant-v0' does not exist; for a system write mine(requirement, "
+        "sweep('rtamt/RequestGrant-v0', ...), ranges)"
     )

@@ -168,8 +168,8 @@ def test_saltelli_changes_one_column_of_a_point_at_a_time() -> None:
             "grid",
             InputError,
             (
-                "expected a smaller grid, got one of 3000000000 points in 4 columns; "
-                "sampler='sobol' fills a space with any number"
+                "expected a smaller grid, got 3000000000 points in 4 columns; "
+                "sampler='sobol' fills a space with any number of points"
             ),
         ),
         (10**9, "random", InputError, "expected fewer samples, got 1000000000 in 4 columns"),

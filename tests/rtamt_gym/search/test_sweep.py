@@ -214,7 +214,7 @@ def test_failures_alone_have_no_map() -> None:
     space = Space([Parameter("a", 0, 9), Parameter("b", 0, 9)])
     with pytest.raises(InputError) as caught:
         map_of(Record(rows, {"dry": ""}, "tank"), space, None, None, None)
-    assert str(caught.value) == "no simulation has a robustness of 'dry': there is no map"
+    assert str(caught.value) == "cannot draw a map: no simulation has a robustness of 'dry'"
 
 
 @pytest.mark.parametrize(
@@ -299,7 +299,7 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             {},
             InputError,
             (
-                "CartPole-v1 does not say what to vary; give a space, as in "
+                "CartPole-v1 does not declare a space of parameters; give a space, as in "
                 'sweep(system, requirements, [Parameter("mass", 1, 2)], ...)'
             ),
         ),
@@ -322,7 +322,7 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             (tank, DRY, [Parameter("wall", 0, 1)]),
             {},
             InputError,
-            "'wall' is a column of every record, and so no name of what is varied; rename it",
+            "a varied parameter cannot have the name 'wall', a column of every record; rename it",
         ),
         (
             (broken, DRY, [Parameter("x", 0, 1)]),
@@ -335,8 +335,8 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             {},
             InputTypeError,
             (
-                "expected a system that starts anew for each case, such as the id of an "
-                "environment, a pair (model, data) or a function, got <generator object tank"
+                "expected a system that restarts for each case, such as the id of an environment, "
+                "a pair (model, data) or a function, got <generator object tank"
             ),
         ),
         (

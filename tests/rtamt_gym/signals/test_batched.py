@@ -350,8 +350,8 @@ def test_marked_functions_are_refused_where_there_are_no_batches() -> None:
         "</mujoco>"
     )
     message = (
-        "signal 'x': batched(_energy) is for batches of environments of Gymnasium, and there are "
-        "none here; leave batched out, for a function of one"
+        "signal 'x': batched(_energy) reads a batch of Gymnasium environments, and this is a "
+        "single environment; remove batched"
     )
     with pytest.raises(InputError) as caught:
         StepMonitor(model, mujoco.MjData(model), "always(x < 1)", {"x": energy})  # type: ignore[dict-item]  # what is refused

@@ -162,8 +162,8 @@ UNFIT = [
     (
         "geom:thumb.xps[2]",
         (
-            "signal 'x': geom:thumb.xps[2] does not fit: expected one of the fields {geom}, "
-            "got 'xps'; did you mean 'xpos'?"
+            "signal 'x': geom:thumb.xps[2] does not fit: expected a field ({geom}), got 'xps'; did "
+            "you mean 'xpos'?"
         ),
     ),
     (

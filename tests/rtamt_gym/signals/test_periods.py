@@ -116,9 +116,9 @@ def test_an_environment_that_holds_one_has_its_period() -> None:
 )
 def test_the_period_of_what_an_environment_holds_is_not_guessed(inside: Any) -> None:
     message = (
-        "specification 'spec' has bounds in time, but <Bare> does not say how long a step lasts: "
-        "there is no dt, tau or config['policy_frequency'] in it, or in an environment inside it; "
-        "give period= in seconds, or period=1 if every bound counts steps"
+        "specification 'spec' has bounds in time, but <Bare> does not state the duration of a "
+        "step: there is no dt, tau or config['policy_frequency'] in it, or in an environment "
+        "inside it; give period= in seconds, or period=1 if every bound counts steps"
     )
     with pytest.raises(SpecificationError) as caught:
         StlMonitor(Maze(**inside), BOUNDED, X)
@@ -174,9 +174,10 @@ def test_an_asynchronous_environment_without_a_period_says_so_and_lives_on() -> 
     with pytest.raises(SpecificationError) as caught:
         VectorStlMonitor(envs, BOUNDED, X)
     assert str(caught.value) == (
-        "specification 'spec' has bounds in time, but AsyncVectorEnv(num_envs=1) does not say how "
-        "long a step lasts: there is no dt, tau or config['policy_frequency'] in its environments, "
-        "or in an environment inside these; give period= in seconds, or period=1 if every bound counts steps"
+        "specification 'spec' has bounds in time, but AsyncVectorEnv(num_envs=1) does not state "
+        "the duration of a step: there is no dt, tau or config['policy_frequency'] in its "
+        "environments, or in an environment inside these; give period= in seconds, or period=1 to "
+        "count steps"
     )
     assert (len(made.made), made.closed) == (2, 2)
     _, infos = VectorStlMonitor(envs, BOUNDED, X, period=1).reset()

@@ -226,9 +226,9 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
             3,
             InputTypeError,
             (
-                "signal 'x': expected a selector, a callable, or a pair of one of them and its "
-                "value at reset, got 3; a selector is obs[2], obs['key'][0], action[0], reward, "
-                "info['key'], qpos[0], body:torso.xpos[2], sensor:imu[0] or vehicle.speed"
+                "signal 'x': expected a selector, a callable, or a pair of a selector or callable "
+                "and its value at reset, got 3; a selector is obs[2], obs['key'][0], action[0], "
+                "reward, info['key'], qpos[0], body:torso.xpos[2], sensor:imu[0] or vehicle.speed"
             ),
         ),
     ],

@@ -139,8 +139,8 @@ def test_nobody_and_two_at_one_action_are_refused() -> None:
     with pytest.raises(InputError) as caught:
         simulate(env, LOW, case={"left": 1, "right": 1}, policy=lambda _: [0, 0], duration=1)
     assert str(caught.value) == (
-        "the case drives all actions of Plant, 'left', 'right', and nothing is left for the "
-        "policy; leave one of them out"
+        "the case drives all actions of Plant, 'left', 'right', and leaves no action to the "
+        "policy; remove the policy, or an action from the case"
     )
 
 
@@ -173,8 +173,8 @@ FUNCTION_ERRORS: list[tuple[Any, str]] = [
     (
         [{"x": 1.0}],
         (
-            "samples that are there already take no case; give a generator function, whose keyword "
-            "arguments are the names 'mas'"
+            "a sequence of samples takes no case; give a generator function with the keyword "
+            "arguments 'mas'"
         ),
     ),
 ]

@@ -264,7 +264,12 @@ def test_what_cannot_be_set_up_is_refused(
     [
         ("tank", "always(levl < 3)", {}, "no variable 'levl' in tank; did you mean 'level'?"),
         ("tank", "always(q < 3)", {}, "no variable 'q' in tank; the outputs are 'tank.level', "),
-        ("silent", LOW, {}, "silent does not say how long a step lasts; give period= in seconds"),
+        (
+            "silent",
+            LOW,
+            {},
+            "silent does not state the duration of a step; give period= in seconds",
+        ),
         (
             "tank",
             LOW,

@@ -106,7 +106,7 @@ def test_a_run_begins_anew_with_the_numbers_that_were_given(tank: Path) -> None:
 @pytest.mark.parametrize(
     ("signal", "message"),
     [
-        ("row", "'row' is an array of 3 numbers, row[0] to row[2]; choose one of them"),
+        ("row", "'row' is an array of 3 numbers, row[0] to row[2]; choose one element"),
         ("tank.grid", "'tank.grid' is an array of 2 x 3 numbers, tank.grid[0][0] to "),
         ("row[3]", "no 'row[3]': 'row' is an array of 3 numbers, row[0] to row[2]"),
         ("row[-1]", "no 'row[-1]': 'row' is an array of 3 numbers, row[0] to row[2]"),
@@ -126,10 +126,13 @@ def test_what_is_no_number_of_an_array_is_refused(lone: Path, signal: str, messa
 @pytest.mark.parametrize(
     ("named", "message"),
     [
-        ({"parameters": {"n": 3}}, "'n' says how large arrays are, and keeps its start value 2"),
+        (
+            {"parameters": {"n": 3}},
+            "'n' sets the size of arrays and cannot change from its start value 2",
+        ),
         (
             {"parameters": {"grid": 1}},
-            "'grid' is an array of 2 x 3 numbers, grid[0][0] to grid[1][2]; choose one of them",
+            "'grid' is an array of 2 x 3 numbers, grid[0][0] to grid[1][2]; choose one element",
         ),
         ({"parameters": {"valves[0]": 1}}, "'valves[0]' is an input: give it in inputs="),
         (

@@ -279,10 +279,7 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"opt.timestp": 0.1},
-        (
-            "'opt.timestp' of the case: there is no option 'timestp' of MuJoCo; "
-            "did you mean 'timestep'?"
-        ),
+        ("'opt.timestp' of the case: MuJoCo has no option 'timestp'; did you mean 'timestep'?"),
     ),
     (
         {"opt.gravity": 1},
@@ -337,7 +334,7 @@ def test_a_field_that_is_not_there_names_the_nearest() -> None:
     with pytest.raises(InputError) as caught:
         simulate(cart(), LOW, SIGNALS, case={"body:pole.mas": 1}, duration=1)
     assert str(caught.value).startswith(
-        "'body:pole.mas' of the case: body:pole.mas does not fit: expected one of the fields "
+        "'body:pole.mas' of the case: body:pole.mas does not fit: expected a field "
     )
     assert str(caught.value).endswith(", got 'mas'; did you mean 'mass'?")
 

@@ -156,15 +156,15 @@ def test_a_function_of_a_module_in_the_working_directory_acts(
         (
             "rtamt_drive:act",
             (
-                "there is no module 'rtamt_drive', neither in the working directory nor where "
-                "Python looks for modules"
+                "cannot find the module 'rtamt_drive' in the working directory or on the search "
+                "path of Python"
             ),
         ),
         (
             "rtamt_package.iner:act",
             (
-                "there is no module 'rtamt_package.iner', neither in the working directory nor "
-                "where Python looks for modules"
+                "cannot find the module 'rtamt_package.iner' in the working directory or on the "
+                "search path of Python"
             ),
         ),
         (
@@ -189,9 +189,9 @@ def test_a_function_of_a_module_in_the_working_directory_acts(
         (
             "rtamt_driver:Driver",
             (
-                "--policy rtamt_driver:Driver: expected a class whose instances are called with "
-                "the observation, got one without __call__; give it one that returns the action, "
-                "or save a model and write sb3:FILE.zip"
+                "--policy rtamt_driver:Driver: expected a class with a method "
+                "__call__(observation), got none; add __call__, which returns the action, or save "
+                "a model and write sb3:FILE.zip"
             ),
         ),
         (

@@ -153,7 +153,7 @@ def test_a_policy_remembers_during_an_episode_and_forgets_between_episodes() -> 
         (
             "sb3:odd.zip",
             (
-                "odd.zip does not tell its algorithm; write sb3:ALGORITHM:odd.zip, where ALGORITHM "
+                "the algorithm of odd.zip is unknown; write sb3:ALGORITHM:odd.zip, where ALGORITHM "
                 f"is {', '.join(saved.ALGORITHMS)} or module.Class"
             ),
         ),
@@ -168,21 +168,21 @@ def test_a_policy_remembers_during_an_episode_and_forgets_between_episodes() -> 
         (
             "sb3:text.zip",
             (
-                "text.zip is no model of Stable-Baselines3; expected the file that model.save() "
+                "text.zip is not a model of Stable-Baselines3; expected the file that model.save() "
                 "writes"
             ),
         ),
         (
             "sb3:other.zip",
             (
-                "other.zip is no model of Stable-Baselines3; expected the file that model.save() "
-                "writes"
+                "other.zip is not a model of Stable-Baselines3; expected the file that "
+                "model.save() writes"
             ),
         ),
         (
             "sb3:list.zip",
             (
-                "list.zip is no model of Stable-Baselines3; expected the file that model.save() "
+                "list.zip is not a model of Stable-Baselines3; expected the file that model.save() "
                 "writes"
             ),
         ),
@@ -190,14 +190,14 @@ def test_a_policy_remembers_during_an_episode_and_forgets_between_episodes() -> 
             "sb3:broken.zip",
             (
                 "cannot load broken.zip as a model of PPO: RuntimeError: the weights have another "
-                "shape; if it is one of another algorithm, write sb3:ALGORITHM:broken.zip"
+                "shape; for a model of another algorithm, write sb3:ALGORITHM:broken.zip"
             ),
         ),
         (
             "sb3:masked.zip",
             (
-                "masked.zip is a model of MaskablePPO, which needs to be told the actions that are "
-                "allowed; write a function that does, and --policy module:function"
+                "masked.zip is a model of MaskablePPO, which needs the mask of allowed actions; "
+                "write a function that passes the mask, and give --policy module:function"
             ),
         ),
     ],

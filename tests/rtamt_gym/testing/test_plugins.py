@@ -154,7 +154,7 @@ def test_two_packages_do_not_add_one_name(tmp_path: Path, monkeypatch: pytest.Mo
     with found_in(tmp_path, monkeypatch), pytest.raises(InputError) as caught:
         optimizers()
     assert re.fullmatch(
-        r"expected one 'darts' among the entry points rtamt.optimizers, got another of "
-        r"(plant-tools|dart-board); remove one of the packages",
+        r"expected one 'darts' among the entry points rtamt.optimizers, "
+        r"got a second from (plant-tools|dart-board); uninstall one package",
         str(caught.value),
     )

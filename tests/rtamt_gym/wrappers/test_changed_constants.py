@@ -476,9 +476,9 @@ def test_some_of_many_keep_the_constants_of_all() -> None:
     with pytest.raises(InputError) as caught:
         envs.reset(options={"reset_mask": mask, "constants": {"a": 0.2}})
     assert str(caught.value) == (
-        "expected a reset of all environments with other constants, which hold for all, got one of "
-        "some: reset all, or wrap each environment with StlMonitor, whose constants change as its "
-        "episodes end"
+        "expected a reset of all environments, because new constants apply to all, got a reset of "
+        "some: reset all, or wrap each environment with StlMonitor, which changes constants when "
+        "its episode ends"
     )
     envs.constants = {"a": 0.3}
     before = envs.samples
@@ -503,6 +503,6 @@ def test_a_bound_that_appears_needs_a_period() -> None:
         Scripted([script]), "const float w = 0; always[w:inf](a > -9)", {"a": "obs[0]"}
     )
     env.reset()
-    with pytest.raises(SpecificationError, match="does not say how long a step lasts"):
+    with pytest.raises(SpecificationError, match="does not state the duration of a step"):
         env.reset(options={"constants": {"w": 1}})
     assert env.reset()[1]["robustness"] == 10.0

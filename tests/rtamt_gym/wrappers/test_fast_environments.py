@@ -234,8 +234,8 @@ def test_native_environments_are_refused_unless_the_last_observation_is_held() -
         VectorStlMonitor(counters(2), "always(x < 9)", {"x": "obs[0]"})
     assert str(caught.value) == (
         "expected environments that show the last observation of an episode, got <NativeCounters> "
-        "of PufferLib, which shows the first of the next in its place; "
-        "as_vector_env(env, final_obs='held') takes the one before it for the last"
+        "of PufferLib, which replaces it by the first observation of the next episode; "
+        "as_vector_env(env, final_obs='held') uses the observation before it instead"
     )
 
 

@@ -201,16 +201,17 @@ def refused(make: Callable[[], object]) -> str:
 def test_what_is_appended_twice_is_refused() -> None:
     env = TimeLimit(StlMonitor(Replay([1]), "always(x > 1)", X, observe="state"), 9)
     assert refused(lambda: StlReward(env, mode="add", observe="state")) == (
-        "observe='state' of StlReward would append what observe='state' of the StlMonitor inside "
-        "of it has appended already; give observe= to one of them"
+        "observe='state' of StlReward would repeat the values that observe='state' of the inner "
+        "StlMonitor appends; pass observe= to one wrapper only"
     )
-    assert "observe='obligations' of StlReward would append what observe='state'" in refused(
-        lambda: StlReward(env, mode="add", observe="obligations")
+    assert (
+        "observe='obligations' of StlReward would repeat the values that observe='state'"
+        in refused(lambda: StlReward(env, mode="add", observe="obligations"))
     )
     envs = VectorStlMonitor(native(2), "always(x > 1)", X, observe="state")
     assert refused(lambda: VectorStlReward(envs, mode="add", observe="state")) == (
-        "observe='state' of VectorStlReward would append what observe='state' of the "
-        "VectorStlMonitor inside of it has appended already; give observe= to one of them"
+        "observe='state' of VectorStlReward would repeat the values that observe='state' of the "
+        "inner VectorStlMonitor appends; pass observe= to one wrapper only"
     )
 
 

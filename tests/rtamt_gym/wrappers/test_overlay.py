@@ -245,7 +245,7 @@ def test_what_cannot_be_drawn_is_refused() -> None:
     with pytest.raises(InputError) as unknown:
         made(Painted(VALUES), signals=["y"])
     assert str(unknown.value) == (
-        "signals= names 'y', which is no signal of the monitor; they are 'x'"
+        "signals= names an unknown signal 'y'; the signals of the monitor are 'x'"
     )
     with pytest.raises(InputTypeError) as text:
         made(Painted(VALUES), signals="x")

@@ -59,7 +59,7 @@ def test_wrappers_and_simulate_take_names(make: Callable[[Any], Any]) -> None:
     with pytest.raises(rtamt.InputError) as caught:
         make("grantd")
     assert str(caught.value) == (
-        "there is no requirement 'grantd'; there are 'granted'; did you mean 'granted'?"
+        "unknown requirement 'grantd'; the requirements are 'granted'; did you mean 'granted'?"
     )
 
 

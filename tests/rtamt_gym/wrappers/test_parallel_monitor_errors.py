@@ -72,9 +72,10 @@ class One(gym.Env[Any, Any]):
             {"specs": "always[0:1](x - y > 1)"},
             SpecificationError,
             (
-                "specification 'spec' has bounds in time, but crew_v0 does not say how long a step "
-                "lasts: there is no dt, tau or config['policy_frequency'] in it, or in an "
-                "environment inside it; give period= in seconds, or period=1 if every bound counts steps"
+                "specification 'spec' has bounds in time, but crew_v0 does not state the duration "
+                "of a step: there is no dt, tau or config['policy_frequency'] in it, or in an "
+                "environment inside it; give period= in seconds, or period=1 if every bound counts "
+                "steps"
             ),
         ),
         (
@@ -88,7 +89,7 @@ class One(gym.Env[Any, Any]):
             {},
             InputTypeError,
             (
-                "expected a parallel environment of PettingZoo, got crew_v0, whose agents take "
+                "expected a parallel environment of PettingZoo, got crew_v0, in which agents take "
                 "turns; convert it with pettingzoo.utils.aec_to_parallel"
             ),
         ),

@@ -33,7 +33,7 @@ def test_wrappers_divide_by_the_time_step() -> None:
 
 def test_wrapper_needs_a_period() -> None:
     unknown = gym.make("FrozenLake-v1")
-    with pytest.raises(SpecificationError, match="does not say how long a step lasts"):
+    with pytest.raises(SpecificationError, match="does not state the duration of a step"):
         StlMonitor(unknown, "always(rate(place) <= 4)", signals={"place": "obs"})
 
 

@@ -192,8 +192,8 @@ def test_a_monitor_that_reads_beneath_is_made_again_copied_and_pickled() -> None
             normalized,
             {"below": True, "rescaled": True},
             (
-                "below=True reads signals beneath wrappers that rescale observations, and "
-                "rescaled=True as these give them; expected one of the two"
+                "below=True reads signals below the wrappers that rescale observations, and "
+                "rescaled=True reads the rescaled values; omit one"
             ),
         ),
     ],

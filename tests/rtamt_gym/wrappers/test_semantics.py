@@ -184,7 +184,10 @@ def test_an_environment_is_made_again_with_its_semantics() -> None:
             SPECS["granted"],
             {"semantics": "output-robustness"},
             rtamt.InputError,
-            "semantics='output-robustness' is about outputs, and there are none; declare them in ",
+            (
+                "semantics='output-robustness' needs output variables, and none are declared; "
+                "declare them in "
+            ),
         ),
         (
             SPECS["granted"],
@@ -239,7 +242,9 @@ def test_a_semantics_that_does_not_fit_is_refused_at_construction(
 
 def test_an_error_about_one_of_several_specifications_names_it() -> None:
     specs = {"a": "output float gnt\nalways(gnt > 1)", "b": "always(req > 1)"}
-    with pytest.raises(rtamt.InputError, match="is about outputs, and there are none") as raised:
+    with pytest.raises(
+        rtamt.InputError, match="needs output variables, and none are declared"
+    ) as raised:
         StlMonitor(Pairs(), specs, SIGNALS, semantics="output-robustness")
     assert raised.value.__notes__ == ["in specification 'b'"]
 

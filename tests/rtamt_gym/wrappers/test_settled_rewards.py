@@ -99,7 +99,7 @@ def test_verdict_without_bonus_and_penalty_is_an_error() -> None:
     with pytest.raises(InputError) as error:
         StlReward(Replay([1.0]), SPECS, X, mode="verdict", **OPTIONS)
     assert str(error.value) == (
-        "mode='verdict' pays only bonus= and penalty=, which are both 0; give one of them, such as "
+        "mode='verdict' pays only bonus= and penalty=, which are both 0; set at least one, such as "
         "bonus=1.0, penalty=1.0"
     )
 

@@ -297,8 +297,8 @@ def test_priorities_are_asked_for_by_the_names_of_the_specifications() -> None:
         (
             {"weights": {"slwo": 1}},
             (
-                "weights= names 'slwo', which is no specification; the specifications are "
-                "'upright', 'slow'; did you mean 'slow'?"
+                "weights= names an unknown specification 'slwo'; the specifications are 'upright', "
+                "'slow'; did you mean 'slow'?"
             ),
         ),
         (
@@ -322,15 +322,15 @@ def test_priorities_are_asked_for_by_the_names_of_the_specifications() -> None:
         (
             {"mode": "hierarchical"},
             (
-                "expected priorities= with mode='hierarchical', got None; say what every "
-                'specification is for, such as priorities={"upright": "safety", "slow": "target"}'
+                "expected priorities= with mode='hierarchical', got None; pass the purpose "
+                'of every specification, such as priorities={"upright": "safety", "slow": "target"}'
             ),
         ),
         (
             {"mode": "hierarchical", "priorities": {"x": "safety"}},
             (
-                "priorities= names 'x', which is no specification; the specifications are "
-                "'upright', 'slow'; leave it out"
+                "priorities= names an unknown specification 'x'; the specifications are 'upright', "
+                "'slow'; leave it out"
             ),
         ),
         (

@@ -98,9 +98,10 @@ def test_wrong_option_of_one_and_of_many(arguments: dict[str, Any], message: str
             {"specs": "always[0:2](x > 1)"},
             SpecificationError,
             (
-                "specification 'spec' has bounds in time, but <Timeless> does not say how long a "
-                "step lasts: there is no dt, tau or config['policy_frequency'] in it, or in an "
-                "environment inside it; give period= in seconds, or period=1 if every bound counts steps"
+                "specification 'spec' has bounds in time, but <Timeless> does not state the "
+                "duration of a step: there is no dt, tau or config['policy_frequency'] in it, or "
+                "in an environment inside it; give period= in seconds, or period=1 if every bound "
+                "counts steps"
             ),
         ),
         ({"specs": {}}, InputError, "expected at least one specification, got an empty mapping"),
@@ -149,7 +150,10 @@ def test_an_error_in_one_of_several_specifications_names_it() -> None:
 def test_the_period_behind_a_wrapper_that_skips_steps_is_not_guessed() -> None:
     env = MaxAndSkipObservation(gym.make("CartPole-v1"), skip=4)
     late = "eventually[0:0.8](x > 1)"
-    why = "does not say how long a step lasts: a MaxAndSkipObservation makes several steps in one; "
+    why = (
+        "does not state the duration of a step: a MaxAndSkipObservation makes several steps in "
+        "one; "
+    )
     with pytest.raises(SpecificationError, match=why + "give period="):
         StlMonitor(TransformReward(env, float), late, {"x": "obs[0]"})
     monitor = StlMonitor(env, late, {"x": "obs[0]"}, period=0.08)

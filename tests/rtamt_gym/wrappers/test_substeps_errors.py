@@ -35,9 +35,9 @@ class OwnStep(InvertedPendulumEnv):
 
 
 NEEDS = (
-    " is not known inside of a step, and substeps=True takes samples there; read the simulation "
-    "instead, such as qpos[0], body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose "
-    "env it may read"
+    " is unknown during a step, and substeps=True samples there; read the simulation "
+    "instead, such as qpos[0], body:torso.xpos[2], vehicle.speed, or a callable that "
+    "reads step.env"
 )
 
 
@@ -91,8 +91,8 @@ NEEDS = (
             OwnLoop,
             "qpos[0]",
             (
-                "substeps=True exchanges MujocoEnv._step_mujoco_simulation, and OwnLoop has one of "
-                "its own; leave it out"
+                "substeps=True exchanges MujocoEnv._step_mujoco_simulation, and OwnLoop overrides "
+                "it; omit substeps=True"
             ),
         ),
     ],

@@ -57,7 +57,9 @@ def test_lanes_have_what_single_environments_have(mode: AutoresetMode) -> None:
 )
 def test_what_needs_the_robustness_of_instants_is_refused(options: dict[str, Any]) -> None:
     ((name, value),) = options.items()
-    expected = f"^nan='unknown' leaves a robustness between two bounds, and {name}='{value}' needs"
+    expected = (
+        f"^nan='unknown' leaves the robustness between two bounds, and {name}='{value}' needs"
+    )
     spec = "always(x > 1 implies eventually[0:2](x > 2))"
     with pytest.raises(InputError, match=expected):
         StlMonitor(Replay(VALUES), spec, X, period=1, nan="unknown", **options)

@@ -136,8 +136,8 @@ def test_ends_that_are_no_flags_are_refused_at_the_first_step(place: int, name: 
     with pytest.raises(InputTypeError) as caught:
         env.step(np.array([1, 1]))
     assert str(caught.value) == (
-        f"expected {name} of {env.env} as flags, of dtype bool, got dtype int8; put a wrapper "
-        "around it whose step converts them, .astype(bool)"
+        f"expected {name} of {env.env} as flags of dtype bool, got dtype int8; convert them in the "
+        "step of a wrapper, .astype(bool)"
     )
 
 
@@ -227,7 +227,7 @@ def test_a_sample_that_is_nan_ends_the_run_until_the_next_reset() -> None:
     makes = [functools.partial(Replay, [3, x, 3]) for x in (3, math.nan)]
     envs = VectorStlMonitor(sync(makes, AutoresetMode.NEXT_STEP), "always(x > 1)", X)
     envs.reset()
-    with pytest.raises(InputError, match="lane 1"):
+    with pytest.raises(InputError, match="batch entry 1"):
         envs.step(np.zeros((2, 1)))
     with pytest.raises(StateError):
         envs.step(np.zeros((2, 1)))

@@ -167,9 +167,9 @@ ERRORS: dict[str, Any] = {
         "b": "reprot",
     },
     f"expected on_violation['b']={WANTED}, got None": {**MIXED, "b": None},
-    "on_violation= names 'safe', which is no specification; the specifications are 'a', 'b', 'c'; "
+    "on_violation= names an unknown specification 'safe'; the specifications are 'a', 'b', 'c'; "
     "leave it out": {**MIXED, "safe": "report"},
-    "on_violation= names 3, which is no specification; the specifications are 'a', 'b', 'c'; "
+    "on_violation= names an unknown specification 3; the specifications are 'a', 'b', 'c'; "
     "leave it out": {**MIXED, 3: "report"},
     f"expected on_violation={WANTED}, got ['terminate']": ["terminate"],
 }
