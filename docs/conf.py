@@ -27,9 +27,9 @@ source_suffix = {".md": "markdown", ".ipynb": "notebook"}
 myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]
 
-# Docstrings: what stands in single backticks is a name, linked if it is on a page.
+# Docstrings: single backticks mark names, which are linked if they are on a page.
 default_role = "py:obj"
-smartquotes = False  # they turn what can be copied into what cannot
+smartquotes = False  # curly quotes would break copied code
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "description"
 autodoc_mock_imports = ["jax", "torch"]  # large, and the page of rtamt_arrays shows our names alone
@@ -39,7 +39,7 @@ napoleon_use_rtype = False
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 88
 nitpicky = True
-# Names of other packages and of types that are no public names are shown without a link.
+# Names of other packages and of private types have no link.
 nitpick_ignore_regex = [("py:.*", ".*")]
 
 html_theme = "pydata_sphinx_theme"

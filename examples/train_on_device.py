@@ -107,7 +107,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
         )(jax.random.split(steps, LANES), state, action, params)
         value = applied(policy["critic"], obs)[:, 0]
         limit = truncated & ~terminated
-        # A limit of time ends no task: the value of the last state stands for what would come.
+        # A time limit does not end the task: the value of the last state replaces later rewards.
         beyond = applied(policy["critic"], info["final_observation"])[:, 0]
         # Scaled, so that values are about 1: the critic begins at 0, and would take long to 100.
         reward = (1.0 - GAMMA) * reward + GAMMA * beyond * limit

@@ -238,7 +238,7 @@ class MissingFileError(InputError, FileNotFoundError):
         from pathlib import Path  # 5 ms of every import of the package
 
         given = Path(path)
-        # Without the ends of the names, which are alike.
+        # without the common ends of the names
         close = closest(given.stem, sorted(other.stem for other in given.parent.glob("*.stl")))
         near = f"; did you mean '{close}.stl'?" if close else ""
         super().__init__(f"cannot open {fspath(path)}: No such file or directory{near}")
@@ -246,7 +246,7 @@ class MissingFileError(InputError, FileNotFoundError):
         self.errno, self.strerror = ENOENT, f"No such file or directory{near}"
 
     def __str__(self) -> str:
-        return str(self.args[0])  # that of OSError is made of its attributes
+        return str(self.args[0])  # OSError would build its text from attributes
 
     def __reduce__(self) -> tuple[type[MissingFileError], tuple[str]]:
         return type(self), (self.filename,)

@@ -101,7 +101,7 @@ def lattice_of(
     if getattr(temperature, "shape", None) == () and not isinstance(temperature, np.generic):
         array = reader.taken(temperature)
         if array is not None:
-            # No error can depend on what is in an array.
+            # No error can depend on the content of an array.
             return _smooth(o, o.where((array > 0.0) & ~o.isinf(array), array, math.nan))
     number, (least, most) = _checked(reader, temperature), reader.limits
     if not least <= number <= most:

@@ -49,11 +49,11 @@ def _run(given: Sequence[str]) -> int:
     except SystemExit as end:
         if options is None and not end.code:  # --help and --version
             return 0
-        # With the code 0 too: what ended it has given no verdict.
+        # also with code 0: the program ended before a verdict
         return _refuse(f"the program was ended by what it ran: SystemExit({end.code!r})")
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:  # of standard error, or of what the command runs
+    except BrokenPipeError:  # of standard error, or of code that the command runs
         return _BROKEN_PIPE
     except Exception as error:  # noqa: BLE001 - Python's own exit code would be 1
         command = _command(given)
@@ -105,7 +105,7 @@ class _Output:
             yield
         except BrokenPipeError:
             self.closed_by_reader = True
-            # What is kept back goes nowhere: at exit Python would print an error of its own.
+            # discard buffered output: at exit Python would print an error of its own
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)
@@ -140,7 +140,7 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         options.specs += [options.trace, *rest]
         options.trace = options.specs.pop()
     elif rest and "requirements" in options and not any(text.startswith("-") for text in rest):
-        options.requirements = [*options.requirements, *rest]  # those behind the first option
+        options.requirements = [*options.requirements, *rest]  # requirements after the first option
     elif rest:
         # argparse leaves them to the parser of all commands.
         near = nearest(rest[0].partition("=")[0], options_of(command).values())

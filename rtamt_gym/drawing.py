@@ -27,7 +27,7 @@ __all__ = [
     "tidy",
 ]
 
-# The palette of Okabe and Ito, whose colours can be told apart by colour-blind readers.
+# The palette of Okabe and Ito, which colour-blind readers can distinguish.
 SIGNAL = "#0072B2"
 ROBUSTNESS = "#222222"
 BOUNDS = "#9BD0F0"

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
 
 _STEPPING = stepping(10)
 _SUPPLY = 1000.0  # kPa
-_LOST = 100.0  # cm, what a failed position reads
+_LOST = 100.0  # cm, the reading of a failed position
 _SENSORS = 3  # for each pressure
 
 # The state: both sides, then the parts named here, then the number of samples since the start.

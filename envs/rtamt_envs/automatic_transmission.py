@@ -56,7 +56,7 @@ _PERIOD: Final = 0.01
 _STEPS_PER_COMPARISON: Final = 4.0
 _COMPARISONS_PER_SHIFT: Final = 2.0  # after the one that the speed first was beyond its threshold
 
-# What the numbers of a state are.
+# The meaning of the numbers of a state.
 _RPM, _WHEEL, _GEAR, _SHIFT, _COMPARED, _STEPS = range(6)
 
 _MPH: Final = 2.0 * math.pi * 60.0 / 5280.0  # of the wheel, for each rpm

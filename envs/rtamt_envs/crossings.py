@@ -68,7 +68,7 @@ def first_crossing(polynomial: Floats, length: int, level: float, sign: float) -
     Returns:
         The argument; 0 if the polynomial starts there or beyond, 2 if it does not reach the level.
     """
-    bend = 0.0  # the greatest curvature
+    bend = 0.0  # the maximum curvature
     for power in range(2, length):
         bend += power * (power - 1) * abs(float(polynomial[power]))
     low, width = 0.0, 1.0

@@ -71,7 +71,7 @@ def _step(action: Array, parameters: Array, noise: Array, state: Array, observat
     delay = math.floor(min(parameters[DELAY], LONGEST) / PERIOD + 0.5)
     state[0] = steps
     state[1 + steps % KEPT] = action[0]
-    # The ring holds zeros for what was before the start.
+    # The ring holds zeros for times before the start.
     requested = state[1 + (steps + KEPT - delay) % KEPT]
     observation[0] = action[0]
     observation[1] = _grant(requested, parameters, noise)

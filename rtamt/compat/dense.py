@@ -210,7 +210,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         ahead.__setstate__(state)
         try:
             return new, before, ahead.update(last | {n: before[n] + new[n] for n in new})
-        except InputError:  # whose message counts the events before the new ones too
+        except InputError:  # its message would count earlier events too
             ahead.__setstate__(state)
             steps = ahead.update(last)
             return new, before, steps + ahead.update(new)

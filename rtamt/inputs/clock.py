@@ -85,7 +85,7 @@ class Clock:
         """Return whether two times are equal or on one tick; False for other objects."""
         try:
             if isinstance(first, float) and isinstance(second, float):
-                # What is far apart needs no exact arithmetic.
+                # distant times need no exact arithmetic
                 tick = self.tick.numerator / self.tick.denominator
                 if abs(second - first) > 4 * (tick + math.ulp(max(abs(first), abs(second)))):
                     return False

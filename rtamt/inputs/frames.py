@@ -53,7 +53,7 @@ def _names(data: object) -> list[Any] | None:
     """Return the names of the columns, which pandas allows to be no texts; None for other data."""
     if isinstance(data, Mapping | np.ndarray) or not hasattr(data, "__getitem__"):
         return None
-    names = getattr(data, "column_names", None)  # of Arrow, whose columns are the arrays
+    names = getattr(data, "column_names", None)  # of Arrow, where `columns` are the arrays
     if names is None:
         names = getattr(data, "columns", None)
     try:

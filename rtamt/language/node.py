@@ -117,7 +117,7 @@ def interned(
     leaf: str | float | None = None,
 ) -> _N:
     """Return the only node of a class with these attributes, within the limits of a tree."""
-    # repr tells 0.0 from -0.0, which compare equal but divide differently.
+    # repr distinguishes 0.0 from -0.0, which compare equal but divide differently.
     key = (kind, op, args, interval, leaf, repr(leaf))
     with _lock:
         node = _nodes.get(key)

@@ -278,7 +278,7 @@ def outputs_among(part: Program, whole: Program) -> tuple[int, ...]:
                 case Load(variable):
                     key: tuple[object, ...] = "load", variable
                 case Const(value):
-                    key = "const", repr(value)  # which tells 0.0 from -0.0
+                    key = "const", repr(value)  # repr distinguishes 0.0 from -0.0
                 case Map(function, args):
                     key = function, *(numbers[a] for a in args)
             numbers.append(known.setdefault(key, len(known)))

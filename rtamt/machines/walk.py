@@ -433,7 +433,7 @@ def _prefixes_of_block(
     tables = []
     for column, nothing in zip(columns, _NOTHING[fold.name], strict=True):
         padded = np.concatenate([column, np.full(rows * width - n, nothing)])
-        tables.append(padded.reshape(rows, width).T.copy())  # what is folded is contiguous
+        tables.append(padded.reshape(rows, width).T.copy())  # a fold needs contiguous rows
     for i in range(1, width):
         folded = combine(tuple(t[i - 1] for t in tables), tuple(t[i] for t in tables))
         for table, row in zip(tables, folded, strict=True):

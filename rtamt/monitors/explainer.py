@@ -426,7 +426,7 @@ def explain_dense(
     machines = BACKENDS[backend]
     machines.dense_machine(alone, reader, ()).run(
         whole
-    )  # refuses what rtamt.dense.evaluate refuses
+    )  # raises the errors of rtamt.dense.evaluate
     columns, dated = reader.counted(whole, [-np.inf] * len(whole), None)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     end = min(int(ticks[-1]) for ticks, _ in columns)

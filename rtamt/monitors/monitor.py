@@ -352,7 +352,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         return f"<EpisodeMonitor of {self.specification.formula}, {self.verdict.name}>"
 
 
-# The slots that the machine writes and users read, in the order in which it takes them.
+# The slots that the machine writes and users read, in the order of its arguments.
 _SHOWN = tuple(vars(EpisodeMonitor)[name] for name in ("robustness", "lower", "upper", "verdict"))
 _VERDICTS = tuple(Verdict)
 for _slot in _SHOWN:

@@ -260,7 +260,7 @@ def described(*names: str) -> Callable[[_C], _C]:
     ]
 
     def decorate(cls: _C) -> _C:
-        if cls.__doc__:  # python -OO has none
+        if cls.__doc__:  # None under python -OO
             before, mark, after = cls.__doc__.partition("        **options:")
             rest = after.removeprefix(_SEE)
             kept = mark if rest is after else ""

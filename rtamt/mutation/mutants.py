@@ -288,7 +288,7 @@ def _verdicts(
             None if each is None else Verdict(verdict_of(*bounds.part(each).bounds(end)))
             for each in programs
         ]
-    except RtamtError:  # a term of one of them is nan
+    except RtamtError:  # a term is nan
         first = judge(requirement, signals, period, end, n=n, **options).verdict
         return [first, *(_verdict(each, signals, period, end, n, options) for each in mutants)]
 

@@ -182,7 +182,7 @@ FUNCTIONS: Mapping[str, Function] = {
 }
 
 
-# min and max of arrays, none of whose numbers is nan.
+# min and max of arrays without nan.
 def lesser(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the smaller numbers of two arrays."""
     either = np.where(y < x, y, x).view(np.int64) | np.where(x < y, x, y).view(np.int64)

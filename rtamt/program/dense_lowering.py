@@ -202,7 +202,7 @@ def compile_dense(
     online: bool = False,
 ) -> DenseProgram:
     """Return the program of a specification over dense time."""
-    # Equal specifications may differ in their text, at which errors point.
+    # Equal specifications may differ in their text, and errors point at the text.
     return _cached(specification, specification.text, resolution, interface, online)
 
 

@@ -103,7 +103,7 @@ def compile_regions(
     named: bool = False,
 ) -> RegionProgram:
     """Return the program of a specification over the regions of dense time."""
-    # Equal specifications may differ in their text, at which errors point.
+    # Equal specifications may differ in their text, and errors point at the text.
     return _cached(specification, specification.text, resolution, interface, named)
 
 
@@ -115,7 +115,7 @@ def _cached(
     interface: Interface,
     named: bool,  # noqa: FBT001 - a key of the cache
 ) -> RegionProgram:
-    compile_dense(specification, resolution, interface=interface)  # raises what it refuses
+    compile_dense(specification, resolution, interface=interface)  # raises its errors
     program = _RegionBuilder(specification, resolution, interface).program()
     if not named:
         program = program.restricted(program.result, {})

@@ -26,7 +26,7 @@ class DiscreteRow(NamedTuple):
     second: int
     value: float
     length: int = 0  # samples in a window or a delay line; 0 for a window without begin
-    start: int = 0  # the first sample at which a window takes in a value of its operands
+    start: int = 0  # the first sample where a window reads a value of its operands
 
 
 class FormulaRow(NamedTuple):

@@ -239,7 +239,7 @@ class Routes:
     __slots__ = ("_ends", "_legs", "_places")
 
     def __init__(self, formula: Formula, bounds: Callable[[Node], Bounds]) -> None:
-        # A place is a node, its sign, and whether the formula fails wherever the node does.
+        # A place is a node, its sign, and whether the formula fails whenever the node does.
         places: dict[Node, dict[tuple[bool, bool], int]] = {formula: {(True, True): 0}}
         count = 1
         legs: list[tuple[int, list[tuple[int, tuple[_Step, ...]]]]] = []

@@ -157,7 +157,7 @@ def as_interface(
 
 
 def _declared(spec: Specification, role: Role) -> tuple[str, ...]:
-    # A declared name that a formula computes is no variable.
+    # A declared name that a formula computes is not a variable.
     return tuple(n for n, d in spec.declarations.items() if d.io == role and n not in spec.formulas)
 
 

@@ -164,7 +164,7 @@ def logarithm(ln: Callable[[float], float], div: Callable[[float, float], float]
         if not base.known and under[0] <= 0.0 <= under[1]:
             return EVERYTHING
         exact = corners(div, Range(*over), Range(*under))
-        # A step of the logarithm may be more than one of the quotient.
+        # A step of the logarithm may be larger than a step of the quotient.
         under = under if base.known else _outward(under)
         stepped = corners(div, Range(*_outward(over)), Range(*under))
         return _hull((*_outward(exact), *stepped))

@@ -210,7 +210,7 @@ def compile_program(
     online: bool = False,
 ) -> Program:
     """Return the program of a specification over samples."""
-    # Equal specifications may differ in their text, at which errors point.
+    # Equal specifications may differ in their text, and errors point at the text.
     return _cached(specification, specification.text, period, interface, align, online)
 
 

@@ -98,7 +98,7 @@ _ROWS: Final = (
     _row("window-open", "window_open", "abs(x) <= 0.05", "x", 1, 0.05),
     # One side already.
     _row("hammer", "hammer", "NailSlideJoint > 0.09"),
-    # The flag is a place, or a posture: a band is what is meant.
+    # The flag is about a place or a posture, so a band fits it.
     _row("assembly", "assembly_peg", "norm(xy) < 0.02 and z > 0"),
     _row("basketball", "basketball", _NEAR.format(0.08)),
     _row("bin-picking", "bin_picking", _NEAR.format(0.05)),

@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     check_files(options, options.a, options.b)
     a, b = Evaluation.load(options.a), Evaluation.load(options.b)
     names = None
-    if a.policy == b.policy and options.a != options.b:  # then their files tell them apart
+    if a.policy == b.policy and options.a != options.b:  # the file names distinguish them
         short = options.a.name != options.b.name
         files = [result.name if short else str(result) for result in (options.a, options.b)]
         names = [f"{a.policy} ({result})" for result in files]

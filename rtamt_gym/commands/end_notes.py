@@ -18,7 +18,7 @@ def noted_ends() -> Iterator[list[str]]:
 
     def note(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:  # noqa: ANN401
         if issubclass(category, OpenEndWarning):
-            if notes[:] != _CUT_WINDOW:  # which says more
+            if notes[:] != _CUT_WINDOW:  # that note contains more
                 notes[:] = _CUT_WINDOW if issubclass(category, CutWindowWarning) else _OPEN_END
         else:
             show(message, category, *where, **more)

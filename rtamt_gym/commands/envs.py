@@ -144,14 +144,14 @@ def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]
     space = env.action_space  # an environment may make a new one at a reset
     space.seed(seed)
     obs, begun = env.reset(seed=seed)
-    # What is read from the simulation changes with it, so that reset's values are read before.
+    # Values of the simulation change with it, so the values at reset are read first.
     reset = _Reader(env, obs, None, None, dict(begun))
     first = {str(s): reset(s) for o in offers(env, begun).values() for s in o.common + o.others}
     action = space.sample()
     obs, reward, _, _, info = env.step(action)
     step = _Reader(env, obs, action, reward, info)
     rows = [("selector", "at reset", "after a step")]
-    notes: dict[int, str] = {}  # what stands below a row
+    notes: dict[int, str] = {}  # the text below a row
     left_out = 0
     for offer in offers(env, {**begun, **info}).values():
         shown = offer.common
@@ -160,7 +160,7 @@ def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]
         elif len(shown) > _MOST:
             shown = shown[:_SHOWN]
         read = ((str(s), first.get(str(s), "-"), step(s)) for s in shown)
-        # Some environments of several agents have a reward that is no number.
+        # Some environments of several agents have a reward that is not a number.
         rows += [row for row in read if row[1:] != ("-", "-")]
         if len(shown) < len(offer.common):
             notes[len(rows) - 1] = _rest(offer.common[len(shown) :])
@@ -204,5 +204,5 @@ class _Reader:
         signal = ParsedSignal(str(selector), selector, None, row)
         try:
             return number(signal.bind(self._env)(*self._step))
-        except (InputError, InputTypeError):  # the info has no such key, or it is no number
+        except (InputError, InputTypeError):  # the info lacks the key, or it is not a number
             return "-"

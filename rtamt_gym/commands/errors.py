@@ -60,7 +60,7 @@ def refusal(error: Exception, options: Mapping[str, str], command: str = "") -> 
     match error:
         case RtamtError():
             text = error.message.worded(lambda argument: _worded(argument, options))
-            # Notes on what an error carries are for Python callers.
+            # Notes on attributes of an error are for Python callers.
             notes = [n for n in getattr(error, "__notes__", []) if not n.startswith("error.")]
             return shown_lines(": ".join([*notes, text]))
         case ModuleNotFoundError():

@@ -128,7 +128,7 @@ def run(options: argparse.Namespace) -> int:
         entries, numbers = read_varied(options.vary, options.set, opened.scenario)
         named = requirements_of(options.requirements, opened.requirements, options.env_id)
         with warnings.catch_warnings():
-            for category in (FailedSimulationWarning, IrreproducibleWarning):  # the text says it
+            for category in (FailedSimulationWarning, IrreproducibleWarning):  # the text has it
                 warnings.simplefilter("ignore", category)
             try:
                 result = falsify(
@@ -154,7 +154,7 @@ def run(options: argparse.Namespace) -> int:
                 result = _so_far(pressed)
         paths = files_of(options.requirements, options.policy)
         result = replace(result, record=result.record.with_files(paths))
-        # Files may take simulations, and a file may be refused: what was found is said before.
+        # Print the result first: writing files may take simulations, and may fail.
         print(result.to_json() if options.json else "\n".join(_lines(result, notes)), flush=True)
         files = list(_write(result, options, opened.path))
         if files and not options.json:
@@ -197,7 +197,7 @@ def _write(result: Falsification, options: argparse.Namespace, system: str | Non
         result.record.save(options.record)
         yield f"record: {options.record}"
     if options.save and not result.falsified and Path(options.save).exists():
-        # What lies there may be a violation that was found before.
+        # The old file may hold an earlier violation.
         yield f"case: nothing was violated, {options.save} stays as it is"
     elif options.save:
         result.save(options.save, system=system, policy=options.policy)

@@ -110,7 +110,7 @@ def _tell_imports(paths: Sequence[str]) -> None:
     from rtamt_gym.results.codec import read
 
     for path in paths:
-        with suppress(RtamtError, OSError, ValueError):  # said where the result is read
+        with suppress(RtamtError, OSError, ValueError):  # the reader of the result reports it
             if Path(path).suffix.lower() == ".json" and read(path)["kind"] == "case":
                 code = ", ".join(SavedCase.load(path).imports) or "nothing"
                 text = shown(f"playing {path}, which imports {code}")

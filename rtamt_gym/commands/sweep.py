@@ -140,7 +140,7 @@ def run(options: argparse.Namespace) -> int:
             columns = [c for entry in (entries or opened.inputs) for c in entry.columns]
             _check_map(columns, requirements, options)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FailedSimulationWarning)  # the summary says it
+            warnings.simplefilter("ignore", FailedSimulationWarning)  # the summary contains it
             done = sweep(
                 opened.system,
                 requirements,

@@ -66,7 +66,7 @@ def _variable(
     times.append(trace.samples * step)  # the last sample is as wide as the others
     levels.append(values[-1])
     known = [level for level in levels if math.isfinite(level)] or [0.0]
-    room = 0.2 * (max(known) - min(known)) or 1.0  # a line that never changes is no noise
+    room = 0.2 * (max(known) - min(known)) or 1.0  # a constant line is not noise
     ax.set_ylim(min(known) - room, max(known) + room)
     shown = np.clip(levels, min(known) - room, max(known) + room)  # infinities lie at the edge
     ax.plot(times, shown, color=drawing.SIGNAL, linewidth=1.4, drawstyle="steps-post")

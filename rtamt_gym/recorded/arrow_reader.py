@@ -54,7 +54,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
         case ".feather" | ".arrow":
             with refusing(path, "a Feather file"):
                 table = pa.feather.read_table(path, memory_map=False)
-                # Arrow trusts what the file says of its own buffers, and would read beyond them.
+                # Arrow trusts the buffer sizes in the file, and would read beyond them.
                 table.validate(full=True)
         case _:
             with refusing(path, "one JSON object in each line"):

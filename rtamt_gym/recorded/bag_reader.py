@@ -64,7 +64,7 @@ class Bag:
                 f"{_RECOVERY.get(Path(source).suffix.lower(), '')}"
             )
         self.begin: int = reader.start_time
-        self.end: int = reader.end_time - 1  # rosbags gives the time behind it
+        self.end: int = reader.end_time - 1  # rosbags returns the time after it
         has_definitions = any(connection.msgdef.data for connection in reader.connections)
         self.notes: list[str] = []
         if reader.connections and not has_definitions:
@@ -183,7 +183,7 @@ def open_bag(path: str) -> Iterator[Bag]:
     try:
         reader = AnyReader([Path(path)], default_typestore=humble)
         reader.open()
-    except Exception as error:  # rosbags raises what it stumbles on
+    except Exception as error:  # rosbags raises errors of any type
         if isinstance(error, OSError) and error.filename is not None:
             raise
         raise damaged(path, error) from None
@@ -216,5 +216,5 @@ def damaged(path: str, error: Exception) -> InputError:
         return InputError(f"{path}: expected {kind}, got a definition of messages: {text}")
     intact = f"a whole {kind.partition(' ')[2]}"
     other = text.startswith(("File magic", "File type magic")) or "seems to be empty" in text
-    way_out = "" if other else _RECOVERY.get(ending, "")  # nothing of such a file can be saved
+    way_out = "" if other else _RECOVERY.get(ending, "")  # other damage cannot be repaired
     return InputError(f"{path}: expected {intact}, got an error: {text.removesuffix('.')}{way_out}")

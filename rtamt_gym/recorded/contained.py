@@ -120,7 +120,7 @@ class _Process:
             raise InputError(
                 f"{shown(path)}: expected a whole file, but its reader {ending}"
             ) from None
-        except BaseException:  # an interrupt: what it answers is nobody's
+        except BaseException:  # an interrupt: nobody reads the pending answer
             self.end()
             raise
         finally:
@@ -166,7 +166,7 @@ _idle: Final[list[_Process]] = []
 def _taken() -> Iterator[_Process]:
     """Reserve an idle process, or start one."""
     with _lock:
-        # After a fork those of the parent are not ours.
+        # After a fork, processes of the parent do not belong to this one.
         own = [idle for idle in _idle if idle.owner == os.getpid() and not idle.ended]
         _idle[:] = own[:-1]
     process = own[-1] if own else _Process()

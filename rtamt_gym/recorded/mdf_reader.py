@@ -76,7 +76,7 @@ class MdfRecording(Recording):
         notes: list[str] = []
         for name, group, index in self._places:
             if name in names or (not names and not signals):
-                # Else invalid samples are left out, and the one before them seems to hold.
+                # Otherwise invalid samples are left out, and the sample before them seems to hold.
                 with refusing(self._path, "a whole MDF file"):
                     signals[name] = self._signal(name, group, index, notes)
         lines = [signal.times for signal in signals.values()]

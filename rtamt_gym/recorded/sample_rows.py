@@ -247,7 +247,7 @@ def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trac
         return named
     grid = trace.grid or Grid(trace.times, trace.jitter)
     if grid.even or not grid.rises or not PERIODS[0] <= grid.usual <= PERIODS[1]:
-        return named  # period() refuses what is not even
+        return named  # period() refuses uneven times
     if trace.jitter is None and not grid.even_between_holes:
         return named
     trace.times.check_unit(trace.source)

@@ -117,7 +117,7 @@ def rows_of(
                 last = before + reader.line_num
                 yield last, row
     except csv.Error as error:
-        reason, _, _ = str(error).partition(" - ")  # what follows is advice for programmers
+        reason, _, _ = str(error).partition(" - ")  # the rest is advice for programmers
         raise InputError(f"{source}, line {last + 1}: {reason}") from None
 
 

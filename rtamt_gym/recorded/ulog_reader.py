@@ -31,7 +31,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     with Path(path).open("rb") as raw, refusing(path, "a ULog file"):
         file = _Bytes(raw)
         try:
-            with redirect_stdout(io.StringIO()):  # pyulog prints what it says here too
+            with redirect_stdout(io.StringIO()):  # pyulog also prints its messages
                 log = ULog(file)
         except (ULogException, ValueError, LookupError) as error:
             why = str(error).partition("(")[2].rstrip(")") or str(error)

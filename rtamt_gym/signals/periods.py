@@ -233,7 +233,7 @@ def unverified_period(env: Any) -> StatedTime | None:
     simulation = env.unwrapped
     if isinstance(simulation, SyncVectorEnv):
         simulation = simulation.envs[0].unwrapped
-    elif isinstance(simulation, VectorEnv):  # `PufferVectorEnv` may hold one of its environments
+    elif isinstance(simulation, VectorEnv):  # `PufferVectorEnv` may hold a single environment
         one = getattr(simulation, "one", None)
         simulation = simulation if one is None else one.unwrapped
     for path, inner in simulations(simulation):

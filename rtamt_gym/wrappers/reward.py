@@ -320,7 +320,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         gym.Wrapper.__init__(self, env)
         self._set_up(env, options, observe)
         self._payers = self._find_payers()
-        self._fresh = env is self._monitor  # whose infos are new at every step
+        self._fresh = env is self._monitor  # its infos are new at every step
         self._factor = self._shaping.factor
         if not self._fresh or (
             self._shaping.pays_episode and self._monitor.judging.reading.view == "step"

@@ -335,7 +335,7 @@ def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
         reason = f"expected '(' after '{word}', got {_got(token)}"
         return fail(text, token, reason, f"write {word}({token.text})")
     if token.type == StlParser.OPEN:
-        known = functions + _words("prefix")  # an infix operator is no mistake for a function
+        known = functions + _words("prefix")  # nobody mistakes an infix operator for a function
         hint = similar(word, known, f"functions are {', '.join(functions)}")
         hint = _COMPOSED.get(word.lower(), hint)
         return fail(text, before, f"unknown function '{word}'", hint)

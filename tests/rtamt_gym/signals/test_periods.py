@@ -176,8 +176,8 @@ def test_an_asynchronous_environment_without_a_period_says_so_and_lives_on() -> 
     assert str(caught.value) == (
         "specification 'spec' has bounds in time, but AsyncVectorEnv(num_envs=1) does not state "
         "the duration of a step: there is no dt, tau or config['policy_frequency'] in its "
-        "environments, or in an environment inside these; give period= in seconds, or period=1 to "
-        "count steps"
+        "environments, or in an environment inside these; give period= in seconds, or period=1 if "
+        "every bound counts steps"
     )
     assert (len(made.made), made.closed) == (2, 2)
     _, infos = VectorStlMonitor(envs, BOUNDED, X, period=1).reset()
