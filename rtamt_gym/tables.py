@@ -203,9 +203,10 @@ def table(
         first, side = columns[0]
         room = width - sum(2 + max(map(len, column)) for column, _ in columns[1:])
         columns[0] = tuple(shorten(cell, max(room, 8)) for cell in first), side
+    widths = [max(map(len, column)) for column, _ in columns]
     padded = [
-        [_padded(cell, side, max(map(len, column)), terminal) for cell in column]
-        for column, side in columns
+        [_padded(cell, side, width, terminal) for cell in column]
+        for (column, side), width in zip(columns, widths, strict=True)
     ]
     return ["  ".join(cells).rstrip() for cells in zip(*padded, strict=True)]
 

@@ -11,7 +11,7 @@ from textwrap import TextWrapper
 from typing import TYPE_CHECKING
 
 from rtamt import InputError, Verdict
-from rtamt.errors import nearest
+from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import check_outputs
@@ -22,6 +22,7 @@ from rtamt_gym.commands.specs import STAGE, files_of, identified_texts, with_sta
 from rtamt_gym.commands.traces import TracesAsked, read_arguments, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.options.command_line import Option, add_options, positive
+from rtamt_gym.recorded.parts import file_of
 from rtamt_gym.results.warnings import (
     Required,
     VerdictWarning,
@@ -156,9 +157,14 @@ def _given(options: argparse.Namespace, option: str) -> bool:
     return getattr(options, option.strip("-").replace("-", "_")) is not None
 
 
+def _files_of(paths: Sequence[str]) -> list[str]:
+    """Return the files of traces, each once."""
+    return [*dict.fromkeys(map(file_of, paths))]
+
+
 def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
     """Refuse output files that cannot be written."""
-    inputs = [word for word in (*options.specs, *paths) if word != SEPARATOR]
+    inputs = [word for word in (*options.specs, *_files_of(paths)) if word != SEPARATOR]
     outputs = options.junit, options.markdown, options.out, options.write_mcap
     check_outputs(*outputs, options.violated_episodes, picture=options.plot, inputs=inputs)
     if options.out:
@@ -221,14 +227,18 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
-        made_of = matrix.with_files([*files_of(options.specs), *paths])
+        made_of = matrix.with_files([*files_of(options.specs), *_files_of(paths)])
         columns, least = _columns(asked, paths), asked.min_duration
         mutants = {"scores": scores, "least": options.min_killed} if options.mutants else None
         rules = {
             **_rules(asked),
             **({"stages": stages} if (stages := asked.reading.stages) else {}),
         }
-        print(to_json(made_of, rules, columns, code, least=least, mutants=mutants))
+        groups = {shown(name): keys for name, keys in asked.groups.items()}
+        text = to_json(
+            *(made_of, rules, columns, code), least=least, mutants=mutants, groups=groups
+        )
+        print(text)
     else:
         print(*_report(matrix, judged), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")

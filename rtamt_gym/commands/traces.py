@@ -57,6 +57,7 @@ class TracesAsked:
         constants: The values of constants that the command line sets, by name.
         ignored: A text for each folder with files that are not traces.
         strict_ranges: Whether the command fails for values outside their declared ranges.
+        groups: The values of the ``--by`` columns of each trace by its name.
     """
 
     specs: Mapping[str, rtamt.Specification]
@@ -66,6 +67,7 @@ class TracesAsked:
     constants: Mapping[str, str] = field(default_factory=dict)
     ignored: Sequence[str] = ()
     strict_ranges: bool = False
+    groups: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
 
     def having(self, specs: Mapping[str, rtamt.Specification]) -> TracesAsked:
         """Return the same with some of the requirements and the ``--signal`` of their variables."""
@@ -147,6 +149,12 @@ def add_columns(group: argparse._ActionsContainer) -> None:
         Option(
             "--where COLUMN=VALUE",
             "read only the rows of a table with this text in the column, such as vehicle_id=3",
+            repeat=True,
+        ),
+        Option(
+            "--by COLUMN",
+            "evaluate the rows of a table with the same value in this column as a trace of its "
+            "own, such as vehicle_id, called FILE[vehicle_id=7]",
             repeat=True,
         ),
         Option(
@@ -261,6 +269,12 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     )
     if not as_files:
         paths = [name for path in paths for name in traces_in(path, columns.where)]
+    groups: dict[str, Mapping[str, object]] = {}
+    if columns.by:
+        from rtamt_gym.recorded.groups import groups_in
+
+        groups = {n: keys for path in paths for n, keys in groups_in(path, columns).items()}
+        paths = [*groups]
     if options.start == "known" and not reading.dense and not any(map(samples_clocks, paths)):
         raise InputError(
             "expected --start known with --dense or with a bag or log, where variables start at "
@@ -276,7 +290,9 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     least = getattr(options, "min_duration", None)
     duration = None if least is None else read_seconds("--min-duration", least)
     strict = getattr(options, "strict_ranges", False)
-    asked = TracesAsked(requirements, reading, columns, duration, constants, ignored, strict)
+    asked = TracesAsked(
+        requirements, reading, columns, duration, constants, ignored, strict, groups
+    )
     return asked, paths
 
 

@@ -93,6 +93,7 @@ class ArrayRecording(Recording):
         invalid: The cells of columns that are nan though there is a record; the reader reports it.
         decimal: The decimal mark of numbers that are text; None to recognise it.
         empty: The empty cells of columns whose format tells them from nan, for messages.
+        where: Returns the place of a row, for messages; None: the number of the row.
     """
 
     def __init__(
@@ -102,7 +103,9 @@ class ArrayRecording(Recording):
         invalid: Mapping[str, NDArray[np.bool_]] | None = None,
         decimal: str | None = None,
         empty: Mapping[str, NDArray[np.bool_]] | None = None,
+        where: Callable[[int], str] | None = None,
     ) -> None:
+        self._where = where or RowNumbers(shown(source))
         self.source = shown(source)
         self._arrays = arrays = {shown(name): array for name, array in arrays.items()}
         self.names: Sequence[str] = list(arrays)
@@ -123,7 +126,7 @@ class ArrayRecording(Recording):
             raise InputError(f"{self.source}: expected columns of one length, got {each}")
         count = lengths.pop() if lengths else max(map(len, self._arrays.values()), default=0)
         cells = {name: self._arrays[name] for name in wanted.cells}
-        invalid, empty, where = self._invalid, self._empty, RowNumbers(self.source)
+        invalid, empty, where = self._invalid, self._empty, self._where
         selected: NDArray[np.bool_] | None = None
         if wanted.where:
             selected = selection.mask({name: cell_texts(columns[name]) for name in wanted.where})

@@ -66,6 +66,7 @@ class Columns:
             dense time and in bags. ``"unknown"``: the requirement is judged without it, and with it
             as unknown, and the worse verdict is reported. ``"known"``: it is left out.
         where: The text that each of some columns has in the rows that are read.
+        by: The columns that tell the traces of a table apart.
         one_trace: Whether rows are one trace although they look like several objects or episodes.
         date_order: Whether dates such as 03/04/2024 have the day first (``"dmy"``) or the month
             (``"mdy"``). None: dates in which the order is not certain are refused.
@@ -90,6 +91,7 @@ class Columns:
     skip: int = 0
     start: Start = "unknown"
     where: Mapping[str, str] = field(default_factory=dict)
+    by: Sequence[str] = ()
     one_trace: bool = False
     date_order: DateOrder | None = None
 
@@ -146,6 +148,7 @@ def read_columns(
     jitter: str | None = None,
     max_gap: str | None = None,
     where: Sequence[str] = (),
+    by: Sequence[str] = (),
     **others: Any,  # noqa: ANN401 - attributes of `Columns`
 ) -> Columns:
     r"""Read the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
@@ -188,6 +191,7 @@ def read_columns(
         jitter=_share(jitter),
         max_gap=None if max_gap is None else read_seconds("--max-gap", max_gap),
         where=rows,
+        by=tuple(dict.fromkeys(by)),
         **others,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from fractions import Fraction
+from types import MappingProxyType
 from typing import Any
 
 from rtamt_gym.recorded.columns import Columns
@@ -20,6 +21,7 @@ def to_json(
     *,
     least: Fraction | None = None,
     mutants: Mapping[str, Any] | None = None,
+    groups: Mapping[str, Mapping[str, object]] = MappingProxyType({}),
 ) -> str:
     """Return the traces as a result of the kind ``"traces"``.
 
@@ -31,6 +33,7 @@ def to_json(
         least: How long each trace is to last, in seconds; None: any time.
         mutants: The `MutationScore` of each requirement as ``scores``, and as ``least`` the share
             that was asked for; None if no mutants were made.
+        groups: The values of the ``--by`` columns of each trace by its name.
     """
     requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
     default = Columns()
@@ -38,7 +41,18 @@ def to_json(
         option.name: getattr(columns, option.name) for option in fields(columns)
     }
     other = {name: value for name, value in options.items() if value != getattr(default, name)}
-    trials = [{**plain_trial(row), "verdict": label(row.word)} for row in matrix.rows]
+    trials = [
+        {
+            **plain_trial(row),
+            **(
+                {"group": {name: _plain(value) for name, value in keys.items()}}
+                if (keys := groups.get(row.name))
+                else {}
+            ),
+            "verdict": label(row.word),
+        }
+        for row in matrix.rows
+    ]
     counts = {label(word).lower(): count for word, count in matrix.counts().items()}
     return document(
         "traces",
@@ -55,6 +69,11 @@ def to_json(
             "trials": trials,
         },
     )
+
+
+def _plain(value: object) -> object:
+    """Return a number, a text or a truth value; a date as text."""
+    return value if isinstance(value, bool | int | float | str) else str(value)
 
 
 def _mutants(scored: Mapping[str, Any]) -> dict[str, Any]:

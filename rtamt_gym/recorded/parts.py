@@ -22,16 +22,25 @@ class TracePart(NamedTuple):
 
     Attributes:
         file: The path of the file or folder.
-        key: The name of the column that tells the traces apart.
-        value: Its text for this trace.
+        values: The text of each column that tells the traces apart.
     """
 
     file: str
-    key: str
-    value: str
+    values: Mapping[str, str]
+
+    @property
+    def key(self) -> str:
+        """The name of the first column."""
+        return next(iter(self.values))
+
+    @property
+    def value(self) -> str:
+        """The text of the first column."""
+        return self.values[self.key]
 
 
-_NAME = re.compile(r"(?P<file>.+)\[(?P<key>[^\[\]=]+)=(?P<value>[^\[\]]*)\]", re.DOTALL)
+_KEY = r"[^\[\]=,]+=[^\[\]=,]*"
+_NAME = re.compile(rf"(?P<file>.+)\[(?P<keys>{_KEY}(?:,{_KEY})*)\]", re.DOTALL)
 
 
 def part_name(file: str, key: str, value: str) -> str:
@@ -41,7 +50,19 @@ def part_name(file: str, key: str, value: str) -> str:
         >>> part_name("runs.hdf5", "demo", "demo_0"), part_name("runs.hdf5", "demo", "a,b")
         ('runs.hdf5[demo=demo_0]', 'runs.hdf5[demo=a%2Cb]')
     """
-    return f"{file}[{quote(key, safe=_PLAIN)}={quote(value, safe=_PLAIN)}]"
+    return group_name(file, {key: value})
+
+
+def group_name(file: str, values: Mapping[str, str]) -> str:
+    """Return the name of a trace that several columns tell apart.
+
+    Example:
+        >>> group_name("runs.csv", {"run": "2", "car": "a=b"})
+        'runs.csv[run=2,car=a%3Db]'
+    """
+    pairs = values.items()
+    keys = ",".join(f"{quote(key, safe=_PLAIN)}={quote(text, safe=_PLAIN)}" for key, text in pairs)
+    return f"{file}[{keys}]"
 
 
 def part_of(path: str) -> TracePart | None:
@@ -49,14 +70,15 @@ def part_of(path: str) -> TracePart | None:
 
     Example:
         >>> part_of("runs.hdf5[demo=a%2Cb]")
-        TracePart(file='runs.hdf5', key='demo', value='a,b')
+        TracePart(file='runs.hdf5', values={'demo': 'a,b'})
         >>> part_of("runs.hdf5") is None
         True
     """
     match = _NAME.fullmatch(path)
     if match is None or os.path.exists(path) or not os.path.exists(match["file"]):  # noqa: PTH110 - a formula may be longer than a name
         return None
-    return TracePart(match["file"], unquote(match["key"]), unquote(match["value"]))
+    pairs = (pair.partition("=") for pair in match["keys"].split(","))
+    return TracePart(match["file"], {unquote(key): unquote(text) for key, _, text in pairs})
 
 
 def file_of(path: str) -> str:

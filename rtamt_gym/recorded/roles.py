@@ -73,7 +73,7 @@ class RowTable:
     def unread(self) -> list[str]:
         """The columns that nothing reads."""
         times = [] if self.time is None else self.time.columns
-        used = {*self.read, *times, *self.columns.where}
+        used = {*self.read, *times, *self.columns.where, *self.columns.by}
         return [name for name in dict.fromkeys(self.recording.names) if name not in used]
 
     def check_objects(self, rows: Rows, filled: Mapping[str, NDArray[np.bool_]]) -> None:
@@ -117,16 +117,18 @@ class RowTable:
             )
         if evidence.column:
             value = shlex.quote(f"{evidence.column}={evidence.values[0]}")
+            column = shlex.quote(evidence.column)
             raise InputError(
                 f"{source}: expected one trace, got {len(evidence.values)} values of "
                 f"'{evidence.column}', which no requirement reads: "
-                f"{listed(evidence.values)}. Give --where {value} to judge the rows of one, or "
-                "--one-trace if all rows are one trace."
+                f"{listed(evidence.values)}. Give --by {column} for a trace of each, --where "
+                f"{value} to judge the rows of one, or --one-trace if all rows are one trace."
             )
         raise InputError(
             f"{source}: expected one trace, but times repeat or go back while other columns "
-            "change, as with several objects or episodes. Give --where COLUMN=VALUE to judge the "
-            "rows of one, or --one-trace if all rows are one trace."
+            "change, as with several objects or episodes. Give --by COLUMN for a trace of each, "
+            "--where COLUMN=VALUE to judge the rows of one, or --one-trace if all rows are one "
+            "trace."
         )
 
     def check_clocks(self, rows: Rows) -> None:

@@ -6,7 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from rtamt.errors import shown, shown_lines
-from rtamt_gym.results.matrix import Matrix, cell_text, label, legend, summary, times_text
+from rtamt_gym.results.matrix import (
+    Matrix,
+    cell_text,
+    label,
+    legend,
+    summary,
+    times_text,
+    worst_traces,
+)
 from rtamt_gym.results.outcome import Failure, Outcome
 from rtamt_gym.results.warnings import (
     VerdictWarning,
@@ -26,7 +34,7 @@ def to_markdown(
 ) -> str:
     """Return the table of outcomes, and why requirements are violated, undecided or in error.
 
-    The first 50 are explained.
+    The first 50 are explained. Of more than 10,000 traces the table shows the 100 worst.
 
     Args:
         matrix: The outcomes.
@@ -37,10 +45,11 @@ def to_markdown(
     names = [_escaped(name) + " | triggers" * (name in asked) for name in matrix.requirements]
     heading = [label(matrix.word), *filter(None, [_escaped(failing_summary(warnings))])]
     lines = [f"# {', '.join(heading)}", ""]
-    lines += [f"{_escaped(text)}  " for text in summary(matrix)]
+    few, note = worst_traces(matrix)
+    lines += [f"{_escaped(text)}  " for text in (*summary(matrix), *filter(None, [note]))]
     lines += ["", f"| trace | verdict | {' | '.join(names)} |"]
     lines.append(f"|---|---|{'---:|' * (len(names) + len(asked))}")
-    for row in matrix.rows:
+    for row in few.rows:
         cells = []
         for name in matrix.requirements:
             cells.append(cell_text(row.cell(name)).strip())
@@ -55,7 +64,7 @@ def to_markdown(
         lines += ["", f"{_escaped(name)}: {shown}"]
     evidence = evidence_warnings(matrix)
     lines += [""] * bool(evidence) + [f"{_escaped(warning.text)}  " for warning in evidence]
-    explained = list(_explained(matrix))
+    explained = list(_explained(few))
     for head, why in explained[:_MOST]:
         fence, text = "`" * 3, shown_lines(why)
         while fence in text:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,10 +14,14 @@ from rtamt_gym.results.extent import gap_summary, length_text
 from rtamt_gym.results.outcome import Failure, Outcome, Word, order, word
 from rtamt_gym.results.provenance import ids_lines
 from rtamt_gym.results.table import Results
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.warnings import trigger_line, triggered_in
 from rtamt_gym.tables import counted, number, shorten, table
 
 _WIDTH = 80
+
+_MOST_ROWS, _WORST = 10_000, 100
+"""The most traces that a table shows, and the number that it shows of more traces."""
 
 LEGEND = "numbers are robustness; V: violated, U: undecided, E: error, else satisfied"
 """What the cells of the table say."""
@@ -111,22 +116,43 @@ def label(found: Word) -> str:
     return "ERROR" if found == "failed" else found.upper()
 
 
+def worst_traces(matrix: Matrix) -> tuple[Matrix, str]:
+    """Return the traces that a table shows: the 100 worst of more than 10,000, with a note.
+
+    An error is worse than a violation, and a verdict is worse with less robustness. The note is
+    empty if the table shows all traces.
+    """
+    if len(matrix.rows) <= _MOST_ROWS:
+        return matrix, ""
+
+    def badness(row: Trial) -> tuple[int, tuple[float, float]]:
+        values = [order(outcome.robustness) for outcome in row.outcomes.values()]
+        return words.index(row.word), min(values, default=(-math.inf, 0.0))
+
+    words = get_args(Word)
+    rows = sorted(matrix.rows, key=badness)[:_WORST]
+    worst = Matrix(rows, matrix.requirements, matrix.system, matrix.provenance)
+    return worst, f"the table shows the {_WORST} worst of {len(matrix.rows)} traces"
+
+
 def matrix_lines(matrix: Matrix) -> list[str]:
     """Return a table with a row for each trace, and the worst and open requirements in words.
 
-    Requirements that do not fit next to each other follow in further tables.
+    Requirements that do not fit next to each other follow in further tables. Of more than 10,000
+    traces the table shows the 100 worst.
     """
-    names = ["trace", *(_cut(row.name, 36) for row in matrix.rows)]
-    words = ["verdict", *(label(row.word) for row in matrix.rows)]
-    marked = _on_defaults(matrix)
-    columns = [_column(matrix, name, on_defaults=marked) for name in matrix.requirements]
+    few, note = worst_traces(matrix)
+    names = ["trace", *(_cut(row.name, 36) for row in few.rows)]
+    words = ["verdict", *(label(row.word) for row in few.rows)]
+    marked = _on_defaults(few)
+    columns = [_column(few, name, on_defaults=marked) for name in matrix.requirements]
     lines = []
-    for head, part in _blocks([names, *_lengths(matrix), words], columns):
+    for head, part in _blocks([names, *_lengths(few), words], columns):
         align = "<" * len(head) + ">" * len(part)
         if len(head) > 1:
             align = "<" + ">" * (len(head) - 2) + "<" + ">" * len(part)
         lines += [*table(list(zip(*head, *part, strict=True)), align), ""]
-    for text in (legend(matrix), *summary(matrix)):
+    for text in (legend(matrix), *filter(None, [note]), *summary(matrix)):
         lines += textwrap.wrap(text, _WIDTH, subsequent_indent="    ", break_on_hyphens=False)
     lines += ids_lines(matrix.provenance)
     return lines + [line for name in matrix.requirements for line in _open(matrix, name)]

@@ -285,7 +285,7 @@ def test_part_names_round_trip(value: str) -> None:
 def test_files_with_brackets_are_files(tmp_path: Path) -> None:
     path = tmp_path / "a.csv[x=1]"
     (tmp_path / "a.csv").touch()
-    assert part_of(str(path)) == (str(tmp_path / "a.csv"), "x", "1")
+    assert part_of(str(path)) == (str(tmp_path / "a.csv"), {"x": "1"})
     path.touch()
     assert part_of(str(path)) is None
     assert part_of(str(tmp_path / "b.csv[x=1]")) is None

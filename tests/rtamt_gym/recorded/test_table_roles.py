@@ -268,7 +268,7 @@ def test_several_objects_are_refused(
     column, _, _ = way.partition("=")
     assert code == 2
     assert f"expected one trace, got 2 values of '{column}', which no requirement reads" in text
-    assert f"Give --where {way} to judge the rows of one, or --one-trace" in text
+    assert f"Give --by {column} for a trace of each, --where {way} to judge the rows of one" in text
     code, text = judged(capsys, "eventually(speed > 5)", name, *options, "--where", way)
     assert (code, text[:9]) == (0, "SATISFIED")
     assert f"note: --where {way} selects 3 rows" in text
@@ -406,7 +406,7 @@ def test_episodes_of_lerobot_are_refused(capsys: Output) -> None:
         signal = ["--signal", "s=observation.state[0]"]
         code, text = judged(capsys, "always[0:0.06](s > 0.5)", name, *signal)
         assert code == 2
-        assert "Give --where episode_index=0 to judge the rows of one" in text
+        assert "--where episode_index=0 to judge the rows of one" in text
         assert "--period" not in text
         for episode, code in (("0", 1), ("1", 3)):
             where = ["--where", f"episode_index={episode}"]

@@ -1,0 +1,246 @@
+"""Tables whose rows belong to several objects: one trace for each value of the ``--by`` columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt.errors import nearest, no_such, shown
+from rtamt.inputs.groups import groups_of
+from rtamt_gym.checks.names import listed
+from rtamt_gym.recorded.arrays import ArrayRecording
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.parts import group_name, part_of
+from rtamt_gym.recorded.readers import FORMATS, format_of, open_recording
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
+
+Keys = tuple[str, ...]
+
+_MOST_TABLES = 2
+"""The most tables that stay in memory."""
+
+
+class GroupTable:
+    """A table of several objects, which is read once for all of them.
+
+    Args:
+        file: The path of the file.
+        columns: How its columns are read; ``by`` names the key columns.
+
+    Attributes:
+        rows: The rows of each group, by the texts of its keys, in the order of first rows.
+        values: The keys of each group with their types.
+        names: The names of the columns.
+    """
+
+    def __init__(self, file: str, columns: Columns) -> None:
+        self._file, self._columns = file, columns
+        self._plain = replace(columns, by=())
+        self._whole: dict[str, Rows | None] = {}
+        self._cells: dict[str, NDArray[Any]] = {}
+        with open_recording(file, self._plain) as recording:
+            self.source = recording.source
+            self.names, self.dates, self.days = recording.names, recording.dates, recording.days
+            self.texts, self.blank, self.above = recording.texts, recording.blank, recording.above
+            for name in columns.by:
+                if name not in self.names:
+                    raise InputError(f"{self.source}: {no_such('column', name, self.names)}")
+            as_text = format_of(file) is FORMATS[0]
+            keys = Wanted(
+                [],
+                texts=columns.by if as_text else (),
+                cells=() if as_text else columns.by,
+                where=columns.where,
+            )
+            rows = recording.read(keys)
+        if not rows.count:
+            raise InputError(f"{self.source}: expected at least one row, got none")
+        self._group(
+            rows, {n: np.array(rows.texts[n]) if as_text else rows.cells[n] for n in columns.by}
+        )
+
+    def _group(self, rows: Rows, cells: Mapping[str, NDArray[Any]]) -> None:
+        """Find the rows of each group; equal texts of keys are one group."""
+        for name, column in cells.items():
+            empty = np.isnan(column) if column.dtype.kind == "f" else column == ""
+            if np.any(empty):
+                row = int(np.argmax(empty))
+                raise InputError(
+                    f"{rows.where(row)}, column '{name}': expected a value, by which --by tells "
+                    "traces apart, got an empty cell"
+                )
+        groups = groups_of(cells, self._columns.by)
+        order = np.arange(rows.count) if groups.order is None else groups.order
+        texts = zip(*(cell_texts(column) for column in groups.keys.values()), strict=True)
+        typed = zip(*(column.tolist() for column in groups.keys.values()), strict=True)
+        self.rows: dict[Keys, NDArray[np.intp]] = {}
+        self.values: dict[Keys, dict[str, object]] = {}
+        for key, values, begin, count in zip(
+            texts, typed, groups.begins.tolist(), groups.lengths.tolist(), strict=True
+        ):
+            part = order[begin : begin + count]
+            before = self.rows.get(key)
+            self.rows[key] = part if before is None else np.sort(np.concatenate([before, part]))
+            self.values.setdefault(key, dict(zip(self._columns.by, values, strict=True)))
+
+    def read(self, wanted: Wanted) -> Rows | None:
+        """Return columns of all groups; None if a cell of any group is an error."""
+        key = repr(wanted)
+        if key not in self._whole:
+            self._whole[key] = None
+            with suppress(InputError), open_recording(self._file, self._plain) as recording:
+                self._whole[key] = recording.read(wanted)
+        return self._whole[key]
+
+    def cells(self, names: Sequence[str]) -> tuple[dict[str, NDArray[Any]], Callable[[int], str]]:
+        """Return columns as they are, and the place of each row for messages."""
+        wanted = Wanted([], cells=[*dict.fromkeys(names)], where=self._columns.where)
+        with open_recording(self._file, self._plain) as recording:
+            rows = recording.read(wanted)
+        return {name: rows.cells[name] for name in names if name in rows.cells}, rows.where
+
+
+class GroupRecording(Recording):
+    """The rows of one group of a table.
+
+    Args:
+        source: The name of the trace.
+        table: The table.
+        rows: The rows of the group.
+        decimal: The decimal mark of numbers that are text; None to recognise it.
+    """
+
+    def __init__(
+        self, source: str, table: GroupTable, rows: NDArray[np.intp], decimal: str | None
+    ) -> None:
+        self._source, self._table, self._rows, self._decimal = source, table, rows, decimal
+        self.source = shown(source)
+        self.names, self.dates, self.days = table.names, table.dates, table.days
+        self.texts, self.blank, self.above = table.texts, table.blank, table.above
+
+    def read(self, wanted: Wanted) -> Rows:
+        """Read the wanted columns; an error in the rows of another group does not matter."""
+        every = self._table.read(wanted)
+        if every is None:
+            return self._read_alone(wanted)
+        rows = self._rows
+
+        def where(row: int) -> str:
+            return every.where(int(rows[row]))
+
+        return replace(
+            every,
+            numbers={name: column[rows] for name, column in every.numbers.items()},
+            texts={name: [texts[row] for row in rows] for name, texts in every.texts.items()},
+            count=len(rows),
+            where=where,
+            source=self.source,
+            times=None if every.times is None else every.times[rows],
+            invalid={name: wrong[rows] for name, wrong in every.invalid.items()},
+            cells={name: column[rows] for name, column in every.cells.items()},
+        )
+
+    def _read_alone(self, wanted: Wanted) -> Rows:
+        """Read the columns of this group from the cells of the table."""
+        part = () if wanted.part is None else (wanted.part.column,)
+        times = () if wanted.time is None else (wanted.time,)
+        names = (*wanted.numbers, *wanted.texts, *wanted.cells, *times, *part)
+        cells, place = self._table.cells(names)
+        rows = self._rows
+        recording = ArrayRecording(
+            self._source,
+            {name: column[rows] for name, column in cells.items()},
+            decimal=self._decimal,
+            where=lambda row: place(int(rows[row])),
+        )
+        return recording.read(replace(wanted, where={}))
+
+
+_tables: dict[tuple[object, ...], GroupTable] = {}
+
+
+def _table(file: str, columns: Columns) -> GroupTable:
+    """Return a table, from memory if the file is the same as before."""
+    columns = replace(columns, starts={}, defaults=())
+    stat = Path(file).stat()
+    key = file, stat.st_size, stat.st_mtime_ns, repr(columns)
+    if key not in _tables:
+        while len(_tables) >= _MOST_TABLES:
+            del _tables[next(iter(_tables))]
+        _tables[key] = GroupTable(file, columns)
+    return _tables[key]
+
+
+def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
+    """Return the names of the traces in a table, with the values of their keys.
+
+    Args:
+        path: The path of a file.
+        columns: How its columns are read: ``by`` names the key columns, and ``where`` selects.
+
+    Returns:
+        The names. A file that cannot be read is its own name without keys, because the error is
+        reported where its traces are judged.
+
+    Raises:
+        InputError: If a file is not a table.
+    """
+    if part_of(path) is not None:
+        return {path: {}}
+    if path == "-":
+        raise InputError("expected a file for --by, got - for standard input")
+    if not (row := format_of(path)).table:
+        raise InputError(f"{shown(path)}: expected a table for --by, got {row.name}")
+    try:
+        table = _table(path, _for_table(columns, columns.by))
+    except (InputError, ImportError, OSError, UnicodeDecodeError):
+        return {path: {}}
+    selected = {columns.by.index(n): text for n, text in columns.where.items() if n in columns.by}
+    names: dict[str, Mapping[str, object]] = {}
+    for keys, values in table.values.items():
+        if all(keys[at] == text for at, text in selected.items()):
+            names[group_name(path, dict(zip(columns.by, keys, strict=True)))] = values
+    if not names:
+        for at, text in selected.items():
+            known = [*dict.fromkeys(keys[at] for keys in table.values)]
+            if text not in known:
+                raise InputError(
+                    f"{shown(path)}: no row with {text!r} in the column '{columns.by[at]}', which "
+                    f"--where names; its values are {listed(known, text)}{nearest(text, known)}"
+                )
+        texts = " and ".join(f"{name}={text}" for name, text in columns.where.items())
+        raise InputError(f"{shown(path)}: no row with {texts}, which --where selects")
+    return names
+
+
+def _for_table(columns: Columns, by: Sequence[str]) -> Columns:
+    """Return the options of a table, in which keys select no rows."""
+    where = {name: text for name, text in columns.where.items() if name not in by}
+    return replace(columns, where=where, by=(*by,))
+
+
+@contextmanager
+def open_group(path: str, columns: Columns) -> Iterator[Recording]:
+    """Open a group of a table by the name of its trace."""
+    part = part_of(path)
+    if part is None:
+        if not columns.by:
+            raise InputError(f"{shown(path)}: expected the name of a group")
+        GroupTable(path, _for_table(columns, columns.by))  # raises its error
+        raise InputError(f"{shown(path)}: expected a file that can be read, and it changed")
+    table = _table(part.file, _for_table(columns, [*part.values]))
+    keys = tuple(part.values.values())
+    if keys not in table.rows:
+        known = [", ".join(key) for key in table.rows]
+        raise InputError(
+            f"{shown(path)}: no row with {', '.join(keys)} in {', '.join(part.values)}; the values "
+            f"are {listed(known, ', '.join(keys))}"
+        )
+    yield GroupRecording(path, table, table.rows[keys], columns.decimal)
