@@ -1,5 +1,6 @@
 """Names that only the packages of this project use; any version may change them."""
 
+from rtamt.inputs.groups import groups_of
 from rtamt.inputs.stamps import StampOrder
 from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
 from rtamt.monitors.clocks import OperatorClocks
@@ -14,5 +15,6 @@ __all__ = [
     "OperatorClocks",
     "StampOrder",
     "VerdictBook",
+    "groups_of",
     "joint_feed",
 ]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import nearest, no_such, shown
-from rtamt.inputs.groups import groups_of
+from rtamt.internal import groups_of
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
@@ -21,7 +21,7 @@ from rtamt_gym.recorded.parts import group_name, part_of
 from rtamt_gym.recorded.readers import FORMATS, format_of, open_recording
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
 
-Keys = tuple[str, ...]
+_Keys = tuple[str, ...]
 
 _MOST_TABLES = 2
 """The most tables that stay in memory."""
@@ -80,8 +80,8 @@ class GroupTable:
         order = np.arange(rows.count) if groups.order is None else groups.order
         texts = zip(*(cell_texts(column) for column in groups.keys.values()), strict=True)
         typed = zip(*(column.tolist() for column in groups.keys.values()), strict=True)
-        self.rows: dict[Keys, NDArray[np.intp]] = {}
-        self.values: dict[Keys, dict[str, object]] = {}
+        self.rows: dict[_Keys, NDArray[np.intp]] = {}
+        self.values: dict[_Keys, dict[str, object]] = {}
         for key, values, begin, count in zip(
             texts, typed, groups.begins.tolist(), groups.lengths.tolist(), strict=True
         ):
@@ -192,12 +192,13 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
     Raises:
         InputError: If a file is not a table.
     """
-    if part_of(path) is not None:
-        return {path: {}}
+    row = format_of(path)
     if path == "-":
         raise InputError("expected a file for --by, got - for standard input")
-    if not (row := format_of(path)).table:
-        raise InputError(f"{shown(path)}: expected a table for --by, got {row.name}")
+    if row.several or not row.table:
+        raise InputError(f"{shown(path)}: expected a file of one table for --by, got {row.name}")
+    if part_of(path) is not None:
+        return {path: {}}
     try:
         table = _table(path, _for_table(columns, columns.by))
     except (InputError, ImportError, OSError, UnicodeDecodeError):

@@ -209,9 +209,7 @@ def open_recording(
     if row.bag:
         raise InputError(f"{shown(path)}: expected a table, got a bag; rtamt monitor reads it")
     opened: AbstractContextManager[Recording]
-    if row.table and ((columns is not None and columns.by) or part_of(path) is not None):
-        opened = import_module("rtamt_gym.recorded.groups").open_group(path, columns or Columns())
-    elif row.contained:
+    if row.contained:
         opened = contained.open_file(row.module, path, columns or Columns())
     else:
         opened = import_module(row.module).open_file(path, columns or Columns())

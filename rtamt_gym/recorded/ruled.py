@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from fractions import Fraction
 from importlib import import_module
@@ -18,6 +19,7 @@ from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.names import are_long, check_recorded, starts_of
 from rtamt_gym.recorded.parts import part_of
 from rtamt_gym.recorded.readers import Format, format_of, open_recording
+from rtamt_gym.recorded.recording import Recording
 from rtamt_gym.recorded.roles import has_time_bounds
 from rtamt_gym.recorded.sample_rows import read_trace
 from rtamt_gym.recorded.sampling import sampled_events
@@ -42,7 +44,7 @@ def read_ruled(
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
     if (starts := starts_of(specs, columns)) != columns.starts:
         columns = replace(columns, starts=starts)
-    with open_recording(path, columns, row) as recording:
+    with _opened(path, columns, row) as recording:
         if not (reading.dense and are_long(recording.names, variables)):
             for spec in specs.values():
                 check_recorded(recording.source, recording.names, spec.variables, columns)
@@ -83,8 +85,8 @@ _IF_CLOCKS = "give --period TIME to sample columns, or --dense to take records a
 def _checked(path: str, row: Format, columns: Columns) -> Columns:
     """Check that the options fit the format; return them for one trace of the file."""
     if (part := part_of(path)) is not None:
-        others = {name: text for name, text in columns.where.items() if name != part.key}
-        columns = replace(columns, where=others)
+        others = {name: text for name, text in columns.where.items() if name not in part.values}
+        columns = replace(columns, where=others, by=(*part.values,))
     if columns.where and not (row.table or row.several):
         raise InputError(
             f"{shown(path)}: expected a table for --where, which selects rows, got {row.name}"
@@ -92,6 +94,15 @@ def _checked(path: str, row: Format, columns: Columns) -> Columns:
     if columns.stale is not None and not row.bag:
         raise InputError(f"{shown(path)}: expected --stale for a bag, got it for a table")
     return columns
+
+
+def _opened(path: str, columns: Columns, row: Format) -> AbstractContextManager[Recording]:
+    """Open a file, or the rows of a table that are a trace."""
+    if row.several or not (row.table and columns.by):
+        return open_recording(path, columns, row)
+    from rtamt_gym.recorded.groups import open_group
+
+    return open_group(path, columns)
 
 
 def _noted(trace: Trace, columns: Columns) -> Trace:

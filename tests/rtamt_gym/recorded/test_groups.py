@@ -193,7 +193,7 @@ def test_formats_without_rows_are_refused(
 ) -> None:
     (tmp_path / "run.mcap").write_bytes(b"")
     assert main(["monitor", "always(a > 0)", str(tmp_path / "run.mcap"), "--by", "car"]) == 2
-    assert "expected a table for --by, got rosbag2" in capsys.readouterr().err
+    assert "expected a file of one table for --by, got rosbag2" in capsys.readouterr().err
     assert main(["monitor", "always(a > 0)", "-", "--by", "car"]) == 2
     assert "expected a file for --by" in capsys.readouterr().err
 
