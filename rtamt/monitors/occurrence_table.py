@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, NamedTuple, TypeVar, overload
 
 import numpy as np
@@ -113,6 +114,17 @@ class RunTable(Sequence[_R], Generic[_R]):
     def __iter__(self) -> Iterator[_R]:
         return (self[place] for place in range(len(self)))
 
+    def shifted(self, seconds: float) -> RunTable[_R]:
+        """Return the same rows with later times."""
+        moments = ("start", "end", "worst_at")
+        return RunTable(
+            self._row,
+            {
+                name: column + seconds if name in moments else column
+                for name, column in self.columns.items()
+            },
+        )
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, RunTable):
             return NotImplemented
@@ -187,13 +199,14 @@ class BodyOccurrences:
         verdicts = self.responses.columns["verdict"]
         return {each: int(np.count_nonzero(verdicts == each)) for each in Verdict}
 
-    def lines(self, moment: Callable[[Any], str]) -> Iterator[str]:
+    def lines(self, moment: Callable[[Any], str], *, rates: bool = True) -> Iterator[str]:
         """Yield the lines of a text: the counts, and the first rows.
 
         Args:
             moment: Returns the text of a time.
+            rates: Whether the share of the time and the rate are part of the text.
         """
-        yield f"{self.text}: {self._count()}"
+        yield f"{self.text}: {self._count(rates=rates)}"
         for row in self.violations[:_SHOWN]:
             until = " (after the trace)" if row.unseen else ""
             if row.end != row.start:
@@ -212,13 +225,13 @@ class BodyOccurrences:
             first = moment(self.unknown_triggers[0].start)
             yield f"  possibly triggered {_times(len(self.unknown_triggers))}, first at {first}"
 
-    def _count(self) -> str:
+    def _count(self, *, rates: bool) -> str:
         if not len(self.violations):
             return "never violated"
         words = f"violated {_times(len(self.violations))}"
-        if self.share == self.share:
+        if rates and not math.isnan(self.share):
             words += f", {100 * self.share:.3g} % of the time"
-        if self.per_hour == self.per_hour:
+        if rates and not math.isnan(self.per_hour):
             words += f", {self.per_hour:.4g} an hour"
         return words
 
@@ -237,7 +250,10 @@ class BodyOccurrences:
         text = f"triggered {_times(len(self.responses))}: {', '.join(parts)}"
         if len(times):
             low, middle, high = np.quantile(times, (0, 0.5, 1)).tolist()
-            text += f"; answer time {low:.6g} to {high:.6g} {unit}, median {middle:.6g}"
+            span = f"{low:.6g} {unit}"
+            if low < high:
+                span = f"{low:.6g} to {high:.6g} {unit}, median {middle:.6g}"
+            text += f"; answer time {span}"
         return text
 
 
@@ -266,6 +282,17 @@ class Occurrences:
     unit: str
     at_start: bool
 
+    def shifted(self, seconds: float) -> Occurrences:
+        """Return the same rows with later times, such as for a trace that starts after 0 s."""
+        if not seconds:
+            return self
+        tables = "violations", "unknown", "responses", "unknown_triggers"
+        bodies = tuple(
+            replace(body, **{name: getattr(body, name).shifted(seconds) for name in tables})
+            for body in self.bodies
+        )
+        return replace(self, bodies=bodies)
+
     def __len__(self) -> int:
         return sum(len(body.violations) for body in self.bodies)
 
@@ -277,12 +304,14 @@ class Occurrences:
         return (row for body in self.bodies for row in body.violations)
 
     def __str__(self) -> str:
-        lines = [line for body in self.bodies for line in body.lines(self._moment)]
+        rates = not self.at_start
+        lines = [line for body in self.bodies for line in body.lines(self.moment, rates=rates)]
         if self.at_start:
             lines.append("evaluated at the first instant only; always(...) covers the trace")
         return "\n".join(lines)
 
-    def _moment(self, time: Any) -> str:  # noqa: ANN401 - a number or a date
+    def moment(self, time: Any) -> str:  # noqa: ANN401 - a number or a date
+        """Return the text of a time of a row."""
         if isinstance(time, np.datetime64):
             return str(time)
         return f"{time:.12g} s" if self.unit == "s" else f"sample {time}"

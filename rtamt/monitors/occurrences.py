@@ -295,7 +295,7 @@ def occurrences(
         >>> print(rtamt.occurrences(spec, trace))
         req >= 3 implies eventually[0:2](gnt >= 3): violated 1 time, 14.3 % of the time
           sample 4 to sample 5: robustness -1 at sample 4
-          triggered 2 times: 1 satisfied, 1 violated; answer time 1 to 1 samples, median 1
+          triggered 2 times: 1 satisfied, 1 violated; answer time 1 samples
     """
     mode = checked_end(end)
     program = compiled(occurrences, spec, period, options, online=False)

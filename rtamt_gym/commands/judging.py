@@ -287,7 +287,7 @@ def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) ->
             cells[name] = judged.failures[name]
             continue
         try:
-            cells[name] = _outcome(spec, judged, name, asked.reading, explain)
+            cells[name] = _outcome(spec, judged, name, asked, explain)
         except Exception as error:  # noqa: BLE001 - the others are to be judged
             cells[name] = _failure(error)
     if judged.trace is None:
@@ -390,13 +390,19 @@ def _outcome(
     spec: rtamt.Specification,
     judged: Judged,
     name: str,
-    reading: EvaluationOptions,
+    asked: TracesAsked,
     explain: Sequence[Verdict],
 ) -> Outcome:
     judgement = judged.judgements[name]
-    explanation = ""
+    explanation, occurrences = "", None
     if judgement.verdict in explain:
-        explanation = _explanation(spec, judged, name, reading)
+        explanation = _explanation(spec, judged, name, asked.reading)
+    if asked.occurrences and judged.trace is not None:
+        from rtamt_gym.recorded.occurrences import occurrences_of
+
+        occurrences = occurrences_of(
+            spec, judged.trace, judged.period, asked.reading.about(name), judgement
+        )
     result = judgement.found
     return Outcome(
         result.robustness,
@@ -414,6 +420,7 @@ def _outcome(
         unknown=result.unknown,
         progress=judgement.progress,
         late_start=judgement.late_start,
+        occurrences=occurrences,
     )
 
 

@@ -75,6 +75,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "and nothing is violated",
             usual="a note reports it",
         ),
+        Option(
+            "--occurrences",
+            "list every violation of each requirement and the answers to its triggers, in the "
+            "report and in --json",
+        ),
+        Option(
+            "--write-occurrences FILE",
+            "write every violation, trigger and undecided stretch of all traces as a table to a "
+            "file, whose name ends in .csv, .csv.gz, .parquet, .feather or .arrow",
+            read=Path,
+        ),
         Option("--min-traces N", "exit 2 if there are fewer than N traces", read=positive),
         Option(
             "--expect NAME", "exit 2 if no requirement with this name is evaluated", repeat=True
@@ -165,12 +176,15 @@ def _files_of(paths: Sequence[str]) -> list[str]:
 def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
     """Refuse output files that cannot be written."""
     inputs = [word for word in (*options.specs, *_files_of(paths)) if word != SEPARATOR]
-    outputs = options.junit, options.markdown, options.out, options.write_mcap
+    outputs = (
+        *(options.junit, options.markdown, options.out, options.write_mcap),
+        options.write_occurrences,
+    )
     check_outputs(*outputs, options.violated_episodes, picture=options.plot, inputs=inputs)
-    if options.out:
+    for table in filter(None, (options.out, options.write_occurrences)):
         from rtamt_gym.recorded.output import check_output
 
-        check_output(options.out)
+        check_output(table)
     if options.violated_episodes:
         from rtamt_gym.recorded.episodes import data_set_of
 
@@ -197,6 +211,8 @@ def run(options: argparse.Namespace) -> int:
     asked, paths = read_arguments(options)
     _check_expected(options, asked, paths)
     asked = replace(asked, reading=with_stages(asked.specs, asked.reading))
+    listed = options.occurrences or options.write_occurrences is not None
+    asked = replace(asked, occurrences=listed)
     check_mutants(options, asked)
     _check_files(options, paths)
     wanted = options.json or options.junit or options.markdown
@@ -241,6 +257,7 @@ def run(options: argparse.Namespace) -> int:
         print(text)
     else:
         print(*_report(matrix, judged), sep="\n", end="")
+        print(*_occurrences(options, matrix), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")
     undecided = [undecided_cells(matrix)] if options.undecided == "fail" else []
     messages = _write(options, asked, matrix, judged, [*undecided, *warnings])
@@ -284,6 +301,15 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
     head = extent_of(trace, judged.period).lines(trace.source)
     lines = report(judged.judgements, head, trace.notes)
     return [*lines, *ids_lines(matrix.provenance), ""]
+
+
+def _occurrences(options: argparse.Namespace, matrix: Matrix) -> Sequence[str]:
+    """Return the lines about all violations, after an empty line."""
+    if not options.occurrences:
+        return []
+    from rtamt_gym.recorded.occurrences import occurrence_lines
+
+    return ["", *occurrence_lines(matrix.rows), ""]
 
 
 def _mutants(scores: Mapping[str, MutationScore], matrix: Matrix) -> Sequence[str]:
@@ -344,6 +370,11 @@ def _write(
             to_markdown(matrix, warnings, asked.constants), encoding="utf-8"
         )
         messages.append(f"outcomes: {options.markdown}\n")
+    if options.write_occurrences:
+        from rtamt_gym.recorded.occurrences import save_occurrences
+
+        save_occurrences(matrix.rows, options.write_occurrences)
+        messages.append(f"occurrences: {options.write_occurrences}\n")
     if judged is None or judged.trace is None or not judged.judgements:
         return messages
     if options.out:

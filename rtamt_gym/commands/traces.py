@@ -58,6 +58,7 @@ class TracesAsked:
         ignored: A text for each folder with files that are not traces.
         strict_ranges: Whether the command fails for values outside their declared ranges.
         groups: The values of the ``--by`` columns of each trace by its name.
+        occurrences: Whether all violations are listed.
     """
 
     specs: Mapping[str, rtamt.Specification]
@@ -68,6 +69,7 @@ class TracesAsked:
     ignored: Sequence[str] = ()
     strict_ranges: bool = False
     groups: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+    occurrences: bool = False
 
     def having(self, specs: Mapping[str, rtamt.Specification]) -> TracesAsked:
         """Return the same with some of the requirements and the ``--signal`` of their variables."""

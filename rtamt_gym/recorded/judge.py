@@ -256,7 +256,7 @@ def judge(
     late, recorded = trace.late_start(requirement.variables), trace
     trace = trace.known(requirement.variables)
     semantics, n = reading.semantics, trace.samples
-    reading = _having_unknown(reading.having(period=period), trace, requirement)
+    reading = having_unknown(reading.having(period=period), trace, requirement)
     options = reading.from_monitors({"": requirement})[""]
 
     def from_start(end: End) -> rtamt.Judgement:
@@ -343,7 +343,7 @@ def noticed(
     requirement = mutants[0].requirement
     if isinstance(trace, Trace):
         trace = trace.known(requirement.variables)
-        reading = _having_unknown(reading.having(period=period), trace, requirement)
+        reading = having_unknown(reading.having(period=period), trace, requirement)
         options = reading.from_monitors({"": requirement})[""]
         return rtamt.mutation.killed(
             mutants, trace.columns, end=reading.end, n=trace.samples, **options
@@ -361,10 +361,10 @@ def noticed(
     return tuple({its, verdict(m.specification)} == _DECIDED for m in mutants)
 
 
-def _having_unknown(
+def having_unknown(
     reading: EvaluationOptions, trace: Trace, spec: rtamt.Specification
 ) -> EvaluationOptions:
-    """Return the reading, with unknown values allowed if the specification reads one."""
+    """Return the options, with unknown values allowed if the specification reads one."""
     return reading if {*trace.unknown}.isdisjoint(spec.variables) else reading.having(nan="unknown")
 
 
@@ -455,20 +455,43 @@ def _dense_ways(
     spec: rtamt.Specification, trace: EventTrace, late: LateStart | None, reading: EvaluationOptions
 ) -> tuple[Callable[[End], rtamt.Judgement], Callable[[End], rtamt.Judgement]]:
     """Judge a specification on a trace with a start, by its end; for `_by_start`."""
+
+    def from_start(end: End) -> rtamt.Judgement:
+        signals, options = dense_arguments(spec, trace, late, reading)
+        return rtamt.dense.judge(spec, signals, end, **options)
+
+    def with_beginning(end: End) -> rtamt.Judgement:
+        signals, options = dense_arguments(spec, trace, late, reading, beginning=True)
+        return rtamt.dense.judge(spec, signals, end, **options)
+
+    return from_start, with_beginning
+
+
+def dense_arguments(
+    spec: rtamt.Specification,
+    trace: EventTrace,
+    late: LateStart | None,
+    reading: EvaluationOptions,
+    *,
+    beginning: bool = False,
+) -> tuple[dict[str, Floats], dict[str, Any]]:
+    """Return the signals and options of `rtamt.dense.judge` for a trace.
+
+    Args:
+        spec: The specification.
+        trace: The events.
+        late: The start of the trace; None: all variables are known from the start.
+        reading: How traces are judged.
+        beginning: Whether the time before the start is a part of it, with unknown values.
+    """
     options = {"semantics": reading.semantics, **_not_known(trace)}
     # A declared default leaves no hole, other than an event of the same value.
     declared = {*trace.absent} & spec.defaults.keys()
     names = [name for name in spec.variables if name not in declared] or spec.variables
-
-    def from_start(end: End) -> rtamt.Judgement:
-        return rtamt.dense.judge(spec, trace.tables_from(late, names), end, **options)
-
-    def with_beginning(end: End) -> rtamt.Judgement:
-        assert late is not None, "there is a time before"  # noqa: S101 - for mypy
-        signals = trace.tables_with_beginning(late, names)
-        return rtamt.dense.judge(spec, signals, end, **{**options, "nan": "unknown"})
-
-    return from_start, with_beginning
+    if not beginning:
+        return trace.tables_from(late, names), options
+    assert late is not None, "there is a time before"  # noqa: S101 - for mypy
+    return trace.tables_with_beginning(late, names), {**options, "nan": "unknown"}
 
 
 def _not_known(trace: EventTrace) -> dict[str, Any]:

@@ -38,7 +38,7 @@ _PIECE = 1 << 15
 
 def check_output(path: Path) -> None:
     """Check that the extension of a file is one that robustness is written to."""
-    _writer(path)
+    writer_of(path)
 
 
 def save(judgements: Mapping[str, TraceJudgement], path: Path, *, dense: bool) -> None:
@@ -72,7 +72,7 @@ def save(judgements: Mapping[str, TraceJudgement], path: Path, *, dense: bool) -
             table = {"sample": np.arange(len(first.times)), **table}
         else:
             table = {TIME: first.times, **table}
-    _writer(path)(table, path)
+    writer_of(path)(table, path)
 
 
 def _filled(values: Floats, count: int) -> Floats:
@@ -81,7 +81,8 @@ def _filled(values: Floats, count: int) -> Floats:
     return np.concatenate([np.full(missing, np.nan), values]) if missing else values
 
 
-def _writer(path: Path) -> Callable[[ColumnTable, Path], None]:
+def writer_of(path: Path) -> Callable[[ColumnTable, Path], None]:
+    """Return the function that writes a table to a file with the extension of a path."""
     for extension, write in WRITERS.items():
         if path.name.lower().endswith(extension):
             return write

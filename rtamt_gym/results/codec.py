@@ -30,6 +30,7 @@ import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.extent import Extent, LateStart
+from rtamt_gym.results.occurrences import occurrences_of, plain_occurrences
 from rtamt_gym.results.outcome import Failure, Moment, Outcome, asked_of
 from rtamt_gym.results.provenance import plain_provenance
 from rtamt_gym.results.statistics import STATISTICS, RequirementResult
@@ -106,6 +107,8 @@ def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
         stored["progress"] = found.progress
     if (late := found.late_start) is not None:
         stored["late_start"] = {**plain(late), "left_out": late.left_out}
+    if found.occurrences is not None:
+        stored["occurrences"] = plain_occurrences(found.occurrences)
     return {name: plain(value) for name, value in stored.items()}
 
 
@@ -239,6 +242,7 @@ def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
         progress=number_of(kept.get("progress")),
         late_start=None if late is None else read_fields(LateStart, late),
         ended=_moment(kept.get("ended_at")),
+        occurrences=occurrences_of(kept["occurrences"]) if "occurrences" in kept else None,
     )
 
 

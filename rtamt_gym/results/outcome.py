@@ -16,7 +16,7 @@ from typing import Any, Final, Literal, Self
 
 import rtamt
 from rtamt import Verdict
-from rtamt.monitors import Evidence, TriggerCount
+from rtamt.monitors import Evidence, Occurrences, TriggerCount
 from rtamt.renamed import OldName
 from rtamt_gym.results.extent import LateStart
 
@@ -86,6 +86,7 @@ class Outcome:
         late_start: The start of its trace, if it is later than the recording; otherwise None.
         ended: The moment of the last sample of a run, if only the end decided the verdict;
             otherwise None, as for a recorded trace.
+        occurrences: All violations on a recorded trace; None if they were not requested.
     """
 
     robustness: float
@@ -104,6 +105,7 @@ class Outcome:
     progress: float | None = None
     late_start: LateStart | None = None
     ended: Moment | None = None
+    occurrences: Occurrences | None = field(default=None, hash=False)
 
     asked = OldName("triggers")
     never_asked = OldName("never_triggered")
