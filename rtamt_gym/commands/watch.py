@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import math
 import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,7 +29,9 @@ from rtamt_gym.results.warnings import INTERRUPTED
 
 if TYPE_CHECKING:
     from rtamt_gym.watching.lines import Line
+    from rtamt_gym.watching.screen import Screen
     from rtamt_gym.watching.settings import WatchOptions
+    from rtamt_gym.watching.watch import StreamWatch
 
 _COLUMNS: Final = (
     *("--signal", "--time", "--time-unit", "--date-order", "--one-trace", "--separator", "--skip"),
@@ -86,6 +89,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             default="end",
             choices=("end", "violation", "decided"),
         ),
+        Option(
+            "--screen",
+            "draw verdicts, bounds and the course of the robustness on the terminal, by standard "
+            "error; lines are printed only if standard output is not a terminal",
+        ),
+        Option(
+            "--speed FACTOR",
+            "replay a file by its times, 1 as fast as it was recorded, 10 ten times as fast",
+            usual="as fast as possible",
+            read=float,
+        ),
         Option("--every", "print a line for every sample; otherwise for each change of a verdict"),
         "--only",
         "--constant",
@@ -133,36 +147,70 @@ def run(options: argparse.Namespace) -> int:
 
     settings = _settings(options)
     idle = None if options.idle is None else float(read_seconds("--idle", options.idle))
-    source = StreamSource(options.source, options.follow, idle)
+    beat = _BEAT if options.screen else None
+    source = StreamSource(options.source, options.follow, idle, beat)
     source.check()
-    output = _Output()
+    output = _Output(printed=not (options.screen and sys.stdout.isatty()))
     watch = StreamWatch(settings, source.title, output.add)
-    code: int | None = None
-    with _interrupts() as interrupts, few_collections():
-        try:
-            blocks = source.blocks()
-            while not (watch.stopped or output.closed):
-                with interrupts.allowed():
-                    block = next(blocks, None)
-                if block is None:
-                    watch.end_of_input()
-                    break
-                watch.add(block)
-                output.flush()
-        except KeyboardInterrupt:
-            code = INTERRUPTED
-            watch.finish(early=True)
-        except Exception:
-            watch.finish(early=True)
-            output.flush()
-            raise
-        else:
-            watch.finish(early=watch.stopped)
+    blocks = source.blocks()
+    if options.speed is not None:
+        blocks = _replayed(options, watch, blocks)
+    screen = output.screen = _screen(source.title) if options.screen else None
+    with screen or nullcontext(), _interrupts() as interrupts, few_collections():
+        code = _judge(watch, blocks, output, interrupts)
     output.flush()
     print(*watch.messages(), sep="\n", end="\n" * bool(watch.messages()), file=sys.stderr)
     for failure in watch.failures:
         print(f"rtamt: error: {failure}", file=sys.stderr)
     return watch.exit_code() if code is None else code
+
+
+def _judge(
+    watch: StreamWatch, blocks: Iterator[bytes], output: _Output, interrupts: _Interrupts
+) -> int | None:
+    """Judge the blocks and end the traces; return an exit code that is not of the verdicts."""
+    try:
+        while not (watch.stopped or output.closed):
+            with interrupts.allowed():
+                block = next(blocks, None)
+            if block is None:
+                watch.end_of_input()
+                break
+            watch.add(block)
+            output.look(watch)
+    except KeyboardInterrupt:
+        watch.finish(early=True)
+        output.end("stopped by Ctrl-C")
+        return INTERRUPTED
+    except Exception:
+        watch.finish(early=True)
+        output.end("ended by an error")
+        raise
+    output.look(watch)
+    watch.finish(early=watch.stopped)
+    output.end("stopped" if watch.stopped else "ended")
+    return None
+
+
+def _screen(title: str) -> Screen:
+    from rtamt_gym.watching.screen import Screen, is_terminal
+
+    if not is_terminal():
+        raise InputError("--screen draws on a terminal, but standard error is not one")
+    return Screen(title)
+
+
+def _replayed(
+    options: argparse.Namespace, watch: StreamWatch, blocks: Iterator[bytes]
+) -> Iterator[bytes]:
+    """Return the blocks of a file at the pace of its times."""
+    from rtamt_gym.watching.replay import paced
+
+    if options.source == "-" or options.source.startswith(("tcp:", "unix:")) or options.follow:
+        raise InputError("--speed replays a file, and not a stream that comes by itself")
+    if not 0 < options.speed < math.inf:
+        raise InputError(f"--speed: expected a factor above 0, such as 10, got {options.speed:g}")
+    return paced(blocks, watch.seconds, options.speed)
 
 
 def _settings(options: argparse.Namespace) -> WatchOptions:
@@ -203,16 +251,40 @@ def _settings(options: argparse.Namespace) -> WatchOptions:
 
 
 class _Output:
-    """Lines of JSON on standard output, written once for each block of the stream."""
+    """Lines of JSON on standard output, written once for each block, and the screen.
 
-    def __init__(self) -> None:
+    Attributes:
+        screen: The view; None without one.
+
+    Args:
+        printed: Whether lines are written.
+    """
+
+    def __init__(self, *, printed: bool) -> None:
         self._texts: list[str] = []
+        self._printed = printed
+        self.screen: Screen | None = None
 
     def add(self, line: Line) -> None:
-        """Add a line."""
-        self._texts.append(line.to_json())
-        if len(self._texts) >= _MANY:
-            self.flush()
+        """Take in a line."""
+        if self.screen is not None:
+            self.screen.add(line)
+        if self._printed:
+            self._texts.append(line.to_json())
+            if len(self._texts) >= _MANY:
+                self.flush()
+
+    def look(self, watch: StreamWatch) -> None:
+        """Write all lines and draw what is new."""
+        self.flush()
+        if self.screen is not None:
+            self.screen.update(watch.newest(), watch.rows, watch.bad)
+
+    def end(self, text: str) -> None:
+        """Write the last lines, and show how the stream has ended."""
+        self.flush()
+        if self.screen is not None:
+            self.screen.end(text)
 
     def flush(self) -> None:
         """Write all lines; waits for a slow reader."""
@@ -226,6 +298,9 @@ class _Output:
         """Whether the reader of standard output has ended."""
         return bool(getattr(sys.stdout, "closed_by_reader", False))
 
+
+_BEAT: Final = 0.2
+"""Seconds after which the screen is drawn again if no row comes."""
 
 _MANY: Final = 10_000
 """Lines that are written before the block ends."""

@@ -279,6 +279,15 @@ class EventGroup:
             lines.append(self._line(state)._replace(end=end, final=True, instants=counts))
         return lines
 
+    def newest(self) -> list[Line]:
+        """Return the newest line of each requirement; an empty list before the first."""
+        return [self._line(state) for state in self._states] if self.samples else []
+
+    @property
+    def seconds(self) -> float | None:
+        """The time of the last row; None before there is one."""
+        return None if self._raw is None else self._time
+
     def extent(self) -> Extent:
         """Return how much of the trace has come."""
         start = 0.0 if self._clock is None else self._clock.start

@@ -395,6 +395,17 @@ class SampledGroup:
             lines.append(line._replace(end=end, final=True, instants=counts))
         return lines
 
+    def newest(self) -> list[Line]:
+        """Return the newest line of each requirement; an empty list before the first."""
+        return (
+            [self._line(state, self.samples - 1) for state in self._states] if self.samples else []
+        )
+
+    @property
+    def seconds(self) -> float | None:
+        """The time of the last sample; None before there is one, or without times."""
+        return self._time(self.samples - 1) if self.samples else None
+
     def extent(self) -> Extent:
         """Return how much of the trace has come."""
         if self._period is None:

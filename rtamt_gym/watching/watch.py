@@ -106,6 +106,7 @@ class StreamWatch:
         self._chosen = False
         self._clock: ClockRules | None = None
         self.traces: dict[str | None, Group] = {}
+        self._touched: Group | None = None
         self._guarded = 0
         self._ended: set[str] = set()
         self._idle: list[tuple[float, str]] = []
@@ -320,7 +321,7 @@ class StreamWatch:
                 raise InputError(f"{self._source}: more than {_ENDED} groups have ended")
 
     def _trace(self, group: str | None) -> Group:
-        trace = self.traces.get(group)
+        trace = self._touched = self.traces.get(group)
         if trace is None:
             title = None if group is None else group
             if self.rules.reading.dense:
@@ -331,7 +332,7 @@ class StreamWatch:
                 trace = SampledGroup(
                     self.rules, self._columns, self._clock, title, lost=self._options.skip_bad
                 )
-            self.traces[group] = trace
+            self.traces[group] = self._touched = trace
         return trace
 
     def _finish(self, trace: Group, end: End) -> None:
@@ -390,6 +391,15 @@ class StreamWatch:
         for trace in self.traces.values():
             self._finish(trace, end)
         self.traces.clear()
+
+    def seconds(self) -> float | None:
+        """Return the time of the last row in seconds; None before the first, or without times."""
+        return None if self._touched is None else self._touched.seconds
+
+    def newest(self) -> Iterator[Line]:
+        """Yield the newest line of each requirement in each group."""
+        for trace in self.traces.values():
+            yield from trace.newest()
 
     def exit_code(self) -> int:
         """Return the exit code, as `rtamt monitor` has it for these verdicts."""

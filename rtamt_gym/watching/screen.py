@@ -1,0 +1,264 @@
+"""A view of a stream in the terminal: verdicts, robustness with bounds, and its course."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from itertools import pairwise
+from time import monotonic
+from types import TracebackType
+from typing import Any, Final, Self
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from rtamt import Verdict
+from rtamt.errors import shown
+from rtamt_gym.tables import counted, short, shorten
+from rtamt_gym.watching.lines import Line
+
+_POINTS: Final = 240
+"""The most points of a course; beyond, neighbours become one."""
+
+_ROWS: Final = 20
+"""The most rows; the worst are shown."""
+
+_REFRESH: Final = 0.1
+"""Seconds between two pictures."""
+
+_BARS: Final = "▁▂▃▄▅▆▇█"
+_PLAIN_BARS: Final = ".:-=+*%#"
+_BELOW: Final = "xX"
+"""The marks of a negative robustness and of a deep one, which are seen without colours."""
+
+_WIDE: Final = 100
+"""The columns of a terminal that has room for the times of decisions."""
+
+_STYLES: Final[Mapping[Verdict, str]] = {
+    Verdict.VIOLATED: "bold red",
+    Verdict.UNDECIDED: "yellow",
+    Verdict.SATISFIED: "green",
+}
+
+Key = tuple[str | None, str]
+
+
+class Course:
+    """The robustness over a stream in few points, each the minimum of a part of it.
+
+    Example:
+        >>> course = Course(points=4)
+        >>> for value in (3.0, 1.0, 2.0, -1.0, 5.0, 0.5):
+        ...     course.add(value)
+        >>> course.values
+        [1.0, -1.0, 0.5]
+        >>> course.bars(3), course.bars(3, plain=True)
+        ('█X▄', '#X=')
+    """
+
+    def __init__(self, points: int = _POINTS) -> None:
+        self._points, self._stride, self._count = points, 1, 0
+        self.values: list[float] = []
+        """The points so far."""
+
+    def add(self, value: float) -> None:
+        """Add the robustness at a later time."""
+        if self._count % self._stride:
+            self.values[-1] = min(self.values[-1], value)
+        else:
+            self.values.append(value)
+        self._count += 1
+        if len(self.values) > self._points:
+            values = self.values
+            self.values = [min(values[i : i + 2]) for i in range(0, len(values), 2)]
+            self._stride *= 2
+
+    def bars(self, width: int, *, plain: bool = False) -> str:
+        """Return the course as text.
+
+        Args:
+            width: The number of characters at most.
+            plain: Whether to use ASCII alone.
+        """
+        values, bars = self.values, _PLAIN_BARS if plain else _BARS
+        if len(values) > width:
+            bounds = [i * len(values) // width for i in range(width + 1)]
+            values = [min(values[i:j]) for i, j in pairwise(bounds)]
+        top = max((v for v in values if 0 < v < math.inf), default=1.0)
+        depth = min((v for v in values if -math.inf < v < 0), default=-1.0)
+        return "".join(_bar(value, top, depth, bars) for value in values)
+
+
+def _bar(value: float, top: float, depth: float, bars: str) -> str:
+    if math.isnan(value):
+        return " "
+    if math.copysign(1.0, value) < 0:
+        return _BELOW[value < depth / 2]
+    return bars[
+        min(len(bars) - 1, math.ceil(min(value / top, 1.0) * len(bars)) - 1) if value else 0
+    ]
+
+
+class Screen:
+    """The view; it is drawn on standard error, so that lines may go elsewhere.
+
+    Args:
+        title: The name of the stream.
+        console: The terminal; None: standard error.
+        clock: Returns seconds, for the age of the last row.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        console: Console | None = None,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self._title, self._clock = title, clock
+        self._console = console or Console(stderr=True, highlight=False)
+        self._lines: dict[Key, Line] = {}
+        self._courses: dict[Key, Course] = {}
+        self._rows = self._bad = 0
+        self._began = self._newest = self._drawn = clock()
+        self._ended = ""
+        self._live: Any = None
+        self._plain = not self._console.encoding.lower().startswith("utf")
+
+    def __enter__(self) -> Self:
+        self._live = Live(
+            self.picture(), console=self._console, auto_refresh=False, redirect_stdout=False
+        )
+        self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._live.update(self.picture(), refresh=True)
+        self._live.stop()
+
+    def add(self, line: Line) -> None:
+        """Take in a final line; others are read by `update`."""
+        if line.final:
+            key = line.group, line.requirement
+            self._lines[key] = line
+            self._courses.setdefault(key, Course())
+
+    def update(self, lines: Iterable[Line], rows: int, bad: int) -> None:
+        """Take in the newest verdicts, and draw if the last picture is old.
+
+        Args:
+            lines: The newest line of each requirement in each group.
+            rows: The number of rows so far.
+            bad: The number of bad lines so far.
+        """
+        now = self._clock()
+        if rows != self._rows:
+            self._newest = now
+            for line in lines:
+                key = line.group, line.requirement
+                self._lines[key] = line
+                self._courses.setdefault(key, Course()).add(line.robustness)
+        self._rows, self._bad = rows, bad
+        if self._live is not None and now - self._drawn >= _REFRESH:
+            self._drawn = now
+            self._live.update(self.picture(), refresh=True)
+
+    def end(self, text: str) -> None:
+        """Show how the stream has ended."""
+        self._ended = text
+
+    def picture(self) -> Group:
+        """Return the view as it is now."""
+        plain = self._plain
+        grouped = any(group is not None for group, _ in self._lines)
+        widths = self._widths(grouped=grouped)
+        table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
+        for name, width in widths.items():
+            side: Any = "right" if name == "robustness" else "left"
+            table.add_column(name, width=width, justify=side, no_wrap=True, overflow="crop")
+        keys = sorted(self._lines, key=self._order)
+        for key in keys[:_ROWS]:
+            table.add_row(*self._cells(key, widths, plain=plain))
+        more = len(keys) - _ROWS
+        parts: list[Any] = [self._head(), table]
+        if more > 0:
+            parts.append(Text(f"and {counted(more, 'row')} with a higher robustness"))
+        return Group(*parts)
+
+    def _order(self, key: Key) -> tuple[int, float]:
+        """Return the place of a row if there are many: the worst first, else as they came."""
+        line = self._lines[key]
+        if len(self._lines) <= _ROWS:
+            return (0, 0.0)
+        robustness = line.robustness
+        return int(line.verdict), math.inf if math.isnan(robustness) else robustness
+
+    def _head(self) -> Text:
+        now = self._clock()
+        parts = [self._title, counted(self._rows, "row")]
+        times = [line.time for line in self._lines.values() if line.time is not None]
+        if times:
+            parts.append(f"at {max(times):.6g} s")
+        parts.append(self._ended or f"last row {now - self._newest:.1f} s ago")
+        if self._bad:
+            parts.append(counted(self._bad, "bad line"))
+        return Text(_cut(", ".join(parts), self._console.width, plain=self._plain))
+
+    def _widths(self, *, grouped: bool) -> dict[str, int]:
+        """Return the columns and their widths, which together are the width of the terminal."""
+        groups = max((len(group or "") for group, _ in self._lines), default=0)
+        names = max((len(name) for _, name in self._lines), default=0)
+        wide = self._console.width >= _WIDE
+        widths = {"group": max(5, min(groups, 24 if wide else 12))} if grouped else {}
+        widths["requirement"] = max(11, min(names, 30 if wide else 18))
+        widths["verdict"] = len("UNDECIDED")
+        if wide:
+            widths["decided"] = 10
+        widths |= {"robustness": 10, "bounds": 15}
+        room = self._console.width - sum(widths.values()) - 2 * len(widths)
+        widths["course"] = max(4, min(room, _POINTS))
+        return widths
+
+    def _cells(self, key: Key, widths: Mapping[str, int], *, plain: bool) -> list[Text]:
+        group, name = key
+        line = self._lines[key]
+        at = ""
+        if line.decided_at is not None:
+            at = (
+                f"sample {line.decided_at:.0f}" if line.time is None else f"{line.decided_at:.6g} s"
+            )
+        cells = {
+            "group": Text(_cut(group or "", widths.get("group", 0), plain=plain)),
+            "requirement": Text(_cut(name, widths["requirement"], plain=plain)),
+            "verdict": Text(line.verdict.name, style=_STYLES[line.verdict]),
+            "decided": Text(at),
+            "robustness": Text("-" if math.isnan(line.robustness) else short(line.robustness)),
+            "bounds": Text(f"{short(line.lower)} .. {short(line.upper)}"),
+            "course": _coloured(self._courses[key].bars(widths["course"], plain=plain)),
+        }
+        return [cells[column] for column in widths]
+
+
+def _cut(text: str, width: int, *, plain: bool) -> str:
+    """Return a text as a terminal can show it."""
+    text = shorten(shown(text), max(width, 4))
+    return text.encode("ascii", "replace").decode() if plain else text
+
+
+def _coloured(bars: str) -> Text:
+    text = Text()
+    for bar in bars:
+        text.append(bar, style="red" if bar in _BELOW else "cyan")
+    return text
+
+
+def is_terminal() -> bool:
+    """Return whether the view can be drawn."""
+    return sys.stderr.isatty()
