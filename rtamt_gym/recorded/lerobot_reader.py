@@ -107,11 +107,7 @@ class LeRobotRecording(ArrowRecording):
     def __init__(self, path: str, data: _DataSet, index: int, columns: Columns) -> None:
         self._data, self._index, self._columns = data, index, columns
         self._episode = episode = data.episodes[index]
-        with (
-            refusing(str(episode.file), "a whole Parquet file"),
-            pq.ParquetFile(episode.file) as file,
-        ):
-            schema = file.schema_arrow
+        schema = _schema(str(episode.file), _stamps([episode.file]))
         fields = [field for field in schema if is_list(field.type) or is_scalar(field.type)]
         lists = [field.name for field in fields if is_list(field.type)]
         lengths = {name: _length(episode.file, name, data.features.get(name)) for name in lists}
@@ -264,8 +260,7 @@ def _episodes(folder: Path, template: str) -> dict[int, _Episode]:
     names = [EPISODE, "length", "data/chunk_index", "data/file_index"]
     episodes = {}
     for file in files:
-        with refusing(str(file), "a whole Parquet file"):
-            table = pq.read_table(file, columns=[*names, "tasks"], partitioning=None)
+        table = _table(str(file), [*names, "tasks"])
         if {*names} - {*table.column_names}:
             raise InputError(
                 f"{shown(str(file))}: expected the columns {', '.join(names)}, got "
@@ -289,14 +284,31 @@ def _tasks(folder: Path) -> dict[int, str]:
     file = folder / "meta/tasks.parquet"
     if not file.exists():
         return {}
+    table = _table(str(file))
     with refusing(str(file), "a whole Parquet file"):
-        table = pq.read_table(file, partitioning=None)
         texts = [
             f.name
             for f in table.schema
             if pa.types.is_string(f.type) or pa.types.is_large_string(f.type)
         ]
         return dict(zip(table[_TASK_INDEX].to_pylist(), table[texts[0]].to_pylist(), strict=True))
+
+
+def _table(file: str, names: Sequence[str] | None = None) -> pa.Table:
+    """Return some columns of a file; names that it does not have are left out."""
+    # pq.read_table would import pandas.
+    with refusing(file, "a whole Parquet file"), pq.ParquetFile(file) as opened:
+        known = opened.schema_arrow.names
+        wanted = None if names is None else [name for name in names if name in known]
+        return opened.read(columns=wanted)
+
+
+@lru_cache(maxsize=8)
+def _schema(file: str, stamps: _Stamps) -> pa.Schema:
+    """Return the names and types of the columns of a file."""
+    del stamps
+    with refusing(file, "a whole Parquet file"), pq.ParquetFile(file) as opened:
+        return opened.schema_arrow
 
 
 @lru_cache(maxsize=2)
@@ -308,8 +320,8 @@ def _columns_of(
     The number is 0 for an episode whose rows are not in one piece.
     """
     del stamps
+    table = _table(file, [*dict.fromkeys((*names, EPISODE))])
     with refusing(file, "a whole Parquet file"):
-        table = pq.read_table(file, columns=[*dict.fromkeys((*names, EPISODE))], partitioning=None)
         index = floats_of(table[EPISODE]).astype(np.int64)
     values, first, counts = np.unique(index, return_index=True, return_counts=True)
     starts = {}
