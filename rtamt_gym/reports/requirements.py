@@ -136,7 +136,7 @@ def requirement_of(
     *,
     noun: str = "episode",
     unit: str = "s",
-    figures: Sequence[Figure] = (),
+    figures: Sequence[Figure | Table] = (),
     **also: Any,  # noqa: ANN401 - fields of a requirement
 ) -> Requirement:
     """Return a requirement with its trials, worst first.
@@ -149,7 +149,7 @@ def requirement_of(
         worst: Its worst episodes in full.
         noun: The word for a trial.
         unit: The unit of times.
-        figures: Further charts.
+        figures: Further charts and tables.
         **also: Fields of the requirement, such as its rate and its interval.
     """
     known = [(trial.robustness, trial.verdict) for trial in trials if trial.robustness is not None]

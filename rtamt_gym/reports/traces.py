@@ -36,6 +36,7 @@ from rtamt_gym.reports.model import (
     Text,
 )
 from rtamt_gym.reports.numbers import number, six
+from rtamt_gym.reports.occurrences import occurrence_figures
 from rtamt_gym.reports.requirements import (
     DIGITS,
     TRIALS,
@@ -153,7 +154,12 @@ def _requirement(
     known_id = matrix.provenance.ids.get(name)
     unit = "s" if _period(matrix) else "steps"
     return requirement_of(
-        *(name, words, formula, trials, worst), noun="trace", unit=unit, note=note, id=known_id
+        *(name, words, formula, trials, worst),
+        noun="trace",
+        unit=unit,
+        figures=occurrence_figures(matrix.rows, name),
+        note=note,
+        id=known_id,
     )
 
 

@@ -41,7 +41,7 @@ def test_every_chart_is_drawn(page: Page) -> None:
         "all => all.map(each => [each.classList[1], each.querySelectorAll('.trace').length])"
     )
     assert {kind for kind, _ in kinds} == {
-        *("histogram", "violations", "episode", "map", "cases", "convergence", "pairs")
+        *("histogram", "violations", "episode", "map", "cases", "convergence", "pairs", "timeline")
     }
     assert [kind for kind, traces in kinds if not traces and kind != "map"] == []
     assert page.locator("figure.map .hm image").count() == 2  # known, and undecided beside it

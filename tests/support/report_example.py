@@ -34,6 +34,7 @@ from rtamt_gym.reports.model import (
     Table,
     Text,
     TrialRow,
+    numbers_table,
 )
 from rtamt_gym.results.outcome import Moment, Word
 
@@ -239,6 +240,33 @@ def _line(name: str, verdict: Word, robustness: str, *notes: str) -> Row:
     return Row((Cell(name, muted=notes), Cell(verdict=verdict), cell), verdict=verdict)
 
 
+_TIMELINE = Figure(
+    "timeline",
+    "All violations",
+    "runs/b.csv: 2 violations, 3 s in all; the longest starts at 4 s and lasts 2 s.",
+    144,
+    {
+        "bodies": (
+            {
+                "text": "level < 5",
+                "runs": (
+                    (4.0, 6.0, "violated", "\N{MINUS SIGN}0.5"),
+                    (8.0, 9.0, "violated", "\N{MINUS SIGN}0.1"),
+                    (9.0, 10.0, "undecided", ""),
+                ),
+            },
+        ),
+        "span": (0.0, 10.0),
+        "unit": "s",
+    },
+    numbers_table(
+        ("body", "start (s)", "end (s)"),
+        (("level < 5", "4", "6"), ("level < 5", "8", "9")),
+    ),
+    wide=True,
+    words=("violated", "undecided"),
+)
+
 _MATRIX = Section(
     kind="matrix",
     title="3 traces",
@@ -256,6 +284,8 @@ _MATRIX = Section(
                 left_out=0,
             ),
             "matrix",
+            "s",
+            _TIMELINE,
         ),
     ),
     blocks=(

@@ -107,6 +107,39 @@ function violations(chart, c) {
   };
 }
 
+function timeline(chart, c, width) {
+  const letters = Math.floor((width - 60) / 7);
+  const stretches = (word) => {
+    const found = chart.bodies.flatMap((body, i) => body.runs.filter((run) => run[2] === word).map((run) => [i, ...run]));
+    return {
+      type: "scatter",
+      mode: "lines+markers",
+      name: word,
+      x: found.flatMap(([, start, end]) => [start, end, null]),
+      y: found.flatMap(([i]) => [-i, -i, null]),
+      customdata: found.flatMap(([, start, end, , worst]) => {
+        const text = `${word}: ${showTime(start, chart.unit)} to ${showTime(end, chart.unit)}${worst && `, robustness ${worst}`}`;
+        return [text, text, null];
+      }),
+      hovertemplate: "%{customdata}<extra></extra>",
+      line: { color: c[word], width: 10, dash: word === "undecided" ? "dot" : "solid" },
+      marker: { symbol: "line-ns-open", size: 12, color: c[word], line: { color: c[word], width: 2 } },
+    };
+  };
+  const pad = (chart.span[1] - chart.span[0] || 1) * 0.02;
+  return {
+    traces: ["undecided", "violated"].filter((word) => chart.bodies.some((body) => body.runs.some((run) => run[2] === word))).map(stretches),
+    layout: frame(c, {
+      margin: { l: 12, r: 12, t: 12, b: 44 },
+      xaxis: axis(c, chart.unit === "s" ? "time (s)" : "step", { range: [chart.span[0] - pad, chart.span[1] + pad], fixedrange: false }),
+      yaxis: axis(c, "", { range: [0.4 - chart.bodies.length, 0.9], showticklabels: false, showgrid: false }),
+      annotations: chart.bodies.map((body, i) => note(c, safe(cut(body.text, letters)), {
+        xref: "paper", x: 0, y: -i + 0.45, xanchor: "left", yanchor: "middle",
+      })),
+    }),
+  };
+}
+
 function convergence(chart, c) {
   const robustness = reals(chart.robustness);
   const says = robustness.map(

@@ -1,6 +1,6 @@
 // Draws charts as they come into view, all of them for paper, and starts the rest.
 
-const drawers = { histogram, violations, convergence, map, cases, pairs, curves, episode };
+const drawers = { histogram, violations, timeline, convergence, map, cases, pairs, curves, episode };
 const paper = { wide: 680, half: 325 };
 let onPaper = false;
 

@@ -10,7 +10,7 @@ import pytest
 
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.html import render
-from rtamt_gym.reports.model import Cell, Table
+from rtamt_gym.reports.model import Cell, Figure, Table
 from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.reports.traces import of_matrix
 from rtamt_gym.reports.write import report_of
@@ -66,6 +66,26 @@ def test_every_outcome_is_shown_and_the_worst_trace_in_full(
     assert episode.lower == (-math.inf,) * 3
     assert episode.decided_at == near.trials[1].violated_at == Moment(1, 0.5)
     assert episode.deciding[0].values == {"gap": 1.0}
+
+
+def test_occurrences_are_statistics_and_a_timeline(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outcomes = judged(tmp_path, monkeypatch, capsys, "--occurrences")
+    near, answered = of_matrix(outcomes, tmp_path, ROOM).requirements
+    statistics, timeline = near.figures[-2:]
+    assert isinstance(statistics, Table)
+    texts = [cell.text for cell in statistics.rows[0].cells if isinstance(cell, Cell)]
+    assert texts == ["", "1", "17 %", "1200", "", ""]  # 0.5 s of 3 s in two traces
+    assert isinstance(timeline, Figure)
+    assert timeline.data["bodies"][0]["runs"] == [[0.5, 1.0, "violated", "\N{MINUS SIGN}1"]]
+    assert timeline.data["span"] == [0.0, 1.0]
+    assert timeline.summary == (
+        "near.csv: 1 violation, 0.5 s in all; the longest starts at 0.5 s and lasts 0.5 s."
+    )
+    (satisfied,) = [each for each in answered.figures if isinstance(each, Table)]
+    texts = [cell.text for cell in satisfied.rows[0].cells if isinstance(cell, Cell)]
+    assert texts == ["", "0", "0 %", "0", "1", "0.5 s"]
 
 
 def test_the_options_of_the_columns_are_read_again(
