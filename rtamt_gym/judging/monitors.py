@@ -19,7 +19,6 @@ from rtamt import (
     Monitor,
     RtamtError,
     Specification,
-    SpecificationError,
     VectorEpisodeMonitor,
     VectorMonitor,
     Verdict,
@@ -27,9 +26,9 @@ from rtamt import (
 from rtamt.errors import Argument, nearest
 from rtamt.typing import SemanticsName
 from rtamt_gym.checks.names import listing
+from rtamt_gym.judging.first_sample import require_whole_episode
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.shaping import Numeric
-from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
     from rtamt_gym.judging.infos import Lanewise
@@ -156,9 +155,9 @@ def make_monitors(
         of_instants: Makes the monitor of a specification for ``view="step"``.
 
     Raises:
-        SpecificationError: If a bound is not a multiple of the period; if the formula is about the
-            first sample only and ``view`` is ``"episode"``; or if it has an unbounded future and
-            ``view`` is ``"step"``.
+        SpecificationError: If a bound is not a multiple of the period; if the formula, or an
+            operand of it, is about the first sample only and ``view`` is ``"episode"``; or if it
+            has an unbounded future and ``view`` is ``"step"``.
         InputError: If inputs and outputs do not fit; a note names one of several specifications.
     """
     monitors: dict[str, tuple[Any, Any]] = {}
@@ -167,8 +166,8 @@ def make_monitors(
         require_known(reading, Argument("view", "step"))
     for name, options in reading.from_monitors(specs).items():
         spec = specs[name]
-        if view == "episode" and not spec.looks_ahead:  # the first sample judges no episode
-            raise first_sample_error(f"specification {name!r}", spec, Argument("view", "step"))
+        if view == "episode":  # the first sample judges no episode
+            require_whole_episode(f"specification {name!r}", spec, Argument("view", "step"))
         make = of_instants if view == "step" else of_episode
         try:
             source = make(spec, **options)
@@ -209,25 +208,6 @@ def require_known(reading: EvaluationOptions, asked: Argument) -> None:
             Argument("nan", "hold"),
             " with it",
         )
-
-
-def first_sample_error(what: str, spec: Specification, way: object) -> SpecificationError:
-    """Return the error about a requirement that is about the first sample only.
-
-    Args:
-        what: Names the specification.
-        spec: The specification.
-        way: The argument that requires it at every sample, a text or an `Argument`.
-    """
-    way_out = f"write always({shorten(str(spec.formula), 60)}) or "
-    if spec.requirement is not None and spec.id is not None:
-        way_out = f"its id makes it a requirement by itself: remove the id, {way_out}"
-    elif spec.requirement is not None:
-        way_out = (
-            "no other formula uses it, so that it is a requirement by itself: use it in another, "
-            + way_out
-        )
-    return SpecificationError(f"{what} speaks of the first sample only; {way_out}", way)
 
 
 def machine_state(monitor: Monitor | EpisodeMonitor) -> Any:  # noqa: ANN401 - opaque

@@ -13,7 +13,8 @@ import numpy as np
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt.typing import End, SemanticsName
-from rtamt_gym.judging.monitors import EXACT, first_sample_error, robustness_text
+from rtamt_gym.judging.first_sample import require_whole_episode
+from rtamt_gym.judging.monitors import EXACT, robustness_text
 from rtamt_gym.judging.stages import progress_of, progress_of_events
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.recording import Floats
@@ -228,10 +229,9 @@ def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
     """
     if view == "step":
         return spec.always()
-    if not spec.looks_ahead:
-        named = spec.requirement is not None
-        what = f"requirement {spec.requirement!r}" if named else "the specification"
-        raise first_sample_error(what, spec, "--view step")
+    named = spec.requirement is not None
+    what = f"requirement {spec.requirement!r}" if named else "the specification"
+    require_whole_episode(what, spec, "--view step")
     return spec
 
 

@@ -163,7 +163,24 @@ def evidence_warnings(
             text = f"never answered: {name} depended on an answer in 0 of {total}"
             kind = "never answered"
             unanswered.append(VerdictWarning(text, kind, name, {cells: text}, fails=True))
-    return [*never, *seldom, *partly, *unanswered]
+    without = _without_implications(results, required)
+    return [*without, *never, *seldom, *partly, *unanswered]
+
+
+def _without_implications(results: Results, required: Required) -> Iterator[VerdictWarning]:
+    """Yield the warning that nothing can be triggered, if a command requires a trigger."""
+    judged = [outcome for row in results.rows for outcome in row.outcomes.values()]
+    outcomes = [outcome for outcome in judged if isinstance(getattr(outcome, "triggers", 0), tuple)]
+    if required.triggered is None or not outcomes or any(each.triggers for each in outcomes):
+        return
+    names = ", ".join(results.requirements)
+    option = "--require-answered" if required.answered else "--require-triggered"
+    text = (
+        f"no implication to trigger: {names}; write 'p implies q' for 'not p or q', or remove "
+        f"{option}"
+    )
+    cells = {("", name): text for name in results.requirements}
+    yield VerdictWarning(text, NEVER, names, cells, fails=True)
 
 
 def _partly_triggered(

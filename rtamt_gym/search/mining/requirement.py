@@ -13,6 +13,7 @@ import rtamt
 from rtamt import InputError, InputTypeError, SpecificationError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
+from rtamt_gym.judging.first_sample import require_whole_episode
 from rtamt_gym.tables import number
 
 __all__ = ["Ranges", "Template", "check_parameter", "template", "unmarked"]
@@ -102,6 +103,7 @@ class Template:
             raise SpecificationError(
                 f"the requirement speaks of the first sample only; write always({self.text})"
             )
+        require_whole_episode("the requirement", spec, "")
         return spec
 
     def _bounding_unit(self) -> str | None:

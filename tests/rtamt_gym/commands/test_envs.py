@@ -162,13 +162,15 @@ def test_every_selector_reads_what_is_printed(env_id: str, capsys: Output) -> No
         needs = selector.startswith(("action", "reward", "info"))
         default = 0.0 if at_reset == "-" else float(at_reset)
         signals[selector] = (selector, default) if needs else selector
+    period = run_period(env)
     run = simulate(
         env,
         "always(reward < 1e9)",
         {"reward": ("reward", 0.0)} | signals,
         policy=lambda _obs: space.sample(),
         seed=3,
-        duration=1.5 * float(run_period(env)),
+        period=period,
+        duration=1.5 * float(period),
         stop="end",
     )
     assert len(rows) == len(signals) == len(run.signals)

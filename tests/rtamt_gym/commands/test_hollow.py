@@ -111,6 +111,9 @@ SHOWN: dict[str, Shown] = {
     "unknown values may hide a trigger": Shown(
         f"monitor '{RESPONSE}' asks.csv --missing unknown", ASKED
     ),
+    "no requirement has an implication": Shown(
+        f"monitor 'grants = always(not (req >= 9) or gnt >= 3)' idle.csv {ASKED}"
+    ),
     "no episode of a policy triggers it": Shown(
         f"evaluate {POLE} --spec '{LEAN}' --episodes 3 --at-termination cut", ASKED
     ),
