@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
+from rtamt.columns import unit_of_times
 from rtamt.errors import nearest, no_such, shown
 from rtamt.internal import groups_of
 from rtamt_gym.checks.names import listed
@@ -20,8 +21,10 @@ from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.parts import group_name, part_of
 from rtamt_gym.recorded.readers import FORMATS, format_of, open_recording
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
+from rtamt_gym.tables import counted
 
 _Keys = tuple[str, ...]
+_Cells = tuple[dict[str, NDArray[Any]], Callable[[int], str]]
 
 _MOST_TABLES = 2
 """The most tables that stay in memory."""
@@ -38,13 +41,15 @@ class GroupTable:
         rows: The rows of each group, by the texts of its keys, in the order of first rows.
         values: The keys of each group with their types.
         names: The names of the columns.
+        blank_rows: The number of rows without an object, which are in no group.
     """
 
     def __init__(self, file: str, columns: Columns) -> None:
         self._file, self._columns = file, columns
         self._plain = replace(columns, by=())
         self._whole: dict[str, Rows | None] = {}
-        self._cells: dict[str, NDArray[Any]] = {}
+        self._read_cells: dict[tuple[str, ...], _Cells] = {}
+        self.blank_rows = 0
         with open_recording(file, self._plain) as recording:
             self.source = recording.source
             self.names, self.dates, self.days = recording.names, recording.dates, recording.days
@@ -68,16 +73,21 @@ class GroupTable:
 
     def _group(self, rows: Rows, cells: Mapping[str, NDArray[Any]]) -> None:
         """Find the rows of each group; equal texts of keys are one group."""
+        (there,) = np.nonzero(~self._without_object(rows.count, cells))
+        self.blank_rows = rows.count - len(there)
+        if not len(there):
+            raise InputError(f"{self.source}: expected a row with an object, got none")
         for name, column in cells.items():
-            empty = np.isnan(column) if column.dtype.kind == "f" else column == ""
+            empty = _empty(column)
+            empty[np.setdiff1d(np.arange(rows.count), there)] = False
             if np.any(empty):
                 row = int(np.argmax(empty))
                 raise InputError(
                     f"{rows.where(row)}, column '{name}': expected a value, by which --by tells "
                     "traces apart, got an empty cell"
                 )
-        groups = groups_of(cells, self._columns.by)
-        order = np.arange(rows.count) if groups.order is None else groups.order
+        groups = groups_of({n: column[there] for n, column in cells.items()}, self._columns.by)
+        order = there if groups.order is None else there[groups.order]
         texts = zip(*(cell_texts(column) for column in groups.keys.values()), strict=True)
         typed = zip(*(column.tolist() for column in groups.keys.values()), strict=True)
         self.rows: dict[_Keys, NDArray[np.intp]] = {}
@@ -90,6 +100,21 @@ class GroupTable:
             self.rows[key] = part if before is None else np.sort(np.concatenate([before, part]))
             self.values.setdefault(key, dict(zip(self._columns.by, values, strict=True)))
 
+    def _without_object(self, count: int, cells: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+        """Return the rows in which all cells are empty except times.
+
+        SUMO writes such a row for a step in which no vehicle drives.
+        """
+        blank = np.ones(count, bool)
+        for column in cells.values():
+            blank &= _empty(column)
+        if not blank.any():
+            return blank
+        names = [n for n in self.names if n not in cells and unit_of_times(n) is None]
+        for column in self.cells(names)[0].values():
+            blank &= _empty(column)
+        return blank
+
     def read(self, wanted: Wanted) -> Rows | None:
         """Return columns of all groups; None if a cell of any group is an error."""
         key = repr(wanted)
@@ -99,12 +124,21 @@ class GroupTable:
                 self._whole[key] = recording.read(wanted)
         return self._whole[key]
 
-    def cells(self, names: Sequence[str]) -> tuple[dict[str, NDArray[Any]], Callable[[int], str]]:
+    def cells(self, names: Sequence[str]) -> _Cells:
         """Return columns as they are, and the place of each row for messages."""
-        wanted = Wanted([], cells=[*dict.fromkeys(names)], where=self._columns.where)
-        with open_recording(self._file, self._plain) as recording:
-            rows = recording.read(wanted)
-        return {name: rows.cells[name] for name in names if name in rows.cells}, rows.where
+        names = tuple(dict.fromkeys(names))
+        if names not in self._read_cells:
+            wanted = Wanted([], cells=names, where=self._columns.where)
+            with open_recording(self._file, self._plain) as recording:
+                rows = recording.read(wanted)
+            cells = {name: rows.cells[name] for name in names if name in rows.cells}
+            self._read_cells[names] = cells, rows.where
+        return self._read_cells[names]
+
+
+def _empty(column: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return which cells are empty."""
+    return np.asarray(np.isnan(column) if column.dtype.kind == "f" else column == "", bool)
 
 
 class GroupRecording(Recording):
@@ -127,6 +161,13 @@ class GroupRecording(Recording):
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted columns; an error in the rows of another group does not matter."""
+        rows = self._read(wanted)
+        if not (count := self._table.blank_rows):
+            return rows
+        note = f"{counted(count, 'row')} of the file without an object in no group"
+        return replace(rows, notes=[*rows.notes, note])
+
+    def _read(self, wanted: Wanted) -> Rows:
         every = self._table.read(wanted)
         if every is None:
             return self._read_alone(wanted)

@@ -163,15 +163,37 @@ def test_cut_file_error(name: str, tmp_path: Path, capsys: pytest.CaptureFixture
         assert f"{path}: expected floating car data of SUMO" in capsys.readouterr().err
 
 
-def test_table_of_xml2csv_has_the_same_verdict(
+@pytest.mark.parametrize("name", ["fcd.csv", "fcd.parquet"])
+def test_table_of_xml2csv_has_the_same_verdicts(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The table has a row with empty cells for a step without an object."""
+    path = write_fcd(tmp_path / "fcd.xml", TWO)
+    rows: list[dict[str, object]] = []
+    for step in ET.parse(path).getroot():  # noqa: S314 - written above
+        cells = [{f"vehicle_{key}": text for key, text in element.items()} for element in step]
+        time = {"timestep_time": float(step.get("time", ""))}
+        rows += [time | own for own in cells or [{}]]
+    frame = pd.DataFrame(rows).astype({"vehicle_speed": float})
+    table = tmp_path / name
+    if table.suffix == ".csv":
+        frame.to_csv(table, sep=";", index=False)
+    else:
+        frame.to_parquet(table)
+    found = []
+    signal = "speed=vehicle_speed"
+    for command in ([str(path)], [str(table), "--by", "vehicle_id", "--signal", signal]):
+        main(["monitor", "r = always[0:0.5](speed < 4.5)", "--json", *command])
+        printed = json.loads(capsys.readouterr().out)
+        found.append({t["outcomes"]["r"]["robustness"] for t in printed["trials"]})
+    assert found == [{2.5, -0.5}] * 2
+    assert "2 rows of the file without an object in no group" in str(printed["trials"])
+
+
+def test_row_with_values_but_without_an_id_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The script writes a row with empty cells for a step without an object."""
-    rows = ["timestep_time;vehicle_id;vehicle_speed"]
-    rows += [f"{k / 2:.2f};{n};{v:.2f}" for k, n, v in [(0, "a", 1), (1, "a", 2), (1, "b", 5)]]
     table = tmp_path / "fcd.csv"
-    table.write_text("\n".join([*rows, "1.00;;", ""]))
-    options = ["--signal", "speed=vehicle_speed", "--where", "vehicle_id=a"]
-    assert main(["monitor", "always[0:0.5](speed < 1.5)", *options, str(table)]) == 1
-    assert "robustness -0.5" in capsys.readouterr().out
-    assert main(["monitor", "always[0:0.5](speed < 1.5)", *options[:2], str(table)]) == 2
+    table.write_text("time;vehicle_id;speed\n0;a;1\n0.5;;\n1;;3\n")
+    assert main(["monitor", "always(speed < 9)", str(table), "--by", "vehicle_id"]) == 2
+    assert "line 4, column 'vehicle_id': expected a value, by which --by" in capsys.readouterr().err
