@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from rtamt import InputError, Verdict
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
-from rtamt_gym.commands import SEPARATOR
+from rtamt_gym.commands import SEPARATOR, occurrences
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.mutants import MutantWatch, score_warnings, write_apart
 from rtamt_gym.commands.mutants import add_arguments as add_mutants
@@ -75,17 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "and nothing is violated",
             usual="a note reports it",
         ),
-        Option(
-            "--occurrences",
-            "list every violation of each requirement and the answers to its triggers, in the "
-            "report and in --json",
-        ),
-        Option(
-            "--write-occurrences FILE",
-            "write every violation, trigger and undecided stretch of all traces as a table to a "
-            "file, whose name ends in .csv, .csv.gz, .parquet, .feather or .arrow",
-            read=Path,
-        ),
+        *occurrences.OPTIONS,
         Option("--min-traces N", "exit 2 if there are fewer than N traces", read=positive),
         Option(
             "--expect NAME", "exit 2 if no requirement with this name is evaluated", repeat=True
@@ -181,10 +171,10 @@ def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
         options.write_occurrences,
     )
     check_outputs(*outputs, options.violated_episodes, picture=options.plot, inputs=inputs)
-    for table in filter(None, (options.out, options.write_occurrences)):
+    if options.out:
         from rtamt_gym.recorded.output import check_output
 
-        check_output(table)
+        check_output(options.out)
     if options.violated_episodes:
         from rtamt_gym.recorded.episodes import data_set_of
 
@@ -211,8 +201,8 @@ def run(options: argparse.Namespace) -> int:
     asked, paths = read_arguments(options)
     _check_expected(options, asked, paths)
     asked = replace(asked, reading=with_stages(asked.specs, asked.reading))
-    listed = options.occurrences or options.write_occurrences is not None
-    asked = replace(asked, occurrences=listed)
+    asked = replace(asked, occurrences=occurrences.are_needed(options))
+    occurrences.check_arguments(options, asked, paths)
     check_mutants(options, asked)
     _check_files(options, paths)
     wanted = options.json or options.junit or options.markdown
@@ -257,10 +247,11 @@ def run(options: argparse.Namespace) -> int:
         print(text)
     else:
         print(*_report(matrix, judged), sep="\n", end="")
-        print(*_occurrences(options, matrix), sep="\n", end="")
+        print(*occurrences.report(options, matrix), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")
     undecided = [undecided_cells(matrix)] if options.undecided == "fail" else []
     messages = _write(options, asked, matrix, judged, [*undecided, *warnings])
+    messages += occurrences.write_files(options, asked, matrix, paths)
     messages += _list_episodes(options, rows, paths)
     if options.write_killing_traces is not None:
         messages.append(write_apart(scores, asked, matrix, options.write_killing_traces))
@@ -301,15 +292,6 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
     head = extent_of(trace, judged.period).lines(trace.source)
     lines = report(judged.judgements, head, trace.notes)
     return [*lines, *ids_lines(matrix.provenance), ""]
-
-
-def _occurrences(options: argparse.Namespace, matrix: Matrix) -> Sequence[str]:
-    """Return the lines about all violations, after an empty line."""
-    if not options.occurrences:
-        return []
-    from rtamt_gym.recorded.occurrences import occurrence_lines
-
-    return ["", *occurrence_lines(matrix.rows), ""]
 
 
 def _mutants(scores: Mapping[str, MutationScore], matrix: Matrix) -> Sequence[str]:
@@ -370,11 +352,6 @@ def _write(
             to_markdown(matrix, warnings, asked.constants), encoding="utf-8"
         )
         messages.append(f"outcomes: {options.markdown}\n")
-    if options.write_occurrences:
-        from rtamt_gym.recorded.occurrences import save_occurrences
-
-        save_occurrences(matrix.rows, options.write_occurrences)
-        messages.append(f"occurrences: {options.write_occurrences}\n")
     if judged is None or judged.trace is None or not judged.judgements:
         return messages
     if options.out:
@@ -385,7 +362,14 @@ def _write(
     if options.write_mcap:
         from rtamt_gym.recorded.bag_output import write_mcap
 
-        added, lost = write_mcap(judged.trace, judged.judgements, asked.specs, options.write_mcap)
+        found = {
+            name: outcome.occurrences
+            for name, outcome in matrix.rows[0].outcomes.items()
+            if outcome.occurrences is not None
+        }
+        added, lost = write_mcap(
+            judged.trace, judged.judgements, asked.specs, options.write_mcap, found
+        )
         copied = f"copy of the bag: {options.write_mcap}, with {', '.join(added)}"
         if lost:
             copied += f"; without {', '.join(lost)}, whose classes the bag does not define"

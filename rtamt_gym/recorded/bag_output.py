@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,8 +19,10 @@ from rosbags.typesys.store import Typestore
 
 import rtamt
 from rtamt import InputError
+from rtamt.monitors import Occurrences
 from rtamt_gym.recorded.bag_reader import Bag, damaged, open_bag
 from rtamt_gym.recorded.judge import RESULT, Series, TraceJudgement
+from rtamt_gym.recorded.occurrences import states_of
 from rtamt_gym.recorded.readers import is_bag
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
@@ -35,7 +38,7 @@ class _Topic:
     Attributes:
         kind: The class of its messages.
         times: Their times in seconds.
-        values: Their numbers.
+        values: Their numbers or texts.
     """
 
     kind: str
@@ -60,12 +63,14 @@ def write_mcap(
     judgements: Mapping[str, TraceJudgement],
     specs: Mapping[str, rtamt.Specification],
     out: Path,
+    occurrences: Mapping[str, Occurrences],
 ) -> tuple[list[str], list[str]]:
     """Write all messages of a bag, with robustness and verdicts at the times of the samples.
 
     The robustness of a requirement is on the topic of its output variable, else on
     ``/rtamt/NAME``, and its verdict so far (-1, 0 or 1) on that topic with ``/verdict``; named
-    formulas have topics of their own. Where the bag has such a topic already, ours ends in
+    formulas have topics of their own. Requirements with occurrences have their state as text on
+    that topic with ``/state``. Where the bag has such a topic already, ours ends in
     ``/offline``. Messages of ROS 1 become messages of ROS 2 with the same fields, but for the
     ``seq`` of headers.
 
@@ -73,7 +78,7 @@ def write_mcap(
         The added topics, and those left out because the bag does not define their classes.
     """
     with open_bag(trace.source) as bag, TemporaryDirectory(dir=out.parent) as folder:
-        added = _added(trace, judgements, specs, bag)
+        added = _added(trace, judgements, specs, bag, occurrences)
         folder_path = Path(folder) / "copy"
         writer = Writer(folder_path, version=8, storage_plugin=StoragePlugin.MCAP)
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
@@ -81,6 +86,44 @@ def write_mcap(
             left_out = _write(writer, bag, added, trace.epoch)
         (folder_path / "copy.mcap").replace(out)
     return [*added], left_out
+
+
+def write_bag_clips(path: str, epoch: int, clips: Mapping[Path, tuple[float, float]]) -> None:
+    """Write the messages of a bag between two times, for each of some files.
+
+    Args:
+        path: The bag.
+        epoch: Time 0 in nanoseconds on the clock that recorded.
+        clips: The first and the last time in seconds, by the name of the MCAP file.
+    """
+    with ExitStack() as opened:
+        bag = opened.enter_context(open_bag(path))
+        store, outputs = _store(bag), []
+        for out, span in clips.items():
+            folder = Path(opened.enter_context(TemporaryDirectory(dir=out.parent))) / "clip"
+            writer = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)
+            writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+            opened.callback((folder / "clip.mcap").replace, out)
+            opened.enter_context(writer)
+            first, last = (epoch + round(time * 1e9) for time in span)
+            outputs.append((first, last, writer, _channels(writer, bag, store)))
+        every = outputs[0][3]
+        for time, to, data in _copied(bag, store, every):
+            for first, last, writer, channels in outputs:
+                if first <= time <= last:
+                    writer.write(channels[to.topic, to.msgtype], time, data)
+
+
+def _channels(writer: Writer, bag: Bag, store: Typestore) -> dict[tuple[str, str], Connection]:
+    """Add the topics of a bag whose classes are known to a copy."""
+    channels: dict[tuple[str, str], Connection] = {}
+    for connection in bag.reader.connections:
+        name = connection.topic, connection.msgtype
+        if connection.msgtype in store.fielddefs and name not in channels:
+            ext = connection.ext
+            qos = ext.offered_qos_profiles if isinstance(ext, ConnectionExtRosbag2) else ()
+            channels[name] = writer.add_connection(*name, typestore=store, offered_qos_profiles=qos)
+    return channels
 
 
 def _write(
@@ -94,13 +137,7 @@ def _write(
     Returns the topics that are left out: a class that the bag does not define cannot be written.
     """
     store = _store(bag)
-    channels: dict[tuple[str, str], Connection] = {}
-    for connection in bag.reader.connections:
-        name = connection.topic, connection.msgtype
-        if connection.msgtype in store.fielddefs and name not in channels:
-            ext = connection.ext
-            qos = ext.offered_qos_profiles if isinstance(ext, ConnectionExtRosbag2) else ()
-            channels[name] = writer.add_connection(*name, typestore=store, offered_qos_profiles=qos)
+    channels = _channels(writer, bag, store)
     sources = [_copied(bag, store, channels)]
     for topic, addition in added.items():
         to = writer.add_connection(topic, addition.kind, typestore=store)
@@ -142,7 +179,7 @@ def _messages(
         yield time, to, message_of(time, value)
 
 
-_FLOAT, _INT = "std_msgs/msg/Float64", "std_msgs/msg/Int8"
+_FLOAT, _INT, _TEXT = "std_msgs/msg/Float64", "std_msgs/msg/Int8", "std_msgs/msg/String"
 _STAMPED = ("rtamt_msgs/msg/FloatStamped", "rtamt_msgs/msg/FloatMessage")
 _STAMPED_TEXT = "std_msgs/Header header\nfloat64 value\n"
 _HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
@@ -155,7 +192,7 @@ def _store(bag: Bag) -> Typestore:
     store = get_typestore(Stores.EMPTY)
     head = known if bag.reader.is2 and _HEADER in known else ours
     store.register({**known, _HEADER: head[_HEADER]})
-    store.register({kind: ours[kind] for kind in (_FLOAT, _INT) if kind not in known})
+    store.register({kind: ours[kind] for kind in (_FLOAT, _INT, _TEXT) if kind not in known})
     for kind in _STAMPED:
         if kind not in known:
             store.register({kind: get_types_from_msg(_STAMPED_TEXT, kind)[kind]})
@@ -183,6 +220,7 @@ def _added(
     judgements: Mapping[str, TraceJudgement],
     specs: Mapping[str, rtamt.Specification],
     bag: Bag,
+    occurrences: Mapping[str, Occurrences],
 ) -> dict[str, _Topic]:
     """Return the topics of all formulas, and the topics of the verdicts."""
     added: dict[str, _Topic] = {}
@@ -203,6 +241,9 @@ def _added(
                 topic = _free("/".join(stem), bag)
             added[topic] = addition
         added[f"{topic}/verdict"] = _Topic(_INT, *_verdicts(judgement, series, trace))
+        if name in occurrences:
+            states = states_of(occurrences[name], float(series.times[0]))
+            added[f"{topic}/state"] = _Topic(_TEXT, *states)
     return added
 
 

@@ -183,12 +183,13 @@ class CsvRecording(Recording):
         )
         self.header, _ = next(rows)
         """The line of the names, from 1."""
-        self._last_above, self._units = self.header, dict[str, str]()
+        self.last_above, self._units = self.header, dict[str, str]()
+        """The last line above the rows of values: of the names, or of the units."""
         if layout.units is not None:
             self._units = dict(zip(self.names, layout.units, strict=True))
-            self._last_above, _ = next(rows)
+            self.last_above, _ = next(rows)
             units = ", ".join(layout.units)
-            self._notes.append(f"line {self._last_above} is a row of units: {units}")
+            self._notes.append(f"line {self.last_above} is a row of units: {units}")
         first = list(itertools.islice(rows, _FEW))
         self.rows = itertools.chain(first, rows)
         """The rows of values that are not empty, with their lines."""
@@ -253,7 +254,7 @@ class CsvRecording(Recording):
         if unit is None or unit not in UNITS or named not in (None, "", unit):
             also = f", and {named!r} in its name" if named else ""
             raise InputError(
-                f"{self.source}, line {self._last_above}, column '{time}': expected one unit of "
+                f"{self.source}, line {self.last_above}, column '{time}': expected one unit of "
                 f"time, got {below!r}{also}; give the unit with --time-unit ({', '.join(UNITS)})"
             )
         return unit
@@ -340,7 +341,7 @@ class CsvRecording(Recording):
 
         place_of = {name: place for place, name in enumerate(self.names)}
         places = [*map(place_of.__getitem__, names), *range(len(self.names), self._width)]
-        columns = split_text(self._file, self.separator, self._width, self._last_above, places)
+        columns = split_text(self._file, self.separator, self._width, self.last_above, places)
         if columns is None or any("".join(beyond).strip() for beyond in columns[len(names) :]):
             return None
         if any(column.has('"') for column in columns):  # a quote after a blank is not one here
@@ -371,7 +372,7 @@ class CsvRecording(Recording):
             for line, row in block
             if len(row) != self._width or "".join(row[n:]).strip()
         )
-        above = line - 1 == self._last_above and len(row) > n
+        above = line - 1 == self.last_above and len(row) > n
         hint = "; give --skip N if the names are below the first N lines" if above else ""
         return InputError(
             f"{self.source}, line {line}: expected {n} values ({listed(self.names)}), "

@@ -14,6 +14,7 @@ import rtamt
 from rtamt.monitors import Occurrences, RunTable
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.judge import TraceJudgement, dense_arguments, having_unknown, viewed
+from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.results.matrix import indented
 from rtamt_gym.results.trial import Trial
@@ -95,6 +96,43 @@ def _text(found: Occurrences, indent: str) -> Iterator[str]:
             yield from indented(rest, indent + " " * (len(line) - len(rest)))
     if found.at_start:
         yield f"{indent}evaluated at the first instant only; --view step covers the trace"
+
+
+def states_of(found: Occurrences, begin: float) -> tuple[Floats, NDArray[Any]]:
+    """Return the states of a requirement over a trace: a time and a word for each change.
+
+    The state is ``violated`` if a body is violated, otherwise ``unknown`` if the trace does not
+    decide a body, otherwise ``satisfied``.
+
+    Args:
+        found: The occurrences.
+        begin: The start of the trace.
+    """
+    changes: dict[float, list[tuple[str, int]]] = {begin: []}
+    instants: dict[float, list[str]] = {}
+    for body in found.bodies:
+        for word, table in (("violated", body.violations), ("unknown", body.unknown)):
+            columns = (table.columns[name].tolist() for name in ("start", "end", "to_end"))
+            for start, end, to_end in zip(*columns, strict=True):
+                if start == end and not to_end:
+                    instants.setdefault(start, []).append(word)
+                    changes.setdefault(start, [])
+                    continue
+                changes.setdefault(start, []).append((word, 1))
+                if not to_end:
+                    changes.setdefault(end, []).append((word, -1))
+    open_runs = dict.fromkeys(("violated", "unknown"), 0)
+    states: list[tuple[float, str]] = []
+    for time, changed in sorted(changes.items()):
+        for word, step in changed:
+            open_runs[word] += step
+        active = [word for word, count in open_runs.items() if count]
+        for words in (instants.get(time, []) + active, active):
+            state = "violated" if "violated" in words else (words or ["satisfied"])[0]
+            if not states or states[-1][1] != state:
+                states.append((time, state))
+    times, words_ = zip(*states, strict=True)
+    return np.array(times, dtype=np.float64), np.array(words_, dtype=np.str_)
 
 
 def save_occurrences(rows: Sequence[Trial], path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from fractions import Fraction
@@ -19,10 +19,11 @@ from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.names import are_long, check_recorded, starts_of
 from rtamt_gym.recorded.parts import part_of
 from rtamt_gym.recorded.readers import Format, format_of, open_recording
-from rtamt_gym.recorded.recording import Recording
+from rtamt_gym.recorded.recording import Floats, Recording, Wanted
 from rtamt_gym.recorded.roles import has_time_bounds
-from rtamt_gym.recorded.sample_rows import read_trace
+from rtamt_gym.recorded.sample_rows import read_rows, read_trace, wanted_times
 from rtamt_gym.recorded.sampling import sampled_events
+from rtamt_gym.recorded.times import TimeAxis, find_times
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.tables import number
 
@@ -76,6 +77,28 @@ def read_ruled(
             "give --period in seconds"
         )
     return trace, period
+
+
+def read_row_times(
+    path: str, variables: Sequence[str], columns: Columns
+) -> tuple[Floats, Callable[[int], str]]:
+    """Return the time of each row of a trace in a table in seconds, and the place of a row.
+
+    Args:
+        path: The trace.
+        variables: The variables that requirements read.
+        columns: How its columns are read.
+    """
+    row = format_of(path)
+    columns = _checked(path, row, columns)
+    read = {columns.column(name) for name in variables}
+    with _opened(path, columns, row) as recording:
+        time = find_times(recording, columns, read=read, needed=True)
+        if time is None:
+            raise InputError(f"{recording.source}: expected a column of times, got none")
+        rows = read_rows(recording, wanted_times(Wanted([]), time, columns))
+        axis = TimeAxis.of(rows, time.name, columns)
+    return axis.start + axis.since, rows.where
 
 
 _IF_EVENTS = "give --dense to take rows as events at any time"

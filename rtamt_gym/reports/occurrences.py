@@ -85,8 +85,14 @@ def _timeline(row: Trial, found: Occurrences) -> Figure:
         left_out += len(body.violations) + len(body.unknown) - len(runs)
         bodies.append({"text": body.text, "runs": tuple(run for _, run in sorted(runs))})
     extent = row.judged_extent
-    drawn = [run for body in found.bodies for run in (*body.violations, *body.unknown)]
-    span = [min(float(run.start) for run in drawn), max(float(run.end) for run in drawn)]
+    drawn = [
+        float(time)
+        for body in found.bodies
+        for table in (body.violations, body.unknown)
+        for part in ("start", "end")
+        for time in table.columns[part].tolist()
+    ]
+    span = [min(drawn), max(drawn)]
     if extent is not None and extent.begin is not None and extent.end is not None and unit == "s":
         span = [min(span[0], extent.begin), max(span[1], extent.end)]
     total = sum(violation.duration for violation in found)

@@ -73,6 +73,25 @@ def messages(path: Path) -> dict[str, list[tuple[int, Any]]]:
     return found
 
 
+@pytest.mark.parametrize("dense", [False, True])
+def test_states_change_where_the_requirement_is_violated(
+    spec: Path, tmp_path: Path, *, dense: bool
+) -> None:
+    bag, copy = recorded(tmp_path, ".mcap"), tmp_path / "copy.mcap"
+    command = ["monitor", str(spec), str(bag), "--write-mcap", str(copy), "--occurrences"]
+    assert main([*command, *(["--dense"] if dense else ["--period", "100ms"])]) == 1
+    near = np.abs(np.array(COMMANDS) - np.array(SPEEDS)) <= 0.3
+    late = [not (near[i] or near[i : i + 6].any()) for i in range(N)]
+    known = [near[i] or i + 5 < N for i in range(N)]  # 0.5 s of samples follow
+    words = np.where(~np.array(known), "unknown", np.where(late, "violated", "satisfied"))
+    changes = [i for i in range(N) if i == 0 or words[i] != words[i - 1]]
+    said = [(time, each.data) for time, each in messages(copy)["/monitor/out/state"]]
+    assert len(said) > 3
+    if not dense:
+        assert said == [(START + i * STEP, words[i]) for i in changes]
+    assert {text for _, text in said} <= {"satisfied", "violated", "unknown"}
+
+
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag", ""])
 def test_a_copy_has_the_messages_the_robustness_and_the_verdicts(
