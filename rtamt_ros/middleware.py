@@ -32,6 +32,21 @@ class TopicPublisher(NamedTuple):
     keeps: bool
 
 
+class Reception(NamedTuple):
+    """The arrival of a message.
+
+    Attributes:
+        received: The nanoseconds of the wall clock at which ROS received it, which may be earlier
+            than its callback; None if ROS does not report it, or if the clock is simulated.
+        number: The number that its publisher gave it; None without a number.
+        lost: The number of messages of the topic that ROS has reported as lost.
+    """
+
+    received: int | None = None
+    number: int | None = None
+    lost: int = 0
+
+
 class Handle(Protocol):
     """A subscription, a publisher or a timer, until it is closed."""
 
@@ -123,8 +138,22 @@ class Middleware(Protocol):
         """Set the time in a message's header, if it has one."""
         ...
 
-    def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
-        """Call back with every message of a topic, and with latched ones."""
+    def subscribe(
+        self,
+        topic: str,
+        message: type,
+        callback: Callable[..., None],
+        *,
+        receptions: bool = False,
+    ) -> Handle:
+        """Call back with every message of a topic, and with latched ones.
+
+        With ``receptions`` the second argument of the callback is the `Reception` of the message.
+        """
+        ...
+
+    def take_waiting(self) -> None:
+        """Call back with the messages that wait in queues, if their queues can be read."""
         ...
 
     def publisher(

@@ -13,8 +13,8 @@ from rtamt.errors import nearest
 from rtamt_ros.core.publishing import BOUNDS, Combined, Diagnostics, Publishing
 from rtamt_ros.core.report import RequirementReport, counted, seconds
 from rtamt_ros.core.settings import Settings
-from rtamt_ros.core.subscriptions import OpenSubscription, Subscriptions
-from rtamt_ros.middleware import Handle, Level, Middleware
+from rtamt_ros.core.subscriptions import Heard, OpenSubscription, Subscriptions
+from rtamt_ros.middleware import Handle, Level, Middleware, Reception
 from rtamt_ros.plan import COMBINED, Plan, class_of
 
 __all__ = ["MonitorNode", "RequirementReport", "Settings"]
@@ -249,7 +249,7 @@ class _Running:
             known = self._subscriptions.kept(name, message)
             if known is not None:
                 kept[name] = known
-                topic.continue_order(known.order)
+                topic.continue_from(known.order, known.evidence)
             else:
                 known = self._subscriptions.open(name, message, callback)
             topic.subscribed = known.subscribed
@@ -327,20 +327,27 @@ class _Running:
                 hint = nearest(full, others)
                 self._middleware.log(Level.WARN, f"nobody publishes {full}{hint}")
 
-    def _callback(self, topic: str) -> Callable[[Any], None]:
+    def _callback(self, topic: str) -> Heard:
         """Return the callback for messages of a topic, which passes them to the judges."""
-        now, time, take = self._middleware.now, self._time, self.judges.take
+        clock, time, take = self._middleware.now, self._time, self.judges.take
+        count = self.judges.topics[topic].evidence.count
 
-        def sampled(message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
+        def sampled(message: Any, reception: Reception) -> None:  # noqa: ANN401 - the classes of ROS have no types
             with self._arrivals:
-                came = now()
-                take(topic, message, time(message, came), came)
+                now = clock()
+                came = min(reception.received or now, now)
+                stamp = time(message, came)
+                count(reception, stamp)
+                take(topic, message, stamp, came, now)
 
-        def dense(message: Any) -> None:  # noqa: ANN401
+        def dense(message: Any, reception: Reception) -> None:  # noqa: ANN401
             with self._arrivals:
                 if not self._closed:
-                    came = now()
-                    for report in take(topic, message, time(message, came), came):
+                    now = clock()
+                    came = min(reception.received or now, now)
+                    stamp = time(message, came)
+                    count(reception, stamp)
+                    for report in take(topic, message, stamp, came, now):
                         self._publish(report)
 
         return dense if self._plan.settings.dense else sampled
@@ -348,6 +355,7 @@ class _Running:
     def _look(self, due: int) -> None:
         if self._defaults_wait or self._middleware.steady() >= self._follows_at:
             self._follow_publishers()
+        self._middleware.take_waiting()
         self._say(lambda now: self.judges.look(due, now))
         if not self._searched and time.monotonic() >= self._begin + SOON:
             self._searched = True

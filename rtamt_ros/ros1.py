@@ -30,7 +30,7 @@ from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_ros.callbacks import Callback, GridTimer, answered
 from rtamt_ros.messages import installed
-from rtamt_ros.middleware import Handle, Level, Publisher, TopicPublisher
+from rtamt_ros.middleware import Handle, Level, Publisher, Reception, TopicPublisher
 from rtamt_ros.packed import Made, Packed
 from rtamt_ros.process import Ending
 from rtamt_ros.ros1_master import Displaced, MasterLink, Refused
@@ -176,9 +176,26 @@ class Ros1:
             stamp = message.header.stamp
             stamp.secs, stamp.nsecs = divmod(time, 1_000_000_000)
 
-    def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
+    def subscribe(
+        self,
+        topic: str,
+        message: type,
+        callback: Callable[..., None],
+        *,
+        receptions: bool = False,
+    ) -> Handle:
         self.resolve(topic)
-        return _Subscription(topic, message, callback)
+        if not receptions:
+            return _Subscription(topic, message, callback)
+
+        def numbered(received: Any) -> None:
+            number = getattr(getattr(received, "header", None), "seq", 0)
+            callback(received, Reception(number=number or None))
+
+        return _Subscription(topic, message, numbered)
+
+    def take_waiting(self) -> None:
+        """Do nothing: rospy reads each connection in its own thread."""
 
     def publisher(
         self,

@@ -170,7 +170,14 @@ class Ros2:
             stamp = message.header.stamp
             stamp.sec, stamp.nanosec = divmod(time, _SECOND)
 
-    def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
+    def subscribe(
+        self,
+        topic: str,
+        message: type,
+        callback: Callable[..., None],
+        *,
+        receptions: bool = False,
+    ) -> Handle:
         with _refusals(f"topic {topic!r}"):
             return Ros2Subscription(
                 self.node,
@@ -180,8 +187,12 @@ class Ros2:
                 qos=self.qos,
                 depth=self.depth,
                 log=self.log,
+                receptions=receptions,
                 hearing=None if self.is_simulated() else self._hearing,
             )
+
+    def take_waiting(self) -> None:
+        self._hearing.take_waiting()
 
     def publisher(
         self,

@@ -21,7 +21,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from rtamt_ros.callbacks import Callback
-from rtamt_ros.middleware import Level
+from rtamt_ros.middleware import Level, Reception
 from rtamt_ros.parameters import Qos
 
 
@@ -47,6 +47,7 @@ class Hearing(threading.Thread):
         self._context = node.context
         self._log = log
         self._lock = threading.Lock()
+        self._taking = threading.RLock()  # rcl takes messages of a subscription in one thread
         self._callbacks: dict[Subscription, Callable[..., None]] = {}
         self._changed = GuardCondition(None, None, context=node.context)
         self._closed = False
@@ -64,6 +65,23 @@ class Hearing(threading.Thread):
         with self._lock:
             self._callbacks.pop(subscription, None)
         self._tell()
+
+    def take_waiting(self) -> None:
+        """Call back with the messages that wait in the queues of all subscriptions."""
+        with self._lock:
+            callbacks = list(self._callbacks.items())
+        for subscription, callback in callbacks:
+            with suppress(InvalidHandle), subscription.handle:
+                while self._hand_over(subscription, callback):
+                    pass
+
+    def _hand_over(self, subscription: Subscription, callback: Callable[..., None]) -> bool:
+        """Call back with the next message of a subscription; return whether there was one."""
+        with self._taking:
+            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            if taken is not None:
+                callback(*taken)
+        return taken is not None
 
     def close(self) -> None:
         """End all callbacks, and wait for one in progress."""
@@ -110,26 +128,17 @@ class Hearing(threading.Thread):
             ready = [by_pointer[each] for each in waits.get_ready_entities("subscription")]
             occurred = [each for each in events if each.is_ready(waits)]
             try:
-                _hand_over(ready, occurred)
+                for subscription, callback in ready:
+                    self._hand_over(subscription, callback)
+                for event in occurred:
+                    if data := event.take_data():
+                        event.callback(data)
             except InvalidHandle:
                 raise
             except Exception:  # noqa: BLE001 - a text is not UTF-8
                 self._log(traceback.format_exc())
             if waits.get_ready_entities("guard_condition"):
                 return
-
-
-def _hand_over(
-    ready: Sequence[tuple[Subscription, Callable[..., None]]], occurred: Sequence[EventHandler]
-) -> None:
-    """Call back with the messages of subscriptions, and with events."""
-    for subscription, callback in ready:
-        taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-        if taken is not None:
-            callback(*taken)
-    for event in occurred:
-        if data := event.take_data():
-            event.callback(data)
 
 
 class _Apart(MutuallyExclusiveCallbackGroup):  # type: ignore[misc] # rclpy has no types
@@ -165,6 +174,7 @@ class Ros2Subscription:
         topic: As in the specification.
         message: The class of its messages.
         callback: Takes every message, once.
+        receptions: Whether the callback takes a `Reception` too.
         qos: ``"best_effort"`` receives from every publisher; ``"reliable"`` from reliable ones
             only.
         depth: The number of messages that wait for the callback.
@@ -177,8 +187,9 @@ class Ros2Subscription:
         node: Node,
         topic: str,
         message: type,
-        callback: Callable[[Any], None],
+        callback: Callable[..., None],
         *,
+        receptions: bool = False,
         qos: Qos,
         depth: int,
         log: Callable[[Level, str], None],
@@ -189,6 +200,8 @@ class Ros2Subscription:
         self._topic = topic
         self._message = message
         self._callback = Callback(callback, partial(log, Level.ERROR))
+        self._receptions = receptions
+        self._lost = 0
         self._qos: Qos = qos
         self._depth = depth
         self._log = log
@@ -229,7 +242,9 @@ class Ros2Subscription:
 
     def _open(self, name: str, profile: QoSProfile, unheard: Callable[[object], None]) -> None:
         """Open a reader; ``unheard`` is called for a publisher that it cannot receive from."""
-        events = SubscriptionEventCallbacks(incompatible_qos=unheard, use_default_callbacks=False)
+        events = SubscriptionEventCallbacks(
+            incompatible_qos=unheard, message_lost=self._lose, use_default_callbacks=False
+        )
         hearing = self._hearing
         self._readers[name] = self._node.create_subscription(
             self._message,
@@ -259,7 +274,15 @@ class Ros2Subscription:
             self._newest = max(sent, self._newest)
             self._recent.append(sent)
             self._compared -= not watched
-        self._callback(message)
+        if not self._receptions:
+            self._callback(message)
+            return
+        received = info["received_timestamp"] if self._hearing is not None else None
+        number = info.get("publication_sequence_number")
+        self._callback(message, Reception(received or None, number or None, self._lost))
+
+    def _lose(self, event: Any) -> None:
+        self._lost = event.total_count
 
     def _tick(self) -> None:
         """Check the publishers until one reader stays; at first often, then once a second."""

@@ -122,6 +122,9 @@ class DenseJudge:
 
     def look(self, now: int) -> Sequence[RequirementReport]:
         """Return the reports of a time without a message."""
+        if self.account.resumes(now) and not self._unknown:
+            self.stop(self.account.why_suspended)
+            return [self.account.suspended(now)]
         if self._is_absent(now):
             self.stop(self.account.why_gone(now))
             return [self.account.without(now)]

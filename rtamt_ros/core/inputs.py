@@ -9,6 +9,7 @@ from typing import Any
 
 from rtamt.inputs.stamps import StampOrder
 from rtamt.language import SubscribedField
+from rtamt_ros.core.losses import TopicEvidence
 from rtamt_ros.core.settings import Settings
 
 _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError, OverflowError)
@@ -45,6 +46,7 @@ class Input:
         jumps: The number of times that the stamps jumped.
         jump: The size of the last jump in nanoseconds; negative if the stamps went back.
         jumped_at: The arrival of the first message after the last jump.
+        evidence: The counts of the topic on which verdicts rest.
         order: The order of the stamps of the topic; None if stamps do not count.
     """
 
@@ -75,6 +77,7 @@ class Input:
         self.taken = self.errors = 0
         self.jumps = self.jump = self.jumped_at = 0
         self.order: StampOrder | None = None
+        self.evidence = TopicEvidence(topic)
         self.error = ""
 
     def add(self, field: SubscribedField) -> int:

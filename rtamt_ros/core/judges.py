@@ -16,6 +16,7 @@ from typing import Any
 
 from rtamt import Specification
 from rtamt_ros.core.dense import DenseJudge
+from rtamt_ros.core.losses import Suspension
 from rtamt_ros.core.record import CsvRecord
 from rtamt_ros.core.report import RequirementReport, seconds
 from rtamt_ros.core.requirements import SubscribedRequirement, requirements_of
@@ -74,13 +75,30 @@ class Judges:
         reports = [judge.account.last for judge in self._judges]
         return tuple([report for report in reports if report is not None])
 
-    def take(self, topic: str, message: Any, time: int, now: int) -> Sequence[RequirementReport]:  # noqa: ANN401
-        """Take a message with its time; in dense time, return the reports that it causes."""
+    def take(
+        self,
+        topic: str,
+        message: Any,  # noqa: ANN401 - the classes of ROS have no types
+        time: int,
+        came: int,
+        now: int | None = None,
+    ) -> Sequence[RequirementReport]:
+        """Take a message; in dense time, return the reports that it causes.
+
+        Args:
+            topic: The name of its topic.
+            message: The message.
+            time: Its time: its stamp or its arrival.
+            came: Its arrival.
+            now: The time of the clock, which is later if it waited in a queue; None for its
+                arrival.
+        """
+        now = came if now is None else now
         dense = self.settings.dense
         if dense and now > 0:
             self._follow_clock(now, now)
         reports: list[RequirementReport] = []
-        for taken in self.topics[topic].take(message, time, now):
+        for taken in self.topics[topic].take(message, time, came):
             if dense:
                 for source in taken:
                     source.gather()
@@ -102,6 +120,8 @@ class Judges:
             return [judge.account.without_clock() for judge in self._judges]
         if self.settings.dense:
             self._follow_clock(now, now)
+            self._resume_after_gap(now)
+            self._judge(now)
             return [report for judge in self._dense for report in judge.look(now)]
         period = self.settings.period
         if due > now:  # the clock was set back
@@ -110,22 +130,39 @@ class Judges:
         for source in self.inputs:
             source.gather()
         reports: list[RequirementReport] = []
-        points, gap = self._points(due)
+        points = self._points(due)
         for point in points:
-            self._point = point
+            self._judge(point)
             for source in self.inputs:
                 source.settle(point)
-            reports += [judge.sample(point, late=point < due, gap=gap) for judge in self._sampled]
+            reports += [judge.sample(point, late=point < due) for judge in self._sampled]
         return reports
 
-    def _points(self, due: int) -> tuple[Sequence[int], str]:
-        """Return the points to judge; after a gap only the last one, and the reason."""
+    def _judge(self, time: int) -> None:
+        """Take the time of a sample, or of a look in dense time."""
+        self._point = time
+        for topic in self.topics.values():
+            topic.evidence.judge(time)
+
+    def _points(self, due: int) -> Sequence[int]:
+        """Return the points to judge; after a gap only the last one."""
         last, period = self._point, self.settings.period
-        if last is None:
-            return [due], ""
-        if due - last > self.settings.gap:
-            return [due], f"nothing was sampled for {seconds(due - last)}"
-        return range(last + period, due + 1, period), ""
+        if last is None or self._resume_after_gap(due):
+            return [due]
+        return range(last + period, due + 1, period)
+
+    def _resume_after_gap(self, now: int) -> bool:
+        """Return whether nothing was judged for a while; runs on samples end then."""
+        gap, last = self.settings.gap, self._point
+        if last is None or now - last <= gap:
+            return False
+        for judge in self._judges:
+            suspension = Suspension(now - last, now, self.settings.period, gap)
+            judge.account.suspend(suspension)
+        for judge in self._sampled:
+            judge.interrupt()
+        self._judge(now)
+        return True
 
     def reset(self, now: int) -> Sequence[RequirementReport]:
         """Start all runs again on request; return the reports until they start.

@@ -320,7 +320,7 @@ class Diagnostics:
             self._publisher.close()
 
 
-_STATE = attrgetter("level", "unrecorded", "restarts")
+_STATE = attrgetter("level", "unrecorded", "restarts", "loses")
 """What makes the state of a requirement another."""
 
 
@@ -341,6 +341,8 @@ def _numbers(report: RequirementReport, formula: str) -> dict[str, str]:
         "defaults": ", ".join(report.defaults),
         "stale inputs": ", ".join(report.stale),
         "late samples": str(report.missed),
+        "late arrivals": str(report.late_arrivals),
+        "lost messages": ", ".join(report.losses),
         "messages out of order": str(report.out_of_order),
         "messages out of line": str(report.strays),
         "messages ahead of the clock": str(report.ahead),

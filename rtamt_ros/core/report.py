@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from rtamt import Verdict
 from rtamt.inputs.stamps import AHEAD
+from rtamt_ros.core.losses import Suspension
 from rtamt_ros.core.record import CsvRecord
 from rtamt_ros.core.requirements import SubscribedRequirement
 from rtamt_ros.middleware import Level
@@ -52,6 +53,10 @@ class RequirementReport(NamedTuple):
         restarted_because: The reason for the last restart.
         resets: The number of resets on request.
         reset_at: The time of the last reset; None before.
+        late_arrivals: The number of messages that arrived before a judged sample and were taken
+            after it.
+        lost: The number of messages that were sent and never taken, as far as it is known.
+        losses: The same for each topic, or why it is unknown.
         unrecorded: Why the record has ended; empty if it has not.
     """
 
@@ -82,7 +87,15 @@ class RequirementReport(NamedTuple):
     restarted_because: str = ""
     resets: int = 0
     reset_at: int | None = None
+    late_arrivals: int = 0
+    lost: int = 0
+    losses: tuple[str, ...] = ()
     unrecorded: str = ""
+
+    @property
+    def loses(self) -> bool:
+        """Whether messages were lost."""
+        return self.lost > 0
 
     @property
     def text(self) -> str:
@@ -103,6 +116,10 @@ class RequirementReport(NamedTuple):
             parts.append(f"reset {times}, {'the last ' if self.resets > 1 else ''}at {at}")
         if self.missed:
             parts.append(f"{counted(self.missed, 'sample')} late")
+        if self.lost:
+            parts.append(f"lost messages: {', '.join(self.losses)}")
+        if self.late_arrivals:
+            parts.append(f"{counted(self.late_arrivals, 'message')} taken late")
         if self.strays:
             parts.append(f"{counted(self.strays, 'message')} out of line left out")
         if self.unrecorded:
@@ -157,12 +174,18 @@ class Account:
         missed: As in `RequirementReport`.
         restarts: As in `RequirementReport`.
         resets: As in `RequirementReport`.
+        why_suspended: Why the last run was interrupted while nothing was judged.
     """
 
     def __init__(self, requirement: SubscribedRequirement, record: CsvRecord | None = None) -> None:
         self.name = requirement.name
         self.inputs = requirement.inputs
         self.last: RequirementReport | None = None
+        self.why_suspended = ""
+        self._suspension: Suspension | None = None
+        self._topics = tuple(dict.fromkeys(source.evidence for source in self.inputs))
+        self._loss_state: list[object] = []
+        self._losses: tuple[str, ...] = ()
         self.missed = self.restarts = self.resets = 0
         self._record = record
         self._began = self._waits_for_run = False
@@ -264,6 +287,35 @@ class Account:
             stale=tuple(ages),
         )
 
+    def suspend(self, suspension: Suspension) -> None:
+        """Take a time in which nothing was judged."""
+        self._suspension = suspension.add(self._topics)
+
+    def resumes(self, now: int) -> bool:
+        """Return whether inputs may be stale only because nothing was judged for a while."""
+        suspension = self._suspension
+        if suspension is None:
+            return False
+        if now <= suspension.counts_until:
+            before, self.why_suspended = self.why_suspended, suspension.text
+            self._why = self.why_suspended if self._why == before else self._why
+        if now >= suspension.until:
+            self._suspension = None
+            return False
+        return any(source.is_stale(now) for source in self.inputs)
+
+    def suspended(self, now: int) -> RequirementReport:
+        """Return the report after a suspension, until messages arrive or inputs are stale."""
+        unknown = _UNKNOWN if self._began else _NOTHING
+        stale = tuple(source.name for source in self.inputs if source.is_stale(now))
+        waiting = tuple(
+            source.name for source in self.inputs if source.is_awaited() and not source.blocked
+        )
+        text = self.why_suspended
+        if waiting:
+            text = f"{text}; waiting for {', '.join(waiting)}"
+        return self._report(now, Level.STALE, text, unknown, stale, waiting)
+
     def failed(self, time: int, reason: str) -> RequirementReport:
         """Return the report of values without a robustness, such as ``sqrt(-1)``."""
         return self._report(time, Level.ERROR, reason, _UNKNOWN)
@@ -323,6 +375,15 @@ class Account:
             if source.time is None and source.is_default():
                 defaults += (f"{source.name} = {source.default:g}",)
             errors += source.errors
+        late = lost = 0
+        state: list[object] = []
+        for topic in self._topics:
+            late += topic.late
+            lost += topic.loss.lost
+            state += topic.loss.lost, topic.loss.unknown
+        if state != self._loss_state:
+            self._loss_state = state
+            self._losses = tuple([topic.text for topic in self._topics])
         unrecorded = "" if self._record is None else self._record.error
         # Keywords for its 24 fields would take half the time of a judgement.
         self.last = RequirementReport._make(
@@ -348,6 +409,9 @@ class Account:
                 self._why,
                 self.resets,
                 self._reset_at,
+                late,
+                lost,
+                self._losses,
                 unrecorded,
             )
         )

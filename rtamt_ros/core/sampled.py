@@ -216,7 +216,7 @@ class SampledJudge:
                 self.lateness[name] = samples * settings.period
         self._record = record
         self._why = ""
-        self._running = False
+        self._running = self._interrupted = False
         self._fresh = self._decided = False
         self._gaps = False
         self._jumps = 0
@@ -232,14 +232,20 @@ class SampledJudge:
         self.stop("")
         return self.account.reset(now)
 
-    def sample(self, time: int, *, late: bool = False, gap: str = "") -> RequirementReport:
+    def interrupt(self) -> None:
+        """End the run after a time in which nothing was judged."""
+        self._interrupted |= self._running
+        self._running = False
+
+    def sample(self, time: int, *, late: bool = False) -> RequirementReport:
         """Return the report of a time; the inputs hold the last values up to it.
 
         Args:
             time: The time of the sample.
             late: Whether the next sample is due too.
-            gap: Why it is not one period after the last; empty if it is.
         """
+        if self.account.resumes(time):
+            return self.account.suspended(time)
         jumps = 0
         for source in self.inputs:
             if source.is_awaited() if self._unknown else source.is_gone(time):
@@ -249,8 +255,8 @@ class SampledJudge:
         if jumps != self._jumps:
             self._jumps = jumps
             self.stop(max(self.inputs, key=lambda source: source.jumped_at).why_jumped())
-        if gap:
-            self.stop(gap)
+        if self._interrupted:
+            self._why = self.account.why_suspended
         if not self._running:
             self._begin()
         self.account.missed += late
@@ -262,6 +268,7 @@ class SampledJudge:
             if monitor is not None:
                 monitor.reset()
         self._running = self._fresh = True
+        self._interrupted = False
         self._decided = self._gaps = False
 
     def _judged(self, time: int) -> RequirementReport:

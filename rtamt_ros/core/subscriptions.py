@@ -7,9 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rtamt.inputs.stamps import StampOrder
+from rtamt_ros.core.losses import TopicEvidence
 from rtamt_ros.core.topics import Topic
-from rtamt_ros.middleware import Handle, Middleware
+from rtamt_ros.middleware import Handle, Middleware, Reception
 
+Heard = Callable[[Any, Reception], None]
+"""A callback with a message and its reception."""
 Arrivals = list[tuple[Any, int]]
 """Messages with the times of their arrivals in nanoseconds, in order of arrival."""
 
@@ -21,20 +24,20 @@ class OpenSubscription:
         message: The class of the messages.
         subscribed: The nanoseconds of a steady clock at the subscription.
         callback: The callback; None while the specifications of the node change.
+        evidence: The counts of the topic, for the next callback.
         order: The order of the stamps, for the next callback; None if stamps do not count.
     """
 
-    def __init__(
-        self, middleware: Middleware, topic: str, message: type, callback: Callable[[Any], None]
-    ) -> None:
+    def __init__(self, middleware: Middleware, topic: str, message: type, callback: Heard) -> None:
         self.message = message
-        self.callback: Callable[[Any], None] | None = callback
+        self.callback: Heard | None = callback
         self.order: StampOrder | None = None
         self._now = middleware.now
         self._lock = threading.RLock()
         self._stored: Arrivals = []
+        self.evidence: TopicEvidence | None = None
         self.subscribed = middleware.steady()
-        self._handle: Handle = middleware.subscribe(topic, message, self._hear)
+        self._handle: Handle = middleware.subscribe(topic, message, self._hear, receptions=True)
 
     def detach(self) -> None:
         """Store messages from now on; wait for a callback in progress."""
@@ -52,23 +55,23 @@ class OpenSubscription:
             stored, self._stored = self._stored, []
         return stored
 
-    def attach(self, callback: Callable[[Any], None]) -> None:
+    def attach(self, callback: Heard) -> None:
         """Pass messages to a callback, first the stored ones."""
         with self._lock:
-            for message, _ in self.stored():
-                callback(message)
+            for message, came in self.stored():
+                callback(message, Reception(came))
             self.callback = callback
 
     def close(self) -> None:
         """End the subscription."""
         self._handle.close()
 
-    def _hear(self, message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
+    def _hear(self, message: Any, reception: Reception) -> None:  # noqa: ANN401 - the classes of ROS have no types
         with self._lock:
             if self.callback is None:
-                self._stored.append((message, self._now()))
+                self._stored.append((message, reception.received or self._now()))
             else:
-                self.callback(message)
+                self.callback(message, reception)
 
 
 class Subscriptions:
@@ -87,7 +90,7 @@ class Subscriptions:
         known = self._open.get(topic)
         return known if known is not None and known.message is message else None
 
-    def open(self, topic: str, message: type, callback: Callable[[Any], None]) -> OpenSubscription:
+    def open(self, topic: str, message: type, callback: Heard) -> OpenSubscription:
         """Subscribe to a topic; a subscription with another class is closed.
 
         Raises:
@@ -109,6 +112,7 @@ class Subscriptions:
             if name in self._open:
                 self._open[name].keep(topic.latest())
                 self._open[name].order = topic.order
+                self._open[name].evidence = topic.evidence
 
     def close(self, topics: Sequence[str] | None = None) -> None:
         """Close all subscriptions except those of some topics."""

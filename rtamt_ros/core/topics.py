@@ -8,6 +8,7 @@ from typing import Any
 
 from rtamt.inputs.stamps import StampedMessage, StampOrder
 from rtamt_ros.core.inputs import Input
+from rtamt_ros.core.losses import TopicEvidence
 from rtamt_ros.core.settings import Settings
 from rtamt_ros.middleware import Level, TopicPublisher
 
@@ -24,6 +25,7 @@ class Topic:
     Attributes:
         name: The topic, as in the specification.
         inputs: Its inputs.
+        evidence: The counts on which verdicts rest.
         publishers: The publishers that the graph shows.
         several: The publishers in words if there are several; otherwise empty.
         may_keep: Whether a publisher may still give a kept message to the node; None while unknown.
@@ -37,6 +39,7 @@ class Topic:
         self.may_keep: bool | None = None
         self.subscribed: int | None = None
         self.order = StampOrder(strict=settings.dense) if settings.stamps else None
+        self.evidence = TopicEvidence(name)
         self.several = ""
         self._full_name = name
         self._one = settings.publishers == "one"
@@ -48,8 +51,9 @@ class Topic:
     def add(self, source: Input) -> None:
         """Add an input, whose default waits for the topic."""
         source.waits = source.default is not None
-        source.order = self.order
+        source.order, source.evidence = self.order, self.evidence
         self.inputs.append(source)
+        self.evidence.topic = ", ".join(dict.fromkeys(each.name for each in self.inputs))
 
     def take(self, message: Any, time: int, came: int) -> Iterator[set[Input]]:  # noqa: ANN401 - the classes of ROS have no types
         """Pass a message to the inputs; yield for each accepted message the inputs that took it.
@@ -72,8 +76,10 @@ class Topic:
         if self.order is not None and not self.order.started:
             self.order.take(time, came, message)
 
-    def continue_order(self, order: StampOrder | None) -> None:
-        """Continue the order of an earlier node on the same subscription."""
+    def continue_from(self, order: StampOrder | None, evidence: TopicEvidence | None) -> None:
+        """Continue the order and the counts of earlier monitors on the same subscription."""
+        if evidence is not None:
+            self.evidence.loss = evidence.loss
         if order is not None and self.order is not None:
             order.strict = self.order.strict
             order.late = order.strays = order.ahead = 0
@@ -85,6 +91,7 @@ class Topic:
         """Drop messages that arrived after ``now``, to which the clock went back."""
         for source in self.inputs:
             source.forget_after(now)
+        self.evidence.forget_after(now)
         if self._came > now:
             self._came = now
             if self.order is not None:
@@ -115,6 +122,7 @@ class Topic:
         nodes = ", ".join(sorted(publisher.node for publisher in publishers))
         self._full_name = full_name
         self.several = f"{count} publishers of {full_name}: {nodes}" if count > 1 else ""
+        self.evidence.loss.follow(count)
         for source in self.inputs:
             source.several = self.several
             source.blocked = self._one and count > 1

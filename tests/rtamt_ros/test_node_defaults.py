@@ -146,7 +146,8 @@ def test_default_counts_when_no_publisher_keeps(
         waits = n / 10 < counts_after
         assert (node.reports[0].waiting == ("limit",)) == waits
         assert node.reports[0].defaults == (() if waits else ("limit = 0.5",))
-    assert node.reports[0].text.startswith("violated, robustness -0.1; by default limit = 0.5; ")
+    assert node.reports[0].text.startswith("violated, robustness -0.1; ")
+    assert "; by default limit = 0.5; " in node.reports[0].text
     ros.time += SECOND  # once a second
     ros.tick()
     pairs = {pair.key: pair.value for pair in ros.on("/diagnostics")[-1].status[0].values}

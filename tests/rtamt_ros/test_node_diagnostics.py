@@ -47,6 +47,8 @@ def test_diagnostics_rate_and_content(generation: int) -> None:
         "stale inputs": "",
         "late samples": "0",
         "messages out of order": "0",
+        "late arrivals": "0",
+        "lost messages": "x: loss unknown: the messages have no numbers",
         "messages out of line": "0",
         "messages ahead of the clock": "0",
         "unreadable messages": "0",

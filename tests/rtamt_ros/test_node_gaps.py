@@ -109,14 +109,18 @@ def test_run_after_a_gap_is_new() -> None:
     )
     assert ros.data("rtamt/spec_2/verdict") == [0, -1, 0]
     past, always = node.reports
-    assert past.text == "satisfied, robustness 4; restarted 1 time because x was stale"
+    assert past.text == (
+        "satisfied, robustness 4; restarted 1 time because nothing was judged for 0.7 s; 1 message "
+        "of x came at once, loss unknown"
+    )
     assert always.violations == 1
     assert always.violated_at == START + 100 * MS
     assert (always.worst, always.worst_time) == (-1.0, START + 100 * MS)
     assert always.level == Level.WARN
     assert always.text == (
         "holds so far, robustness 4; violated 1 time since start, first at 1000.100 s; "
-        "restarted 1 time because x was stale"
+        "restarted 1 time because nothing was judged for 0.7 s; "
+        "1 message of x came at once, loss unknown"
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from rtamt import InputError
 from rtamt_ros.callbacks import answered
-from rtamt_ros.middleware import Handle, Level, Publisher, TopicPublisher
+from rtamt_ros.middleware import Handle, Level, Publisher, Reception, TopicPublisher
 from rtamt_ros.packed import Made
 
 __all__ = ["CLASSES", "MemoryMiddleware", "message"]
@@ -85,6 +85,7 @@ class _Open:
     message: type = object
     period: int = 0
     begin: int = 0
+    receptions: bool = False
 
     def close(self) -> None:
         self.of.remove(self)
@@ -122,6 +123,7 @@ class MemoryMiddleware:
         refused: Topics that it refuses.
         simulated: Whether its clock is a simulated one.
         later: The nanoseconds by which the steady clock is ahead of `time`.
+        waiting: Messages that wait for `take_waiting`.
         publishing: The publishers of topics.
         known: What `published_topics` gives.
         standing: What `around` gives.
@@ -137,6 +139,7 @@ class MemoryMiddleware:
     refused: set[str] = field(default_factory=set)
     simulated: bool = False
     later: int = 0
+    waiting: list[tuple[str, Any, Reception]] = field(default_factory=list)
     publishing: dict[str, list[TopicPublisher]] = field(default_factory=dict)
     known: set[str] | None = None
     standing: tuple[Level, str] | None = None
@@ -179,11 +182,25 @@ class MemoryMiddleware:
         if hasattr(message, "header"):
             message.header.stamp.ns = time
 
-    def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
+    def subscribe(
+        self,
+        topic: str,
+        message: type,
+        callback: Callable[..., None],
+        *,
+        receptions: bool = False,
+    ) -> Handle:
         if topic in self.refused:
             raise InputError(f"{topic} is refused")
-        self.subscriptions.append(_Open(self.subscriptions, callback, topic, message))
+        self.subscriptions.append(
+            _Open(self.subscriptions, callback, topic, message, receptions=receptions)
+        )
         return self.subscriptions[-1]
+
+    def take_waiting(self) -> None:
+        waiting, self.waiting = self.waiting, []
+        for topic, message, reception in waiting:
+            self.send(topic, message, reception)
 
     def publisher(
         self,
@@ -223,12 +240,16 @@ class MemoryMiddleware:
 
     # What a test does. --------------------------------------------------------------------------
 
-    def send(self, topic: str, message: Any) -> None:
+    def wait(self, topic: str, message: Any, number: int | None = None) -> None:
+        """A message is received now, and waits until `take_waiting`."""
+        self.waiting.append((topic, message, Reception(self.time, number)))
+
+    def send(self, topic: str, message: Any, reception: Reception = Reception()) -> None:  # noqa: B008
         """A message comes to every subscription of its topic."""
         for each in list(self.subscriptions):
             if each.topic == topic:
                 assert type(message) is each.message
-                each.callback(message)
+                each.callback(*((message, reception) if each.receptions else (message,)))
 
     def tick(self, time: int | None = None) -> None:
         """The timers call, at a time; without one, now. Their grids begin where they were made."""

@@ -6,6 +6,8 @@ messages that are late, lost or from two robots, add a test here.
 
 from __future__ import annotations
 
+import re
+import signal
 import threading
 from collections.abc import Iterator
 from typing import Protocol
@@ -171,3 +173,54 @@ class RobotContract:
         for _ in range(10):
             publish(robots[0], 1.0)
         assert 1.0 in [value for _, value in world.listener.ask("kept", topic)[before:]]
+
+    def test_losses_of_a_burst_are_counted(
+        self, world: World, topic: str, started: Starter
+    ) -> None:
+        """On ROS 2 the queue of 20 messages drops most of a burst; rospy has no such queue."""
+        text, key = STAMPED.format(topic), f"{topic}/p"
+        world.talker.ask("publisher", key, key, "geometry_msgs", "PointStamped")
+        world.listener.ask("subscribe", topic, f"{topic}/out", *FLOAT, ["data"])
+        options = ("--depth", "20", "--qos", "reliable")
+        name = ["--ros-args", "-r", "__node:=burst"]
+        monitor = started(
+            text, *options, *(name if world.ros.generation == 2 else ["__name:=burst"])
+        )
+        while not world.listener.ask("kept", topic, 1, 0.0):
+            world.talker.ask("publish", key, {"point.x": 1.0})
+            threading.Event().wait(0.05)
+        monitor.signal(signal.SIGSTOP)
+        for number in range(200):
+            world.talker.ask("publish", key, {"point.x": 2.0 + number})
+        threading.Event().wait(1.0)
+        monitor.signal(signal.SIGCONT)
+        for _ in range(30):
+            world.talker.ask("publish", key, {"point.x": 1.0})
+            threading.Event().wait(0.05)
+        answer = world.talker.ask("call", "/burst/reset")[1]
+        monitor.ask_to_end()
+        assert monitor.ended() == 0
+        words = r"(\d+) messages of p came at once, (\d+) were lost"
+        taken, lost = map(int, re.search(words, answer).groups())  # type: ignore[union-attr]
+        assert 200 <= taken + lost <= 203, answer
+        assert (lost >= 170) == (world.ros.generation == 2)
+        assert (f"lost messages: p: {lost}" in answer) == (lost > 0)
+
+    def test_a_suspension_is_named(self, world: World, topic: str, started: Starter) -> None:
+        key = f"{topic}/x"
+        world.talker.ask("publisher", key, key, *FLOAT)
+        world.listener.ask("subscribe", topic, f"{topic}/out", *FLOAT, ["data"])
+        monitor = started(
+            f"input float64 x\n@ topic(x, {key})\n@ topic(out, {topic}/out)\nout = x > 0"
+        )
+        while not world.listener.ask("kept", topic, 1, 0.0):
+            self.publish(world, key, 1.0, 0.1)
+        monitor.signal(signal.SIGSTOP)
+        self.publish(world, key, -1.0, 2.0)
+        self.publish(world, key, 1.0, 0.2)
+        monitor.signal(signal.SIGCONT)
+        self.publish(world, key, 1.0, 2.0)
+        assert "restarted 1 time because nothing was judged for 2." in monitor.output
+        assert "messages of x came at once, " in monitor.output
+        assert "x stale" not in monitor.output
+        assert -1.0 not in [value for _, value in world.listener.ask("kept", topic)]

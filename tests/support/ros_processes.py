@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import random
+import signal
 import socket
 import subprocess
 import sys
@@ -142,6 +143,10 @@ class Process:
         """Ends it as a crash does."""
         self._process.kill()
         self._process.wait(PATIENCE)
+
+    def signal(self, number: signal.Signals) -> None:
+        """Sends it a signal."""
+        self._process.send_signal(number)
 
     def ask_to_end(self) -> None:
         """Tells it to end, as a service manager does."""
