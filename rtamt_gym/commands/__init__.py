@@ -12,6 +12,7 @@ COMMANDS = {
     "run": "monitor episodes of a Gymnasium environment",
     "evaluate": "measure how often a policy satisfies requirements, with intervals",
     "compare": "compare how often two evaluated policies satisfy requirements",
+    "plot": "draw logs of training with requirements",
     "sweep": "simulate a scenario at many points of a space",
     "falsify": "search for an input that violates a requirement",
     "replay": "run a saved case again",

@@ -24,7 +24,7 @@ from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.judging.batch_infos import key_mask
-from rtamt_gym.results.intervals import median, quantiles
+from rtamt_gym.results.intervals import clopper_pearson, median, quantiles
 from rtamt_gym.results.statistics import RequirementResult
 
 __all__ = [
@@ -48,8 +48,11 @@ QUANTILES = {"p5": 0.05, "median": 0.5, "p95": 0.95}
 def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dict[str, float]:
     """Return the metrics of some episodes, by key.
 
-    * ``satisfied``: share of the episodes that satisfied all requirements
-    * ``NAME/satisfied``, ``NAME/violated``, ``NAME/undecided``: shares of the three verdicts
+    * ``satisfied``: share of the episodes that satisfied all requirements, and
+      ``satisfied_low``, ``satisfied_high``, its exact 95 % interval
+    * ``NAME/satisfied``, ``NAME/violated``, ``NAME/undecided``: shares of the three verdicts, and
+      ``NAME/satisfied_low``, ``NAME/satisfied_high``
+    * ``NAME/progress``: mean progress in stages, from 0 to 1; absent without stages
     * ``NAME/robustness_p5``, ``_median``, ``_p95``: quantiles of robustness; absent if infinite,
       because charts cannot show it
     * ``NAME/first_violation``: median time of violations, in seconds, of the sample that decided
@@ -67,11 +70,15 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
         >>> slow = {"verdict": "SATISFIED", "satisfied": True, "robustness": 0.5, "decided_at": 99}
         >>> metrics = metrics_of([{"speed": fast}, {"speed": slow}], period=0.1)
         >>> for key, value in metrics.items():
-        ...     print(key, value)
+        ...     print(key, round(value, 3))
         satisfied 0.5
+        satisfied_low 0.013
+        satisfied_high 0.987
         speed/satisfied 0.5
         speed/violated 0.5
         speed/undecided 0.0
+        speed/satisfied_low 0.013
+        speed/satisfied_high 0.987
         speed/robustness_p5 -2.0
         speed/robustness_median -2.0
         speed/robustness_p95 0.5
@@ -79,12 +86,18 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
     """
     if not episodes:
         return {}
-    metrics = {"satisfied": _share([all(_satisfied(episode)) for episode in episodes])}
+    satisfied = [all(_satisfied(episode)) for episode in episodes]
+    metrics = {"satisfied": _share(satisfied), **_interval("", satisfied)}
     for name in episodes[0]:
         outcomes = [episode[name] for episode in episodes]
         for verdict in ("SATISFIED", "VIOLATED", "UNDECIDED"):
             there = [outcome["verdict"] == verdict for outcome in outcomes]
             metrics[f"{name}/{verdict.lower()}"] = _share(there)
+        satisfied = [outcome["verdict"] == "SATISFIED" for outcome in outcomes]
+        metrics |= _interval(f"{name}/", satisfied)
+        progress = [float(outcome["progress"]) for outcome in outcomes if "progress" in outcome]
+        if progress:
+            metrics[f"{name}/progress"] = float(np.mean(progress))
         robustness = quantiles([float(outcome["robustness"]) for outcome in outcomes])
         violated = [outcome for outcome in outcomes if outcome["verdict"] == "VIOLATED"]
         samples = [
@@ -240,7 +253,7 @@ def _named(held: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
 def _lane(columns: Mapping[str, Any], i: int) -> Mapping[str, Any]:
     """Return the outcome of environment i."""
     outcome = {key: columns[key][i] for key in ("robustness", "verdict", "satisfied")}
-    for key in ("decided_at", "ended_at"):
+    for key in ("decided_at", "ended_at", "progress"):
         if key_mask(columns, key, i + 1)[i]:
             outcome[key] = columns[key][i]
     return outcome
@@ -264,6 +277,12 @@ def _measured(name: str, robustness: Mapping[float, float], times: ArrayLike) ->
 
 def _satisfied(episode: Outcomes) -> list[bool]:
     return [bool(outcome["satisfied"]) for outcome in episode.values()]
+
+
+def _interval(prefix: str, satisfied: Sequence[bool]) -> dict[str, float]:
+    """Return the interval of a share, as if all episodes were of one policy."""
+    low, high = clopper_pearson(sum(satisfied), len(satisfied))
+    return {f"{prefix}satisfied_low": low, f"{prefix}satisfied_high": high}
 
 
 def _share(there: Sequence[bool]) -> float:

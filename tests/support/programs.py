@@ -16,6 +16,7 @@ import pytest
 from gymnasium.envs.classic_control import CartPoleEnv
 from pages import blocks
 from paths import ROOT
+from scipy.stats import binomtest
 
 PAGE = ROOT / "docs" / "learners.md"
 
@@ -89,6 +90,13 @@ def shares_of(rides: Sequence[Ride]) -> dict[str, float]:
     good = 1 - len(violations) / len(rides)
     metrics = {"satisfied": good, "spec/satisfied": good, "spec/undecided": 0.0}
     metrics["spec/violated"] = len(violations) / len(rides)
+    count = len(rides) - len(violations)
+    interval = binomtest(count, len(rides)).proportion_ci(0.95, "exact")
+    for prefix in ("", "spec/"):
+        metrics |= {
+            f"{prefix}satisfied_low": interval.low,
+            f"{prefix}satisfied_high": interval.high,
+        }
     heights = [min(ride.margins) for ride in rides]
     for end, share in (("p5", 0.05), ("median", 0.5), ("p95", 0.95)):
         metrics[f"spec/robustness_{end}"] = least(heights, share)

@@ -11,6 +11,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import binomtest
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import StlMonitor, VectorStlMonitor
@@ -31,6 +32,8 @@ def outcomes(draw: st.DrawFn) -> dict[str, Any]:
     if verdict != "UNDECIDED":
         key = draw(st.sampled_from(["decided_at", "ended_at"]))
         found[key] = draw(st.integers(0, 99))
+    if draw(st.booleans()):
+        found["progress"] = draw(st.floats(0, 1))
     return found
 
 
@@ -42,15 +45,26 @@ def least(values: list[float], share: float) -> float:
     return min(v for v in values if sum(w <= v for w in values) >= share * len(values))
 
 
+def interval(prefix: str, count: int, number: int) -> dict[str, float]:
+    """The exact interval of a share, by the distribution of SciPy."""
+    found = binomtest(count, number).proportion_ci(0.95, "exact")
+    return {f"{prefix}satisfied_low": found.low, f"{prefix}satisfied_high": found.high}
+
+
 def by_hand(found: list[dict[str, Any]], period: float) -> dict[str, float]:
     """The metrics, one list at a time."""
     number = len(found)
     good = [each for each in found if each["near"]["satisfied"] and each["far"]["satisfied"]]
-    metrics = {"satisfied": len(good) / number}
+    metrics = {"satisfied": len(good) / number, **interval("", len(good), number)}
     for name in NAMES:
         for verdict in VERDICTS:
             these = [each for each in found if each[name]["verdict"] == verdict]
             metrics[f"{name}/{verdict.lower()}"] = len(these) / number
+        held = sum(each[name]["verdict"] == "SATISFIED" for each in found)
+        metrics |= interval(f"{name}/", held, number)
+        made = [each[name]["progress"] for each in found if "progress" in each[name]]
+        if made:
+            metrics[f"{name}/progress"] = sum(made) / len(made)
         heights = [float(each[name]["robustness"]) for each in found]
         for end, share in (("p5", 0.05), ("median", 0.5), ("p95", 0.95)):
             if not math.isinf(least(heights, share)):
@@ -71,7 +85,7 @@ def by_hand(found: list[dict[str, Any]], period: float) -> dict[str, float]:
 def test_the_metrics_are_those_of_a_count_by_hand(
     found: list[dict[str, Any]], window: int, period: float
 ) -> None:
-    assert metrics_of(found, period) == by_hand(found, period)
+    assert metrics_of(found, period) == pytest.approx(by_hand(found, period))
     training = Satisfaction(window, period)
     for number, episode in enumerate(found, 1):
         training.add(episode)
@@ -82,11 +96,8 @@ def test_the_metrics_are_those_of_a_count_by_hand(
             for name in NAMES
         }
         newest = found[max(0, number - window) : number]
-        assert training.metrics() == {
-            "episodes": number,
-            **by_hand(newest, period),
-            **violations,
-        }
+        counted = {"episodes": number, **by_hand(newest, period), **violations}
+        assert training.metrics() == pytest.approx(counted)
 
 
 def test_no_episodes_have_no_metrics() -> None:

@@ -1,0 +1,189 @@
+"""Logs of training: the metrics against steps, from CSV files and event files of TensorBoard.
+
+To add a format: a row of `_READERS`.
+"""
+
+from __future__ import annotations
+
+import csv
+import struct
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt.errors import shown
+from rtamt_gym.checks.numbers import read_floats
+
+StepCurve = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Steps, which increase, and the value at each."""
+
+_STEPS: Final = (
+    *("time/total_timesteps", "global_step", "total_timesteps", "timesteps", "num_steps"),
+    *("steps", "step"),
+)
+"""The columns of a CSV file that count the steps of training; the first that exists counts."""
+
+
+@dataclass(frozen=True)
+class TrainingLog:
+    """The metrics of one training.
+
+    Attributes:
+        name: The folder of the log.
+        curves: The metrics by key, as ``stl/satisfied``.
+    """
+
+    name: str
+    curves: Mapping[str, StepCurve]
+
+
+def training_logs(folder: Path) -> list[TrainingLog]:
+    """Return the logs in a folder and in all folders in it, each folder with files as one log.
+
+    Where a CSV file and an event file have one key, the CSV file counts.
+
+    Args:
+        folder: The folder.
+
+    Raises:
+        InputError: If there is no log, or no log has metrics of satisfaction.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{shown(str(folder))}: expected a folder with logs of training")
+    logs, seen = list[TrainingLog](), 0
+    for place in sorted({folder, *(path for path in folder.rglob("*") if path.is_dir())}):
+        curves: dict[str, StepCurve] = {}
+        for pattern, read in _READERS.items():
+            for path in sorted(place.glob(pattern)):
+                seen += 1
+                curves = {**read(path), **curves}
+        metrics = {key: curve for key, curve in curves.items() if "stl/" in key and len(curve[0])}
+        if metrics:
+            logs.append(TrainingLog(str(place), metrics))
+    if not logs:
+        found = f"got {seen} without such keys" if seen else f"found no {' and no '.join(_READERS)}"
+        raise InputError(
+            f"{shown(str(folder))}: expected logs with metrics such as stl/satisfied, {found}. "
+            "Log what rtamt_gym.learners.metrics returns below stl/."
+        )
+    return logs
+
+
+def _of_csv(path: Path) -> dict[str, StepCurve]:
+    """Read a CSV file in which a row has the metrics of one step; cells may be empty."""
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.reader(file))
+    if not rows:
+        return {}
+    names, points = rows[0], defaultdict[str, list[tuple[float, float]]](list)
+    counter = next((name for name in _STEPS if name in names), None)
+    if counter is None:
+        return {}
+    at = names.index(counter)
+    for row in rows[1:]:
+        step = read_floats([row[at]]) if at < len(row) and row[at] else None
+        if step is None:
+            continue
+        for name, cell in zip(names, row, strict=False):
+            value = read_floats([cell]) if cell else None
+            if value is not None:
+                points[name].append((step[0], value[0]))
+    return _curves(points)
+
+
+def _of_events(path: Path) -> dict[str, StepCurve]:
+    """Read the scalars of an event file of TensorBoard; a record that is cut off is left out."""
+    points = defaultdict[str, list[tuple[float, float]]](list)
+    data, at = path.read_bytes(), 0
+    while at + 12 <= len(data):
+        (length,) = struct.unpack_from("<Q", data, at)
+        end = at + 12 + length
+        if end + 4 > len(data):
+            break
+        step, summary = 0, b""
+        for field, value in _fields(data[at + 12 : end]):
+            if field == 2 and isinstance(value, int):
+                step = value
+            elif field == 5 and isinstance(value, bytes):
+                summary = value
+        for field, entry in _fields(summary):
+            if field == 1 and isinstance(entry, bytes) and (scalar := _scalar(entry)):
+                points[scalar[0]].append((float(step), scalar[1]))
+        at = end + 4
+    return _curves(points)
+
+
+def _scalar(entry: bytes) -> tuple[str, float] | None:
+    """Return the name and the value of an entry of a summary; None if it is not a number."""
+    name, number = "", None
+    for field, value in _fields(entry):
+        if field == 1 and isinstance(value, bytes):
+            name = value.decode("utf-8", "replace")
+        elif field == 2 and isinstance(value, bytes) and len(value) == 4:
+            (number,) = struct.unpack("<f", value)
+        elif field == 8 and isinstance(value, bytes):
+            number = _of_tensor(value)
+    return None if number is None else (name, number)
+
+
+def _of_tensor(tensor: bytes) -> float | None:
+    """Return the only value of a tensor of floats; None if it is another."""
+    for field, value in _fields(tensor):
+        if field in (4, 5) and isinstance(value, bytes) and len(value) == 4:
+            return float(struct.unpack("<f", value)[0])
+    return None
+
+
+def _fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
+    """Yield the fields of a message of Protocol Buffers: numbers, and all others as bytes."""
+    at = 0
+    while at < len(message):
+        key, at = _varint(message, at)
+        match key & 7:
+            case 0:
+                number, at = _varint(message, at)
+                yield key >> 3, number
+                continue
+            case 1:
+                length = 8
+            case 2:
+                length, at = _varint(message, at)
+            case 5:
+                length = 4
+            case _:
+                return
+        yield key >> 3, message[at : at + length]
+        at += length
+
+
+def _varint(message: bytes, at: int) -> tuple[int, int]:
+    value = shift = 0
+    while at < len(message):
+        byte = message[at]
+        value |= (byte & 127) << shift
+        at, shift = at + 1, shift + 7
+        if byte < 128:
+            break
+    return value, at
+
+
+def _curves(points: Mapping[str, list[tuple[float, float]]]) -> dict[str, StepCurve]:
+    """Return the points of each key as a curve: of several at one step, the last counts."""
+    curves = {}
+    for name, pairs in points.items():
+        by_step = dict(sorted(pairs, key=lambda pair: pair[0]))
+        curves[name] = np.array([*by_step]), np.array([*by_step.values()])
+    return curves
+
+
+_READERS: Final[Mapping[str, Callable[[Path], dict[str, StepCurve]]]] = {
+    "*.csv": _of_csv,
+    "events.out.tfevents.*": _of_events,
+}
+"""The readers of files by the pattern of their names; the first has priority."""
