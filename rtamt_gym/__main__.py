@@ -22,7 +22,7 @@ import rtamt
 from rtamt import InputError
 from rtamt.errors import nearest, no_such, shown_lines
 from rtamt.renamed import new_options
-from rtamt_gym.commands import COMMANDS, OF_TRACES, SEPARATOR
+from rtamt_gym.commands import COMMANDS, LISTED, OF_TRACES, SEPARATOR
 from rtamt_gym.commands.errors import options_of, refusal, unexpected, valued
 from rtamt_gym.results.warnings import INTERRUPTED
 
@@ -159,7 +159,9 @@ def _separated(argv: Sequence[str], command: str) -> list[str]:
     for option, separator in pairwise(argv):
         if separator == "--" and option in valued(command):
             raise InputError(f"argument {option}: expected a value, got '--'")
-    return [SEPARATOR if word == "--" else word for word in argv]
+    listed = any(word.partition("=")[0] == "--files-from" for word in argv)
+    more = ["--", LISTED] if listed and "--" not in argv else []
+    return [SEPARATOR if word == "--" else word for word in (*argv, *more)]
 
 
 def _refuse(message: str, above: str = "") -> int:

@@ -31,5 +31,8 @@ functions: ``add_arguments(parser)``, and ``run(options)``, which returns the ex
 OF_TRACES = ("monitor", "explain", "mine")
 """The commands whose specifications and traces ``--`` separates."""
 
+LISTED = "\0list"
+"""Stands for the traces of ``--files-from`` where the command line names none."""
+
 SEPARATOR = "\0"
 """What their parsers get in its place: argparse drops ``--``, and nobody can write this."""

@@ -113,6 +113,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         Option("--all", "draw all requirements, where --plot draws the worst of many"),
         trial="trace",
     )
+    add_options(
+        parser.add_argument_group("many files"),
+        Option(
+            "--files-from FILE",
+            "read the paths of traces from a file, one on each line, or from standard input with -",
+            read=Path,
+        ),
+        Option(
+            "--results DIR",
+            "write the outcomes into this folder as Parquet; the next run with the folder judges "
+            "only new and changed files",
+            read=Path,
+        ),
+        Option("--verify", "with --results: compare the SHA-256 of all files, not size and time"),
+        Option(
+            "--backend",
+            "with --results: judge the files on the workers of a Dask or Ray cluster",
+            usual="-j processes of this machine",
+            choices=("dask", "ray"),
+        ),
+        Option(
+            "--scheduler ADDRESS",
+            "the address of the cluster, such as tcp://host:8786",
+            usual="a cluster on this machine",
+        ),
+    )
     add_mutants(parser.add_argument_group("mutants"))
 
 
@@ -187,6 +213,21 @@ def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Judge the traces, print the report and write the files; return the exit code."""
+    for option in _OVER_TIME:
+        if _given(options, option):
+            refuse_unknown(options, option, "needs the robustness at every sample")
+    asked, paths = read_arguments(options)
+    _check_expected(options, asked, paths)
+    asked = replace(asked, reading=with_stages(asked.specs, asked.reading))
+    if options.results is not None:
+        from rtamt_gym.commands.fleet import run_fleet
+
+        return run_fleet(options, asked, paths)
+    return _judge(options, asked, paths)
+
+
+def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]) -> int:
+    """Judge the traces with all outcomes in memory; return the exit code."""
     from rtamt_gym.commands.judging import (
         failure_lines,
         judge_file,
@@ -195,12 +236,9 @@ def run(options: argparse.Namespace) -> int:
         row_of,
     )
 
-    for option in _OVER_TIME:
-        if _given(options, option):
-            refuse_unknown(options, option, "needs the robustness at every sample")
-    asked, paths = read_arguments(options)
-    _check_expected(options, asked, paths)
-    asked = replace(asked, reading=with_stages(asked.specs, asked.reading))
+    for option in ("--verify", "--backend", "--scheduler"):
+        if getattr(options, option.removeprefix("--")):
+            raise InputError(f"expected --results DIR with {option}, got none")
     asked = replace(asked, occurrences=occurrences.are_needed(options))
     occurrences.check_arguments(options, asked, paths)
     check_mutants(options, asked)

@@ -17,7 +17,7 @@ import rtamt
 from rtamt import InputError
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
-from rtamt_gym.commands import SEPARATOR
+from rtamt_gym.commands import LISTED, SEPARATOR
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
 from rtamt_gym.options.command_line import (
     Option,
@@ -251,6 +251,10 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     from rtamt_gym.recorded.names import starts_of
 
     specs, traces = _divided([*options.specs, options.trace])
+    if (listed := getattr(options, "files_from", None)) is not None:
+        from rtamt_gym.commands.file_lists import listed_paths
+
+        traces = [*(trace for trace in traces if trace != LISTED), *listed_paths(listed)]
     as_files = options.folders == "files"
     paths, ignored = _found(traces, as_files=as_files)
     texts = [p for word in specs for p in _files(word, [".stl"], [], pattern=word.endswith(".stl"))]

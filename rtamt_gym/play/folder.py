@@ -32,7 +32,7 @@ from rtamt_gym.play.record_files import (
 from rtamt_gym.results.fingerprint import Fingerprint, Mixture, Reuse, check_unchanged
 from rtamt_gym.results.trial import Trial
 
-_WRITING: Final = "writing-"
+WRITING: Final = "writing-"
 """The prefix of the name of an incomplete file."""
 
 _WHAT: Final = "a campaign with folder="
@@ -72,9 +72,9 @@ class Folder:
         }
         text = json.dumps(description, indent=1) + "\n"
         self.path.mkdir(parents=True, exist_ok=True)
-        self._lock = _locked(self.path)
+        self._lock = locked(self.path)
         try:
-            for left in self.path.glob(f"{_WRITING}*"):
+            for left in self.path.glob(f"{WRITING}*"):
                 left.unlink()
             if stored is None:
                 self._write(CAMPAIGN, lambda path: path.write_text(text, encoding="utf-8"))
@@ -148,8 +148,8 @@ class Folder:
         for key in dict.fromkeys([*identity, *stored]):
             if identity.get(key) != stored.get(key):
                 raise InputError(
-                    f"{self.path} holds another campaign: its {key} {_differing(stored, key)}, not "
-                    f"{_short(identity.get(key))}; give another folder, or remove this one"
+                    f"{self.path} holds another campaign: its {key} {differing(stored, key)}, not "
+                    f"{short_text(identity.get(key))}; give another folder, or remove this one"
                 )
         return True
 
@@ -176,11 +176,11 @@ class Folder:
         called: Callable[[Path], str] | None = None,
     ) -> None:
         """Write a file that gets its name when it is complete and on the disk."""
-        unfinished = self.path / f"{_WRITING}{name}"
+        unfinished = self.path / f"{WRITING}{name}"
         write(unfinished)
-        _to_disk(unfinished)
+        to_disk(unfinished)
         unfinished.replace(self.path / (name if called is None else called(unfinished)))
-        _to_disk(self.path)
+        to_disk(self.path)
 
 
 def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
@@ -191,8 +191,13 @@ def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
     return hashed.hexdigest()[:32]
 
 
-def _locked(path: Path) -> IO[str]:
-    """Lock a folder; the system releases the lock however the process ends."""
+def locked(path: Path, what: str = "the campaign") -> IO[str]:
+    """Lock a folder; the system releases the lock however the process ends.
+
+    Args:
+        path: The folder.
+        what: What another process runs in it, for the message.
+    """
     name = path / "lock"
     try:
         opened = os.open(name, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
@@ -215,25 +220,27 @@ def _locked(path: Path) -> IO[str]:
     except OSError as error:
         lock.close()
         raise InputError(
-            f"another process runs the campaign in {path}; wait for it, or end it"
+            f"another process runs {what} in {path}; wait for it, or end it"
         ) from error
     return lock
 
 
 def _is_own(name: str) -> bool:
-    return name == "lock" or name.startswith(_WRITING)
+    return name == "lock" or name.startswith(WRITING)
 
 
-def _differing(found: Mapping[str, Any], key: str) -> str:
-    return f"is {_short(found[key])}" if key in found else "is not said"
+def differing(found: Mapping[str, Any], key: str) -> str:
+    """Return the stored value of a key of an identity, for messages."""
+    return f"is {short_text(found[key])}" if key in found else "is not said"
 
 
-def _short(value: Any) -> str:  # noqa: ANN401 - as in JSON
+def short_text(value: Any) -> str:  # noqa: ANN401 - as in JSON
+    """Return a value as short JSON, for messages."""
     text = json.dumps(value)
     return text if len(text) <= 200 else f"{text[:197]}..."
 
 
-def _to_disk(path: Path) -> None:
+def to_disk(path: Path) -> None:
     """Wait until a file or folder is on the disk."""
     with suppress(OSError):  # a folder on Windows
         opened = os.open(path, os.O_RDONLY)

@@ -140,7 +140,21 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "fmi",
     }
     assert installed_by(distribution, "all") == {"all", *promised}
-    promised |= {"all", "jax", "brax", "gymnax", "torch", "taliro", "site", "pytest", "test", "dev"}
+    promised |= {
+        "all",
+        "dask",
+        "ray",
+        "urls",
+        "jax",
+        "brax",
+        "gymnax",
+        "torch",
+        "taliro",
+        "site",
+        "pytest",
+        "test",
+        "dev",
+    }
     assert set(extras) == promised
 
 

@@ -95,7 +95,7 @@ def test_after_ten_kills_at_random_moments_the_record_is_that_of_an_undisturbed_
 def test_what_is_cut_off_at_any_line_goes_on_from_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(campaign_folder, "_to_disk", lambda _: None)  # the power stays on
+    monkeypatch.setattr(campaign_folder, "to_disk", lambda _: None)  # the power stays on
     runner, tasks = tank_runner(), tank_tasks(2)
     whole = run_campaign(runner, tasks)
     line = cut = 0

@@ -1,0 +1,337 @@
+"""Judges many files into a folder of results, on this machine or on the workers of a cluster.
+
+Only the coordinator writes results. A task is a batch of files worth about a second of work.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+from uuid import uuid4
+
+from rtamt import InputError
+from rtamt_gym.commands.fleet_folder import RESULTS, FleetFolder
+from rtamt_gym.commands.fleet_worker import (
+    FileRow,
+    FileTask,
+    FleetJob,
+    error_row,
+    exists,
+    judge_batch,
+    pickled,
+    version,
+)
+from rtamt_gym.commands.traces import TracesAsked
+from rtamt_gym.play.process import end_processes
+from rtamt_gym.recorded.parts import file_of
+from rtamt_gym.recorded.progress import progress
+from rtamt_gym.results.warnings import exit_code
+from rtamt_gym.tables import counted, number, shorten
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_SECONDS: Final = 1.0
+"""The target duration of a batch: a kill loses that much."""
+
+_FIRST: Final = 20
+"""The files of the first batches."""
+
+_MOST: Final = 5000
+"""The maximum number of files in a batch."""
+
+_AGAIN: Final = 3
+"""How often a batch is sent whose worker is lost."""
+
+_WORST: Final = 10
+"""The files that the summary lists."""
+
+_REFUSED: Final = (
+    *("--json", "--junit", "--markdown", "--out", "--plot", "--write-mcap", "--mutants", "--all"),
+    *("--require-triggered", "--require-answered", "--undecided", "--violated-episodes"),
+    *("--occurrences", "--write-occurrences", "--by"),
+)
+"""The options of reports that need all outcomes in memory."""
+
+
+def run_fleet(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]) -> int:
+    """Judge files into a folder, print a summary, and return the exit code."""
+    for option in _REFUSED:
+        if getattr(options, option.strip("-").replace("-", "_"), None):
+            raise InputError(
+                f"expected --results or {option}, got both: the folder holds the outcomes as "
+                "Parquet. Leave one of them out."
+            )
+    if several := next((path for path in paths if file_of(path) != path), ""):
+        raise InputError(
+            f"--results: expected files with one trace each, got {several}. Leave --results out to "
+            "judge the traces of a file."
+        )
+    if any("://" in path for path in paths):
+        try:
+            import_module("fsspec")  # the workers need it
+        except ModuleNotFoundError as error:
+            raise _needing(error, "a URL", "urls") from None
+    job = FleetJob(asked, options.verify, version())
+    with FleetFolder(options.results, identity_of(asked), [*asked.specs]) as folder:
+        known = folder.known()
+        tasks: list[FileTask] = [(path, known.get(path)) for path in paths]
+        same = 0
+        with (
+            progress("judging", len(tasks), " files") as advance,
+            _workers(options.backend, options.scheduler, options.workers) as (count, submit),
+        ):
+            for rows in _results(job, tasks, count, submit):
+                folder.add(row for row in rows if "same" not in row)
+                same += sum("same" in row for row in rows)
+                advance(len(rows))
+        table = folder.finish(_gone(folder, {*paths}))
+    return _summary(options.results, table, len(paths), same)
+
+
+def identity_of(asked: TracesAsked) -> dict[str, Any]:
+    """Return what a row depends on other than its file."""
+    reading = asked.reading
+    options = {
+        **{name: str(getattr(reading, name)) for name in _READING},
+        "columns": repr(asked.columns),
+        "min_duration": str(asked.min_duration),
+        "constants": repr(dict(asked.constants)),
+    }
+    specification = {name: str(spec.standalone()) for name, spec in asked.specs.items()}
+    return {"specification": specification, **options, "version of rtamt": version()}
+
+
+_READING: Final = ("end", "view", "semantics", "align", "period", "dense", "stages")
+
+
+def _gone(folder: FleetFolder, listed: set[str]) -> list[str]:
+    """Return the paths in the folder whose files are not there any more."""
+    return [path for path in folder.paths() if path not in listed and not exists(path)]
+
+
+def _results(
+    job: FleetJob, tasks: Sequence[FileTask], count: int, submit: Callable[..., Any]
+) -> Iterator[list[FileRow]]:
+    """Yield the rows of batches in the order in which workers finish them."""
+    name, sent = uuid4().hex, pickled(job)
+    batches = _Batches(tasks, count)
+    run = partial(judge_batch, name, sent, job.version)
+    running: dict[Any, tuple[Sequence[FileTask], int]] = {}
+    again: deque[tuple[Sequence[FileTask], int]] = deque()
+    try:
+        while running or again or batches.left:
+            while len(running) < 2 * count and (again or batches.left):
+                batch, tries = again.popleft() if again else (batches.take(), 1)
+                running[submit(run, batch)] = batch, tries
+            for future in _finished([*running]):
+                batch, tries = running.pop(future)
+                try:
+                    rows = future.result()
+                except InputError:
+                    raise
+                except Exception as error:
+                    if _is_over(error):
+                        raise InputError(
+                            f"the scheduler is lost: {error}. Run the command again: it continues."
+                        ) from error
+                    if tries < _AGAIN:
+                        again.append((batch, tries + 1))
+                        continue
+                    text = f"{type(error).__name__}: {shorten(' '.join(str(error).split()), 200)}"
+                    rows = [
+                        error_row(path, None, f"{path}: its worker was lost: {text}", retry=True)
+                        for path, _ in batch
+                    ]
+                batches.learn(rows)
+                yield rows
+    finally:
+        for future in running:
+            with suppress(Exception):
+                future.cancel()
+        end_processes(name)
+
+
+class _Batches:
+    """Lists of files that grow until a list takes about a second."""
+
+    def __init__(self, tasks: Sequence[FileTask], workers: int) -> None:
+        self._tasks, self._workers = tasks, workers
+        self._start = 0
+        self._seconds: float | None = None
+        self._begin = time.monotonic()
+
+    @property
+    def left(self) -> int:
+        """The number of files that are not taken."""
+        return len(self._tasks) - self._start
+
+    def take(self) -> Sequence[FileTask]:
+        """Return the next files."""
+        size = _FIRST
+        if self._seconds is not None:
+            size = max(1, min(_MOST, int(_SECONDS / max(self._seconds, 1e-5))))
+        size = max(1, min(size, -(-self.left // self._workers)))
+        self._start += size
+        return self._tasks[self._start - size : self._start]
+
+    def learn(self, rows: Sequence[FileRow]) -> None:
+        """Estimate from finished files how long one takes; a file that is the same takes 0.1 ms."""
+        mean = sum(row.get("wall", 1e-4) for row in rows) / max(1, len(rows))
+        self._seconds = mean if self._seconds is None else (self._seconds + mean) / 2
+
+
+def _finished(futures: Sequence[Any]) -> Sequence[Any]:
+    """Return futures that are done, and wait for one."""
+    if hasattr(futures[0], "hex"):  # of Ray
+        import ray
+
+        done, _ = ray.wait([future.reference for future in futures], num_returns=1)
+        return [future for future in futures if future.reference in done]
+    if type(futures[0]).__module__.startswith("distributed"):
+        import distributed
+
+        return list(distributed.wait([*futures], return_when="FIRST_COMPLETED").done)
+    return list(wait(futures, return_when=FIRST_COMPLETED).done)
+
+
+def _is_over(error: Exception) -> bool:
+    """Return whether an error is about the scheduler, so that no worker can be asked."""
+    return not _LOST.isdisjoint(kind.__name__ for kind in type(error).__mro__)
+
+
+_LOST: Final = frozenset(
+    ["CancelledError", "FutureCancelledError", "CommClosedError", "RaySystemError"]
+)
+"""The names of errors of Dask and Ray without a scheduler."""
+
+
+@contextmanager
+def _workers(
+    backend: str | None, scheduler: str | None, processes: int
+) -> Iterator[tuple[int, Callable[..., Any]]]:
+    """Yield the number of workers, and a function that sends a task to one."""
+    if backend is None:
+        with ThreadPoolExecutor(processes) as pool:
+            yield processes, pool.submit
+        return
+    if backend == "dask":
+        yield from _dask(scheduler)
+        return
+    yield from _ray(scheduler)
+
+
+def _needing(error: ModuleNotFoundError, what: str, extra: str) -> ModuleNotFoundError:
+    """Return the error with the extra that installs a package."""
+    return ModuleNotFoundError(
+        f"{what} needs {error.name}, which is not installed; from the checkout: "
+        f"pip install '.[{extra}]'",
+        name=error.name,
+    )
+
+
+def _dask(scheduler: str | None) -> Iterator[tuple[int, Callable[..., Any]]]:
+    try:
+        from distributed import Client
+    except ModuleNotFoundError as error:
+        raise _needing(error, "--backend dask", "dask") from None
+    try:
+        client = Client(scheduler, timeout=10)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(
+            f"--scheduler: cannot reach a Dask scheduler at {scheduler}: {error}. Start one with "
+            "dask scheduler, and give its address, such as tcp://host:8786."
+        ) from error
+    with client:
+        client.wait_for_workers(1, timeout=60)
+        count = sum(client.nthreads().values())
+        yield count, partial(client.submit, pure=False)
+
+
+def _ray(scheduler: str | None) -> Iterator[tuple[int, Callable[..., Any]]]:
+    try:
+        import ray
+    except ModuleNotFoundError as error:
+        raise _needing(error, "--backend ray", "ray") from None
+    try:
+        if not ray.is_initialized():
+            ray.init(scheduler, log_to_driver=False)
+    except (ConnectionError, ValueError, RuntimeError) as error:
+        raise InputError(
+            f"--scheduler: cannot reach Ray at {scheduler}: {error}. Start it with ray start "
+            "--head, and give its address, such as host:6379."
+        ) from error
+    remote = ray.remote(max_retries=0)(lambda run, batch: run(batch))
+    count = max(1, int(ray.cluster_resources().get("CPU", 1)))
+    yield count, lambda run, batch: _RayFuture(remote.remote(run, batch))
+
+
+class _RayFuture:
+    """A result of Ray with the methods of a future."""
+
+    def __init__(self, reference: Any) -> None:  # noqa: ANN401 - Ray is optional
+        self.reference = reference
+
+    def hex(self) -> str:
+        """Return the name of the result."""
+        return str(self.reference.hex())
+
+    def result(self) -> list[FileRow]:
+        """Return the result, or raise its error."""
+        import ray
+
+        try:
+            rows: list[FileRow] = ray.get(self.reference)
+        except ray.exceptions.RayTaskError as error:
+            raise error.cause from error
+        return rows
+
+    def cancel(self) -> None:
+        """End the task."""
+        import ray
+
+        ray.cancel(self.reference, force=True)
+
+
+def _summary(folder: Path, table: pa.Table, asked: int, same: int) -> int:
+    """Print a summary of the rows of files that are there; return the exit code."""
+    import pyarrow.compute as pc
+
+    there = table.filter(pc.invert(table["gone"]))
+    words = {row["values"]: row["counts"] for row in pc.value_counts(there["verdict"]).to_pylist()}
+    lines = [
+        f"{counted(there.num_rows, 'file')}: "
+        + (", ".join(f"{words[word]} {word}" for word in _WORDS if word in words) or "no rows"),
+        f"judged {asked - same}, unchanged {same}, gone {table.num_rows - there.num_rows}",
+    ]
+    bad = there.filter(pc.is_in(there["verdict"], value_set=_array(("violated", "failed"))))
+    for row in bad.slice(0, _WORST).to_pylist():
+        cells = [
+            f"{key[11:-1]} {number(value)}"
+            for key, value in row.items()
+            if key.startswith("robustness(") and value is not None and value < 0
+        ]
+        text = shorten(row["error"] or ", ".join(cells), 100)
+        lines.append(f"  {row['verdict']}: {row['path']}" + (f": {text}" if text else ""))
+    if bad.num_rows > _WORST:
+        lines.append(f"  and {bad.num_rows - _WORST} more")
+    lines.append(f"results: {folder / RESULTS}")
+    print(*lines, sep="\n", flush=True)
+    return exit_code(words.keys())
+
+
+_WORDS: Final = ("violated", "undecided", "satisfied", "failed")
+
+
+def _array(texts: Sequence[str]) -> Any:  # noqa: ANN401 - of pyarrow
+    import pyarrow as pa
+
+    return pa.array(texts)
