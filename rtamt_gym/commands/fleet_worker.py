@@ -6,15 +6,17 @@ that. Then its size and time are compared before and after.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import pickle
 import platform
+import shutil
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -83,16 +85,18 @@ class FileRunner(AbstractContextManager["FileRunner"]):
         self._job = job
 
     def __enter__(self) -> Self:
+        self._copies = _Copies()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Hold nothing that needs an end."""
+        """Remove the copies."""
+        self._copies.close()
 
     def run(self, tasks: Sequence[FileTask], *_: object, **__: object) -> Iterator[tuple[int, Any]]:
         """Yield the number of each task and the row of its file."""
         for i, (path, known) in enumerate(tasks):
             begin = time.perf_counter()
-            row = _row(self._job, path, known)
+            row = _row(self._job, self._copies, path, known)
             yield i, row if "same" in row else {**row, "wall": time.perf_counter() - begin}
 
 
@@ -198,7 +202,7 @@ def exists(path: str) -> bool:
     return True
 
 
-def _row(job: FleetJob, path: str, known: KnownFile | None) -> FileRow:
+def _row(job: FleetJob, copies: _Copies, path: str, known: KnownFile | None) -> FileRow:
     """Return the row of a file."""
     mark: Mark | None = None
     try:
@@ -206,7 +210,7 @@ def _row(job: FleetJob, path: str, known: KnownFile | None) -> FileRow:
         same = known is not None and known.mark == mark
         if same and not job.verify:
             return {"path": path, "same": True}
-        with _copied(path, mark) as (copy, sha256):
+        with copies.copied(path, mark) as (copy, sha256):
             if known is not None and same and known.sha256 == sha256:
                 return {"path": path, "same": True}
             row = _judged(job, path, copy)
@@ -219,28 +223,63 @@ def _row(job: FleetJob, path: str, known: KnownFile | None) -> FileRow:
     return {**row, "path": path, "mark": mark, "sha256": sha256}
 
 
-@contextmanager
-def _copied(path: str, mark: Mark) -> Iterator[tuple[str, str]]:
-    """Yield the path of a private copy of a file, or its own path, and the hash of its bytes."""
-    local = "://" not in path
-    if local and (mark.size > COPIED or Path(path).is_dir()):
-        yield path, _hash(Path(path))
-        return
-    memory = "/dev/shm" if mark.size <= COPIED and os.access("/dev/shm", os.W_OK) else None  # noqa: S108
-    with tempfile.TemporaryDirectory(prefix="rtamt-", dir=memory) as folder:
-        copy = Path(folder, Path(path).name)
-        hashed = hashlib.sha256()
-        if local:
-            data = Path(path).read_bytes()
-            hashed.update(data)
-            copy.write_bytes(data)
-        else:
-            system, place = _files_of(path)
-            with system.open(place, "rb") as source, copy.open("wb") as target:
-                while block := source.read(_BLOCK):
-                    hashed.update(block)
-                    target.write(block)
-        yield str(copy), hashed.hexdigest()
+class _Copies:
+    """A folder for private copies of files, in memory where there is such a folder.
+
+    A process that is killed leaves its folder behind; the next one removes it.
+    """
+
+    def __init__(self) -> None:
+        memory = Path("/dev/shm")  # noqa: S108 - the names below are unique
+        self._root = memory if os.access(memory, os.W_OK) else Path(tempfile.gettempdir())
+        self._remove_left()
+        self.folder = Path()
+        self._lock = -1
+        while not self.folder.name or not self.folder.exists():
+            self.folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=self._root))
+            self._lock = os.open(self.folder, os.O_RDONLY)
+            fcntl.flock(self._lock, fcntl.LOCK_EX)
+
+    def close(self) -> None:
+        """Remove the folder."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        os.close(self._lock)
+
+    def _remove_left(self) -> None:
+        for folder in self._root.glob(f"{_PREFIX}*"):
+            with suppress(OSError):
+                opened = os.open(folder, os.O_RDONLY)
+                try:
+                    fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(folder, ignore_errors=True)
+                finally:
+                    os.close(opened)
+
+    @contextmanager
+    def copied(self, path: str, mark: Mark) -> Iterator[tuple[str, str]]:
+        """Yield the path of a copy of a file, or its own path, and the hash of its bytes."""
+        local = "://" not in path
+        if local and (mark.size > COPIED or Path(path).is_dir()):
+            yield path, _hash(Path(path))
+            return
+        copy, hashed = self.folder / Path(path).name, hashlib.sha256()
+        try:
+            if local:
+                data = Path(path).read_bytes()
+                hashed.update(data)
+                copy.write_bytes(data)
+            else:
+                system, place = _files_of(path)
+                with system.open(place, "rb") as source, copy.open("wb") as target:
+                    while block := source.read(_BLOCK):
+                        hashed.update(block)
+                        target.write(block)
+            yield str(copy), hashed.hexdigest()
+        finally:
+            copy.unlink(missing_ok=True)
+
+
+_PREFIX: Final = "rtamt-files-"
 
 
 def _hash(path: Path) -> str:

@@ -46,7 +46,8 @@ def dask() -> Iterator[LocalCluster]:
 
 
 def judge(results: str, *more: str) -> int:
-    return main(["monitor", *SPECS, "--results", results, *more, "--", str(Path("runs").absolute())])
+    runs = str(Path("runs").absolute())
+    return main(["monitor", *SPECS, "--results", results, *more, "--", runs])
 
 
 def steady(place: str) -> list[dict[str, Any]]:
