@@ -43,15 +43,9 @@ def read_ruled(
         )
         return read
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
-<<<<<<< HEAD
     if (starts := starts_of(specs, columns)) != columns.starts:
         columns = replace(columns, starts=starts)
     with _opened(path, columns, row) as recording:
-=======
-    starts = starts_of(specs, columns)
-    columns = columns if starts == columns.starts else replace(columns, starts=starts)
-    with open_recording(path, columns, row) as recording:
->>>>>>> 9ade98f9 (Judge recordings on Dask and Ray into a folder of Parquet results)
         if not (reading.dense and are_long(recording.names, variables)):
             for spec in specs.values():
                 check_recorded(recording.source, recording.names, spec.variables, columns)

@@ -180,7 +180,7 @@ class Deadly(FileRunner):
         for i, task in enumerate(tasks):
             if "deadly" in task[0]:
                 os.kill(os.getpid(), signal.SIGKILL)
-            for _, row in super().run([task]):
+            for _number, row in super().run([task]):
                 yield i, row
 
 
