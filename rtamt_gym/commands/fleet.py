@@ -57,7 +57,7 @@ _WORST: Final = 10
 _REFUSED: Final = (
     *("--json", "--junit", "--markdown", "--out", "--plot", "--write-mcap", "--mutants", "--all"),
     *("--require-triggered", "--require-answered", "--undecided", "--violated-episodes"),
-    *("--occurrences", "--write-occurrences", "--by"),
+    *("--occurrences", "--write-occurrences", "--clip", "--by"),
 )
 """The options of reports that need all outcomes in memory."""
 
