@@ -159,19 +159,21 @@ def _demos(path: str, file: h5py.File) -> list[str]:
 
 def _period(path: str, data: h5py.Group) -> Fraction | None:
     """Return the seconds between rows by the control rate of the environment, or None."""
-    text = data.attrs.get("env_args")
-    if text is None:
+    name = "env_args" if "env_args" in data.attrs else "env_info"  # of robomimic, of robosuite
+    if name not in data.attrs:
         return None
     try:
-        described = json.loads(text)
+        described = json.loads(data.attrs[name])
     except (TypeError, ValueError):
-        raise InputError(f"{shown(path)}: expected JSON as env_args of 'data'") from None
-    rate = described.get("env_kwargs", {}).get("control_freq") if isinstance(described, dict) else 0
+        raise InputError(f"{shown(path)}: expected JSON as {name} of 'data'") from None
+    if name == "env_args" and isinstance(described, dict):
+        described = described.get("env_kwargs", {})
+    rate = described.get("control_freq") if isinstance(described, dict) else 0
     if rate is None:
         return None
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0 < rate < math.inf:
         raise InputError(
-            f"{shown(path)}: expected a rate above 0 Hz as control_freq in env_args, got {rate!r}; "
+            f"{shown(path)}: expected a rate above 0 Hz as control_freq in {name}, got {rate!r}; "
             "give --period"
         )
     return 1 / Fraction(repr(rate))

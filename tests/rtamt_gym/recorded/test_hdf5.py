@@ -80,6 +80,13 @@ def test_period_is_the_control_rate(rate: float, tmp_path: Path) -> None:
     assert read(f"{path}[demo=demo_0]").period() == 1 / Fraction(str(rate))
 
 
+def test_rate_of_robosuite(tmp_path: Path) -> None:
+    path = write_demos(tmp_path / "d.hdf5", {"demo_1": demo(0)}, None)
+    with h5py.File(path, "a") as file:
+        file["data"].attrs["env_info"] = json.dumps({"env_name": "Lift", "control_freq": 20})
+    assert read(f"{path}[demo=demo_1]").period() == Fraction(1, 20)
+
+
 def test_no_rate_counts_samples(tmp_path: Path) -> None:
     path = write_demos(tmp_path / "d.h5", {"demo_0": demo(0)}, None)
     assert read(f"{path}[demo=demo_0]").period() is None

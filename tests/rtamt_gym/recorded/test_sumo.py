@@ -172,7 +172,7 @@ def test_table_of_xml2csv_has_the_same_verdicts(
     rows: list[dict[str, object]] = []
     for step in ET.parse(path).getroot():  # noqa: S314 - written above
         cells = [{f"vehicle_{key}": text for key, text in element.items()} for element in step]
-        time = {"timestep_time": float(step.get("time", ""))}
+        time: dict[str, object] = {"timestep_time": float(step.get("time", ""))}
         rows += [time | own for own in cells or [{}]]
     frame = pd.DataFrame(rows).astype({"vehicle_speed": float})
     table = tmp_path / name
