@@ -37,7 +37,14 @@ from rtamt_gym.recorded.columns import (
 )
 from rtamt_gym.recorded.dates import DateOrder
 from rtamt_gym.recorded.parts import file_of
-from rtamt_gym.recorded.readers import extensions, folder_format, is_bag, samples_clocks, traces_in
+from rtamt_gym.recorded.readers import (
+    extensions,
+    folder_format,
+    group_of,
+    is_bag,
+    samples_clocks,
+    traces_in,
+)
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
@@ -57,7 +64,7 @@ class TracesAsked:
         constants: The values of constants that the command line sets, by name.
         ignored: A text for each folder with files that are not traces.
         strict_ranges: Whether the command fails for values outside their declared ranges.
-        groups: The values of the ``--by`` columns of each trace by its name.
+        groups: The values that tell each trace apart from others in its file, by its name.
         occurrences: Whether all violations are listed.
     """
 
@@ -275,7 +282,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     )
     if not as_files:
         paths = [name for path in paths for name in traces_in(path, columns.where)]
-    groups: dict[str, Mapping[str, object]] = {}
+    groups = {path: group for path in paths if (group := group_of(path))}
     if columns.by:
         from rtamt_gym.recorded.groups import groups_in
 

@@ -33,7 +33,7 @@ def to_json(
         least: How long each trace is to last, in seconds; None: any time.
         mutants: The `MutationScore` of each requirement as ``scores``, and as ``least`` the share
             that was asked for; None if no mutants were made.
-        groups: The values of the ``--by`` columns of each trace by its name.
+        groups: The values that tell each trace apart from others in its file, by its name.
     """
     requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
     default = Columns()

@@ -81,6 +81,18 @@ def part_of(path: str) -> TracePart | None:
     return TracePart(match["file"], {unquote(key): unquote(text) for key, _, text in pairs})
 
 
+def split_name(name: str) -> tuple[str, str]:
+    """Return the file in the name of a trace and the rest, whether or not the file exists.
+
+    Example:
+        >>> split_name("runs/a.hdf5[demo=demo_0]"), split_name("a.csv")
+        (('runs/a.hdf5', '[demo=demo_0]'), ('a.csv', ''))
+    """
+    match = _NAME.fullmatch(name)
+    file = name if match is None else match["file"]
+    return file, name[len(file) :]
+
+
 def file_of(path: str) -> str:
     """Return the file of a trace: the path itself unless the trace is one of several in a file."""
     part = part_of(path)

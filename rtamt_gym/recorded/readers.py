@@ -53,6 +53,7 @@ class Format:
             ``traces_in(path)``, which returns the column that tells them apart and its text for
             each trace, as `parts.choose` takes them; ``open_file`` takes a `parts.part_name`.
         choice: Whether ``--where`` has to name one of several traces.
+        numbered: Whether the texts that tell traces apart are whole numbers.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Format:
     marker: str = ""
     several: bool = False
     choice: bool = False
+    numbered: bool = False
 
 
 FORMATS = [
@@ -80,6 +82,7 @@ FORMATS = [
         *("LeRobot data set", (), "rtamt_gym.recorded.lerobot_reader"),
         marker="meta/info.json",
         several=True,
+        numbered=True,
     ),
     Format("ArduPilot log", (".bin",), "rtamt_gym.recorded.ardupilot_reader", clocks=True),
     Format(
@@ -181,6 +184,18 @@ def traces_in(path: str, where: Mapping[str, str]) -> list[str]:
     if not values or (row.choice and key not in where and len(values) > 1):
         return [path]
     return choose(path, key, values, where)
+
+
+def group_of(path: str) -> Mapping[str, object]:
+    """Return the values that tell a trace apart from others in its file; empty for a file."""
+    part = part_of(path)
+    if part is None:
+        return {}
+    numbered = format_of(path).numbered
+    return {
+        name: int(text) if numbered and text.isdecimal() else text
+        for name, text in part.values.items()
+    }
 
 
 def is_bag(path: str) -> bool:

@@ -22,6 +22,7 @@ from rtamt_gym.judging.monitors import EXACT
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import viewed
+from rtamt_gym.recorded.parts import split_name
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
 from rtamt_gym.reports.episodes import PlayedEpisode, in_words_of
@@ -146,7 +147,7 @@ def _requirement(
     if known:
         row = next(row for row in matrix if row.name == known[0] and row.judged(name))
         try:
-            path = below.found(row.name, matrix.provenance.files.get(row.name, ""))
+            path = _path_of(row.name, matrix.provenance.files, below)
             worst = [_episode(row.name, row.outcomes[name], reading, formula, path, room)]
         except NotShownError as error:
             note = f"The worst trace, `{row.name}`, is not shown in full: {error}."
@@ -161,6 +162,12 @@ def _requirement(
         note=note,
         id=known_id,
     )
+
+
+def _path_of(name: str, hashes: Mapping[str, str], below: TraceFolders) -> Path:
+    """Return the path of a trace, or the name of a trace in a file that holds several."""
+    file, part = (name, "") if name in hashes else split_name(name)
+    return Path(f"{below.found(file, hashes.get(file, ''))}{part}")
 
 
 def _episode(
@@ -336,6 +343,10 @@ def _is_below(path: Path, roots: list[Path]) -> bool:
 
 
 def _holds_regular_files(folder: Path) -> bool:
-    """Return whether a folder holds only regular files, as a bag does; a link may lead anywhere."""
+    """Return whether all files below a folder are regular; a link may lead anywhere."""
     with os.scandir(folder) as entries:
-        return all(entry.is_file(follow_symlinks=False) for entry in entries)
+        return all(
+            entry.is_file(follow_symlinks=False)
+            or (entry.is_dir(follow_symlinks=False) and _holds_regular_files(Path(entry.path)))
+            for entry in entries
+        )

@@ -210,6 +210,23 @@ def test_as_files_reads_a_plain_folder(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["monitor", f"always({X} < 9)", "--", str(folder)]) == 0
 
 
+def test_outcomes_and_report_of_an_episode(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_data_set(tmp_path / "set", states(3, (9, 9)))
+    monkeypatch.chdir(tmp_path)
+    main(["monitor", f"always({X} < 0)", "--json", "--", "set"])
+    outcomes = tmp_path / "outcomes.json"
+    outcomes.write_text(capsys.readouterr().out)
+    trials = json.loads(outcomes.read_text())["trials"]
+    assert [trial["group"] for trial in trials] == [{"episode_index": 0}, {"episode_index": 1}]
+    assert main(["report", str(outcomes), "-o", "page.html"]) == 0
+    assert "is not shown in full" not in (tmp_path / "page.html").read_text()
+    (folder / "videos").symlink_to(tmp_path.parent)
+    assert main(["report", str(outcomes), "-o", "page.html"]) == 0
+    assert "no regular file of this name" in (tmp_path / "page.html").read_text()
+
+
 def test_violated_episodes_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bad, good = np.full((9, 2), 2.0), np.zeros((9, 2))
     folder = write_data_set(tmp_path / "set", [good, bad, good, bad, bad])
