@@ -78,9 +78,21 @@ def groups_of(table: Mapping[str, Any], by: Sequence[str]) -> Groups:
 
 def _codes(columns: Sequence[NDArray[Any]]) -> NDArray[np.intp]:
     """Return a number for each row, from 0 in the order of first rows; equal for equal rows."""
-    known: dict[object, int] = {}
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    return np.array([known.setdefault(row, len(known)) for row in rows], np.intp)
+    numbered = [_numbered(column) for column in columns]
+    codes = numbered[0]
+    for other in numbered[1:]:
+        codes = _numbered(codes * (int(other.max()) + 1) + other)
+    return codes
+
+
+def _numbered(cells: NDArray[Any]) -> NDArray[np.intp]:
+    if cells.dtype.kind == "O":  # cells may be of several types
+        known: dict[object, int] = {}
+        return np.array([known.setdefault(cell, len(known)) for cell in cells.tolist()], np.intp)
+    _, first, inverse = np.unique(cells, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.intp)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[inverse]
 
 
 def _cells(column: Any, name: str) -> NDArray[Any]:  # noqa: ANN401 - of any library

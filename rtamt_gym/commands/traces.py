@@ -167,6 +167,12 @@ def add_columns(group: argparse._ActionsContainer) -> None:
             repeat=True,
         ),
         Option(
+            "--wide COLUMN",
+            "evaluate a table with a row per object and time as one trace, in which the column "
+            "speed of the object Ego is speed.Ego; this column names the objects, and values of "
+            "an absent object are unknown",
+        ),
+        Option(
             "--as",
             "how to read a folder with meta/info.json: lerobot, a data set with a trace per "
             "episode; files, a folder of files",

@@ -67,6 +67,8 @@ class Columns:
             as unknown, and the worse verdict is reported. ``"known"``: it is left out.
         where: The text that each of some columns has in the rows that are read.
         by: The columns that tell the traces of a table apart.
+        wide: The column of objects, which become columns such as ``speed.Ego``. None: a row holds
+            the values of one object only.
         one_trace: Whether rows are one trace although they look like several objects or episodes.
         date_order: Whether dates such as 03/04/2024 have the day first (``"dmy"``) or the month
             (``"mdy"``). None: dates in which the order is not certain are refused.
@@ -92,6 +94,7 @@ class Columns:
     start: Start = "unknown"
     where: Mapping[str, str] = field(default_factory=dict)
     by: Sequence[str] = ()
+    wide: str | None = None
     one_trace: bool = False
     date_order: DateOrder | None = None
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from fractions import Fraction
 from importlib import import_module
@@ -18,7 +18,7 @@ from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.names import are_long, check_recorded, starts_of
 from rtamt_gym.recorded.parts import part_of
-from rtamt_gym.recorded.readers import Format, format_of, open_recording
+from rtamt_gym.recorded.readers import FORMATS, Format, format_of, open_recording
 from rtamt_gym.recorded.recording import Floats, Recording, Wanted
 from rtamt_gym.recorded.roles import has_time_bounds
 from rtamt_gym.recorded.sample_rows import read_rows, read_trace, wanted_times
@@ -45,12 +45,13 @@ def read_ruled(
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
     if (starts := starts_of(specs, columns)) != columns.starts:
         columns = replace(columns, starts=starts)
+    table = row.table and columns.wide is None
     with _opened(path, columns, row) as recording:
         if not (reading.dense and are_long(recording.names, variables)):
             for spec in specs.values():
                 check_recorded(recording.source, recording.names, spec.variables, columns)
         if reading.dense:
-            return read_events(recording, variables, columns, table=row.table), None
+            return read_events(recording, variables, columns, table=table), None
         if row.clocks and reading.seconds is not None:
             groups = [spec.variables for spec in specs.values()]
             events = read_events(recording, variables, columns)
@@ -62,7 +63,7 @@ def read_ruled(
             if_events=_IF_CLOCKS if row.clocks else _IF_EVENTS,
             period=reading.seconds,
             timed=any(map(has_time_bounds, specs.values())),
-            table=row.table,
+            table=table,
         )
     if reading.seconds is not None:
         return _under(trace, reading.seconds), reading.seconds
@@ -116,16 +117,34 @@ def _checked(path: str, row: Format, columns: Columns) -> Columns:
         )
     if columns.stale is not None and not row.bag:
         raise InputError(f"{shown(path)}: expected --stale for a bag, got it for a table")
+    if columns.wide is not None:
+        if not row.table:
+            raise InputError(f"{shown(path)}: expected a table for --wide, got {row.name}")
+        if columns.missing == "hold":
+            raise InputError(
+                "expected --missing unknown or --missing drop with --wide, got hold. An absent "
+                "object has no value."
+            )
+        if columns.missing == "raise":  # values of absent objects are unknown
+            columns = replace(columns, missing="unknown")
     return columns
 
 
-def _opened(path: str, columns: Columns, row: Format) -> AbstractContextManager[Recording]:
-    """Open a file, or the rows of a table that are a trace."""
-    if row.several or not (row.table and columns.by):
-        return open_recording(path, columns, row)
-    from rtamt_gym.recorded.groups import open_group
+@contextmanager
+def _opened(path: str, columns: Columns, row: Format) -> Iterator[Recording]:
+    """Open a file, the rows of a table that are a trace, or a table as a trace of objects."""
+    opened: AbstractContextManager[Recording] = open_recording(path, columns, row)
+    if columns.by and row.table and not row.several:
+        from rtamt_gym.recorded.groups import open_group
 
-    return open_group(path, columns)
+        opened = open_group(path, columns)
+    with opened as recording:
+        if columns.wide is None:
+            yield recording
+        else:
+            from rtamt_gym.recorded.wide import WideRecording
+
+            yield WideRecording(recording, columns, as_text=row is FORMATS[0])
 
 
 def _noted(trace: Trace, columns: Columns) -> Trace:

@@ -1,0 +1,111 @@
+"""Tables with a row per object and time, read with a column per object (``--wide``)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt.errors import no_such
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
+from rtamt_gym.recorded.times import TIME, find_times
+
+
+class WideRecording(Recording):
+    """A table as one trace of several objects: ``speed`` of ``Ego`` is the column ``speed.Ego``.
+
+    A row for each time has the values of all objects; those of an absent object are empty, and
+    marked as records without a number, so that they do not hold.
+
+    Args:
+        recording: The table, with a row per object and time.
+        columns: How its columns are read; ``wide`` names the column of objects.
+        as_text: Whether the objects are the text of the file, as in CSV.
+    """
+
+    def __init__(self, recording: Recording, columns: Columns, *, as_text: bool) -> None:
+        key, names = str(columns.wide), recording.names
+        self._recording, self._key, self._as_text = recording, key, as_text
+        self.source = recording.source
+        if key not in names:
+            raise InputError(f"{self.source}: {no_such('column', key, names)}")
+        time = find_times(recording, columns, read=())
+        if time is None:
+            raise InputError(
+                f"{self.source}: expected a column of times for --wide, got none; give --time "
+                f"COLUMN, such as one called {TIME}"
+            )
+        rows = recording.read(self._with_objects(Wanted([], where=columns.where)))
+        objects = [*dict.fromkeys(self._objects(rows))]
+        if "" in objects:
+            row = self._objects(rows).index("")
+            raise InputError(
+                f"{rows.where(row)}, column '{key}': expected the name of an object for --wide, "
+                "got an empty cell"
+            )
+        kept = {key, *time.columns, *columns.where, *columns.by}
+        # The column and the object of each name.
+        self._places = {f"{n}.{o}": (n, o) for n in names if n not in kept for o in objects}
+        self.names = [*time.columns, *self._places]
+        self.dates = [name for name in recording.dates if name in time.columns]
+        self.days = [name for name in recording.days if name in time.columns]
+        self.texts = [name for name in recording.texts if name in time.columns]
+
+    def _with_objects(self, wanted: Wanted) -> Wanted:
+        if self._as_text:
+            return replace(wanted, texts=[self._key])
+        return replace(wanted, cells=[self._key])
+
+    def _objects(self, rows: Rows) -> list[str]:
+        """Return the name of the object of each row."""
+        if self._as_text:
+            return [*rows.texts[self._key]]
+        return [text.strip() for text in cell_texts(rows.cells[self._key])]
+
+    def read(self, wanted: Wanted) -> Rows:
+        """Read the wanted columns; each is empty where its object has no row."""
+        numbers = [*dict.fromkeys(self._places[name][0] for name in wanted.numbers)]
+        gaps = numbers if wanted.gaps else ()
+        base = replace(wanted, numbers=numbers, gaps=gaps, texts=(), cells=(), ends=False)
+        rows = self._recording.read(self._with_objects(base))
+        assert rows.times is not None, "wanted"  # noqa: S101 - for mypy
+        instants, first, places = np.unique(rows.times, return_index=True, return_inverse=True)
+        of_objects: dict[str, NDArray[np.intp]] = {}
+        objects = np.array(self._objects(rows))
+        columns, absent = {}, {}
+        for name in wanted.numbers:
+            column, of = self._places[name]
+            if of not in of_objects:
+                (of_objects[of],) = np.nonzero(objects == of)
+                self._check(rows, places, of_objects[of], of)
+            own = of_objects[of]
+            columns[name] = np.full(len(instants), np.nan)
+            columns[name][places[own]] = rows.numbers[column][own]
+            absent[name] = np.isnan(columns[name])
+        return Rows(
+            columns,
+            {},
+            len(instants),
+            lambda row: rows.where(int(first[row])),
+            self.source,
+            instants,
+            rows.notes,
+            rows.unit,
+            invalid=absent,
+        )
+
+    def _check(
+        self, rows: Rows, places: NDArray[np.intp], own: NDArray[np.intp], name: str
+    ) -> None:
+        """Check that the times of an object increase."""
+        steps = np.diff(places[own])
+        if (steps <= 0).any():
+            at = int((steps <= 0).argmax())
+            words = "two rows at one time" if steps[at] == 0 else "a time before the row above"
+            raise InputError(
+                f"{rows.where(int(own[at + 1]))}: expected times of {name!r} that increase, got "
+                f"{words}"
+            )

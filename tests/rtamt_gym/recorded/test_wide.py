@@ -1,0 +1,117 @@
+"""Tables with a row per object and time, as one trace of all objects (``--wide``)."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from profiles import examples
+
+from rtamt_gym.__main__ import main
+
+SPEC = "always(x.Ego > 0 implies eventually[0:0.2](x.B2 - x.Ego > 1))"
+
+
+def written(folder: Path, frame: pd.DataFrame, end: str) -> str:
+    path = folder / f"log{end}"
+    if end == ".csv":
+        frame.to_csv(path, index=False)
+    else:
+        frame.to_parquet(path)
+    return str(path)
+
+
+presence = st.lists(
+    st.tuples(st.integers(-3, 3), st.none() | st.integers(-3, 3)), min_size=2, max_size=8
+)
+
+
+@settings(max_examples=examples(40))
+@given(presence, st.sampled_from((".csv", ".parquet")))
+def test_wide_tables_equal_pivoted_files(
+    tmp_path_factory: pytest.TempPathFactory, values: list[tuple[int, int | None]], end: str
+) -> None:
+    values = [*values, (1, 1)]  # both objects exist
+    folder = tmp_path_factory.mktemp("wide")
+    rows = []
+    for k, (ego, other) in enumerate(values):
+        rows += [{"time": k / 10, "name": "Ego", "x": float(ego)}]
+        if other is not None:
+            rows += [{"time": k / 10, "name": "B2", "x": float(other)}]
+    frame = pd.DataFrame(rows)
+    log = written(folder, frame, end)
+    table = frame.pivot_table("x", "time", "name")  # pandas leaves cells without a row empty
+    plain = folder / "plain.csv"
+    columns = {f"x.{name}": table[name].to_numpy() for name in ("Ego", "B2")}
+    pd.DataFrame({"time": table.index, **columns}).to_csv(plain, index=False)
+    results = []
+    for arguments in ([log, "--wide", "name"], [str(plain), "--missing", "unknown"]):
+        target = folder / "out.xml"
+        code = main(["monitor", SPEC, "--junit", str(target), *arguments])
+        text = target.read_text().replace(log, "FILE").replace(str(plain), "FILE")
+        results.append((code, text.partition("<system-out>samples")[0].splitlines()[:20]))
+    assert [code for code, _ in results] == [results[0][0]] * 2
+    cases = [
+        [line for line in lines if "<testcase" in line or "<failure" in line]
+        for _, lines in results
+    ]
+    assert cases[0] == cases[1] != []
+
+
+def judged(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
+    code = main(["monitor", *arguments, "--json"])
+    return code, json.loads(capsys.readouterr().out)
+
+
+LOG = "time,name,x\n0,Ego,1\n0,B2,9\n1,Ego,1\n1,B2,9\n2,Ego,1\n3,Ego,1\n3,B2,-1\n"
+
+
+@pytest.mark.parametrize("option", ["--one-trace", "--dense"])
+def test_absent_objects_are_unknown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(LOG)
+    for spec, verdict in (
+        ("always[0:1](x.B2 > 5)", "SATISFIED"),
+        ("always[0:2](x.B2 > 5)", "UNDECIDED"),  # held values would satisfy it
+        ("always(x.B2 > 5)", "VIOLATED"),
+        ("always(x.Ego > 0)", "SATISFIED"),
+    ):
+        _, found = judged(capsys, spec, str(log), "--wide", "name", option)
+        assert [row["verdict"] for row in found["trials"]] == [verdict], spec
+
+
+def test_wide_groups(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "log.csv"
+    rows = [f"{run},{line}" for run in (1, 2) for line in LOG.splitlines()[1:]]
+    log.write_text(
+        "\n".join([f"run,{LOG.splitlines()[0]}", *rows]).replace("2,3,B2,-1", "2,3,B2,9")
+    )
+    _, found = judged(capsys, "always[2:3](x.B2 > 5)", str(log), "--wide", "name", "--by", "run")
+    assert [row["name"] for row in found["trials"]] == [f"{log}[run=1]", f"{log}[run=2]"]
+    assert [row["verdict"] for row in found["trials"]] == ["VIOLATED", "UNDECIDED"]
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "error"),
+    [
+        (LOG, ["--wide", "nam"], "No column 'nam'."),
+        (LOG, ["--wide", "name", "--missing", "hold"], "--missing drop with --wide, got hold"),
+        (LOG + "3,Ego,2\n", ["--wide", "name"], "line 9: expected times of 'Ego' that increase"),
+        (LOG + "2,B2,2\n", ["--wide", "name"], "got a time before the row above"),
+        (LOG + "4,,2\n", ["--wide", "name"], "expected the name of an object for --wide"),
+        (LOG.replace("time", "k"), ["--wide", "name"], "expected a column of times"),
+        (LOG.replace("B2", "C"), ["--wide", "name"], "the columns are time, x.Ego, x.C"),
+    ],
+)
+def test_wide_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, options: list[str], error: str
+) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(text)
+    assert main(["monitor", SPEC, str(log), *options]) == 2
+    assert error in capsys.readouterr().err
