@@ -31,6 +31,7 @@ SECTIONS = (
     "offline",
     "dense",
     "asked",
+    "many",
     "gym",
     "vector",
     "simulation",

@@ -3,25 +3,69 @@
 #include <algorithm>
 #include <memory>
 
+#include "core/columns.hpp"
 #include "core/order.hpp"
 #include "core/threads.hpp"
+#include "dense/terms.hpp"
 
 namespace rtamt::episode {
 namespace {
 
-// Takes a trace in. Returns false at a nan.
-bool take(EpisodeMachine& machine, const Traces& traces, std::size_t trace,
-          std::int64_t& decided) {
-    const std::int64_t begin = traces.begins[trace];
-    const std::size_t variables = machine.variables();
-    for (std::int64_t i = 0; i < traces.lengths[trace]; ++i) {
-        double* pending = machine.pending();
-        for (std::size_t v = 0; v < variables; ++v) pending[v] = traces.columns[v][begin + i];
-        if (!machine.take()) return false;
-        if (decided < 0 && machine.verdict() != 0) decided = i;
+// Judges traces one after the other, with the terms of a whole trace at once.
+class Judge {
+public:
+    Judge(const Program& program, const Traces& traces, End end, const Outcomes& outcomes)
+        : terms_(program.terms, program.variables),
+          traces_(traces),
+          end_(end),
+          outcomes_(outcomes),
+          columns_(program.variables),
+          inputs_(program.variables),
+          out_(terms_.size()),
+          machine_(std::make_unique<EpisodeMachine>(program)) {}
+
+    void operator()(std::size_t trace) {
+        std::int64_t& decided = outcomes_.decided[trace];
+        decided = -1;
+        outcomes_.refused[trace] = !take(trace, decided);
+        if (outcomes_.refused[trace]) return;
+        outcomes_.complete[trace] = machine_->result();
+        machine_->finish(end_);
+        outcomes_.robustness[trace] = machine_->result();
+        outcomes_.lower[trace] = machine_->lower();
+        outcomes_.upper[trace] = machine_->upper();
     }
-    return traces.lengths[trace] > 0;
-}
+
+private:
+    // Takes a trace in. Returns false at a nan.
+    bool take(std::size_t trace, std::int64_t& decided) {
+        machine_->reset();
+        const auto n = static_cast<std::size_t>(traces_.lengths[trace]);
+        for (std::size_t v = 0; v < columns_.size(); ++v) {
+            columns_[v] = traces_.columns[v] + traces_.begins[trace];
+            if (columns::first_nan(columns_[v], n) < n) return false;
+        }
+        values_.resize(std::max(values_.size(), n * out_.size()));
+        for (std::size_t i = 0; i < out_.size(); ++i) out_[i] = values_.data() + i * n;
+        if (terms_.compute(columns_.data(), out_.data(), n) < n) return false;
+        for (std::size_t i = 0; i < n; ++i) {
+            // No one asks for the inputs of the last sample.
+            machine_->take(inputs_.data(), values_.data() + i, n);
+            if (decided < 0 && machine_->verdict() != 0) decided = static_cast<std::int64_t>(i);
+        }
+        return n > 0;
+    }
+
+    dense::TermColumns terms_;
+    const Traces& traces_;
+    End end_;
+    const Outcomes& outcomes_;
+    std::vector<const double*> columns_;
+    std::vector<double> inputs_;
+    std::vector<double*> out_;
+    std::vector<double> values_;
+    std::unique_ptr<EpisodeMachine> machine_;
+};
 
 // Counts the failures in a run of samples that does not touch the run before.
 void count(const double* values, std::int64_t first, std::int64_t last, std::int64_t& samples,
@@ -40,21 +84,7 @@ void count(const double* values, std::int64_t first, std::int64_t last, std::int
 
 void judge(const Program& program, const Traces& traces, End end, std::size_t threads,
            const Outcomes& outcomes) {
-    in_threads(traces.count, threads, [&] {
-        auto machine = std::make_unique<EpisodeMachine>(program);
-        return [&, machine = std::move(machine)](std::size_t trace) {
-            machine->reset();
-            std::int64_t& decided = outcomes.decided[trace];
-            decided = -1;
-            outcomes.refused[trace] = !take(*machine, traces, trace, decided);
-            if (outcomes.refused[trace]) return;
-            outcomes.complete[trace] = machine->result();
-            machine->finish(end);
-            outcomes.robustness[trace] = machine->result();
-            outcomes.lower[trace] = machine->lower();
-            outcomes.upper[trace] = machine->upper();
-        };
-    });
+    in_threads(traces.count, threads, [&] { return Judge(program, traces, end, outcomes); });
 }
 
 void count_failures(const std::vector<DiscreteRow>& rows, std::size_t terms,

@@ -1,0 +1,30 @@
+"""Many traces of one file, judged in one call, beside a grouped minimum of pyarrow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from controller import Setting, race
+from report import Row, Table
+
+TARGETS = {"two": 3.0, "until": 10.0, "past": 10.0}
+
+
+def measure(setting: Setting) -> Iterator[Table]:
+    """`judge_many` with two requirements, and on joined columns in memory."""
+    traces = 2_000 if setting.quick else 100_000
+    table = Table(f"{traces:,} groups of up to 400 samples, two requirements", "s")
+    subject = setting.project("many")
+    for kind, target in TARGETS.items():
+        case = {"what": "many", "kind": kind, "traces": traces}
+        found = race({"rtamt": (subject, case)}, 3 if setting.quick else 5, table.notes).get(
+            "rtamt"
+        )
+        if found is None:
+            continue
+        grouped, file, memory = found
+        figures = {"file": file, "memory": memory, "pyarrow": grouped}
+        label = f"{kind}: {file / grouped:.1f} times pyarrow's grouped minimum"
+        table.rows.append(Row(label, figures, target * grouped))
+    subject.stop()
+    yield table
