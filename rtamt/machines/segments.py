@@ -17,6 +17,9 @@ from rtamt.program.implications import InstantRuns
 PlaceNumbers = NDArray[np.int64]
 Flagged = NDArray[np.bool_]
 
+_SHORT_RUN = 32
+"""Segments of each run that are compared with its minimum one by one."""
+
 
 class PlaceRuns(NamedTuple):
     """Runs of places, in order.
@@ -174,12 +177,27 @@ class SegmentRuns(NamedTuple):
         """Return the minimum robustness in each run, and the first place of it."""
         if not len(self.first):
             return Minima(self.first, self.first)
-        lengths = self.after - self.first
+        values = self.segments.robustness
+        edges = np.column_stack([self.first, self.after]).reshape(-1)
+        minima = np.minimum.reduceat(values, edges[:-1] if edges[-1] == len(values) else edges)[::2]
+        # Most runs are short: look at one segment of all of them at a time.
+        places = self.first.copy()
+        left = np.flatnonzero(values[places] != minima)
+        for _ in range(_SHORT_RUN):
+            if not len(left):
+                break
+            places[left] += 1
+            left = left[values[places[left]] != minima[left]]
+        if len(left):
+            places[left] = self._first_equal(left, minima)
+        return Minima(minima, self.segments.place(places))
+
+    def _first_equal(self, runs: PlaceNumbers, minima: PlaceNumbers) -> PlaceNumbers:
+        """Return the first segment of some runs with the minimum of the run."""
+        lengths = self.after[runs] - self.first[runs]
         ends = np.cumsum(lengths)
         begins = ends - lengths
-        members = np.arange(ends[-1]) + np.repeat(self.first - begins, lengths)
-        values = self.segments.robustness[members]
-        minima = np.minimum.reduceat(values, begins)
-        hits = np.flatnonzero(values == np.repeat(minima, lengths))
-        firsts = members[hits[np.searchsorted(hits, begins)]]
-        return Minima(minima, self.segments.place(firsts))
+        members = np.arange(ends[-1]) + np.repeat(self.first[runs] - begins, lengths)
+        equal = self.segments.robustness[members] == np.repeat(minima[runs], lengths)
+        hits = np.flatnonzero(equal)
+        return members[hits[np.searchsorted(hits, begins)]]
