@@ -92,6 +92,7 @@ def variables_of(
     file: ProgramFile,
     formulas: Mapping[str, str],
     ranges: Mapping[str, tuple[float, float]],
+    columns: Mapping[str, str],
 ) -> list[UnitVariable]:
     """Return the variables of a unit, without ``time``, in the order of their value references.
 
@@ -99,11 +100,12 @@ def variables_of(
         file: The program file of the unit.
         formulas: The meaning of each named formula.
         ranges: The declared ranges of inputs.
+        columns: The columns of inputs in recorded tables.
 
     Raises:
         SpecificationError: If the specification has a name that is in `RESERVED`.
     """
-    variables = [*_own(file), *_of_text(file, formulas, ranges)]
+    variables = [*_own(file), *_of_text(file, formulas, ranges, columns)]
     for each in variables[len(RESERVED) - 1 :]:
         if each.name in RESERVED:
             msg = (
@@ -135,6 +137,7 @@ def _of_text(
     file: ProgramFile,
     formulas: Mapping[str, str],
     ranges: Mapping[str, tuple[float, float]],
+    columns: Mapping[str, str],
 ) -> Iterator[UnitVariable]:
     reference = count(FIRST)
     parts: tuple[tuple[Causality, str], ...] = (
@@ -147,8 +150,10 @@ def _of_text(
     ):
         for each in named:
             limits = ranges.get(each.name) if causality == "input" else None
+            column = columns.get(each.name) if causality == "input" else None
+            about = meaning if column is None else f"{meaning}; column {column}"
             yield UnitVariable(
-                each.name, next(reference), "real", causality, each.start, meaning, limits
+                each.name, next(reference), "real", causality, each.start, about, limits
             )
     for name in file.formulas:
         yield UnitVariable(name, next(reference), "real", "output", None, formulas[name])

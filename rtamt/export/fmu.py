@@ -159,7 +159,7 @@ def unit(programs: Programs, fmi: Fmi, *, stop: bool) -> bytes:
         text=str(spec.formula),
         token=_UNNAMED,
         step=programs.step,
-        variables=variables_of(file, meanings, spec.declared_ranges),
+        variables=variables_of(file, meanings, spec.declared_ranges, spec.columns),
     )
     # The token is a hash of the content, so that tools do not reuse the files of another unit.
     content = description_text(description, fmi) + program_text(file).encode()

@@ -52,6 +52,8 @@ class Specification:
         constants: Values of the constants. Constants passed to `parse` come first; they override
             the text and may add constants.
         topics: Variable to the path of its topic.
+        columns: Variable to the name of its column in recorded tables; commands that read traces
+            use it, and ``--signal`` overrides it.
         ids: Name of a formula to the id of its requirement; the id of a result without a name is
             under the name of the specification.
         imports: Imported type to its module.
@@ -74,6 +76,7 @@ class Specification:
     declarations: Mapping[str, Declaration] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
     topics: Mapping[str, str] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
     ids: Mapping[str, RequirementId] = field(default_factory=dict)
     imports: Mapping[str, str] = field(default_factory=dict)
     types: Mapping[str, type] = field(default_factory=dict)
@@ -143,6 +146,7 @@ class Specification:
             uses[""] = (named,)
         ids = {name: id_ for name, id_ in self.ids.items() if name in self.formulas}
         other = replace(self, formula=formula, positions={}, uses=uses, ids=ids, requirement=None)
+        other = replace(other, columns=_columns_of(other))
         return replace(other, text=str(other))
 
     def in_words(self, names: Mapping[str, str] | None = None, *, unit: str | None = None) -> str:
@@ -483,6 +487,7 @@ class Specification:
             words += [] if d.default is None else ["=", number_text(d.default)]
             lines.append(" ".join(words))
         lines += [f"@ topic({name}, {path})" for name, path in self.topics.items()]
+        lines += [f'@ column({name}, "{column}")' for name, column in self.columns.items()]
         for name, id_ in self.ids.items():
             link = f', "{id_.link}"' if id_.link else ""
             lines.append(f'@ id({name}, "{id_.id}"{link})')
@@ -511,9 +516,10 @@ class Specification:
 
     @cached_property
     def _content(self) -> tuple[object, ...]:
-        parts = (self.declarations, self.constants, self.topics, self.ids, self.imports)
+        texts = map(dict, (self.topics, self.columns, self.imports))
         formulas = tuple(self.formulas.items())
-        return (self.formula, self.name, formulas, self.unit, *map(dict, parts))
+        declared = dict(self.declarations), dict(self.constants), dict(self.ids)
+        return (self.formula, self.name, formulas, self.unit, *declared, *texts)
 
     @cached_property
     def _result_name(self) -> str | None:
@@ -553,7 +559,7 @@ class Specification:
         )
         known = {*part.declarations, *part.variables, *part.formulas}
         topics = {key: path for key, path in self.topics.items() if key in known}
-        return replace(part, topics=topics)
+        return replace(part, topics=topics, columns=_columns_of(part))
 
     def _declared(self, variable: str) -> str:
         names = [*lineage(variable)]
@@ -561,6 +567,15 @@ class Specification:
 
     def _declared_as(self, io: str) -> tuple[str, ...]:
         return tuple(v for v in self.variables if (d := self.declaration(v)) and d.io == io)
+
+
+def _columns_of(spec: Specification) -> Mapping[str, str]:
+    """Return the columns of variables that a formula reads."""
+    if not spec.columns:
+        return spec.columns
+    formulas = (*spec.formulas.values(), spec.formula)
+    read = {name for formula in formulas for name in formula.variables}
+    return {name: column for name, column in spec.columns.items() if name in read}
 
 
 _MAPPINGS = tuple(f.name for f in fields(Specification) if f.default_factory is dict)

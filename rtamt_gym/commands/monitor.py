@@ -346,12 +346,12 @@ def _columns(asked: TracesAsked, paths: Sequence[str]) -> Columns:
 
     With these a trace is read alike under formulas that have lost their declarations.
     """
-    from rtamt_gym.recorded.names import starts_of
+    from rtamt_gym.recorded.names import starts_of, with_columns
     from rtamt_gym.recorded.readers import is_bag
 
     columns = replace(asked.columns, starts=starts_of(asked.specs, asked.columns))
     if not all(map(is_bag, paths)):
-        return columns
+        return columns if any(map(is_bag, paths)) else with_columns(asked.specs, columns)
     from rtamt_gym.recorded.bag_topics import columns_of
 
     return columns_of(asked.specs, columns)

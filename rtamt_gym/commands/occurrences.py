@@ -102,6 +102,7 @@ def _write_clips(
     options: argparse.Namespace, asked: TracesAsked, matrix: Matrix, paths: Sequence[str]
 ) -> str:
     from rtamt_gym.recorded.clips import clips_of, write_table_clips
+    from rtamt_gym.recorded.names import with_columns
 
     clips, left_out = clips_of(matrix.rows, _around(options), options.clip_limit or 20)
     options.clip.mkdir(parents=True, exist_ok=True)
@@ -114,7 +115,8 @@ def _write_clips(
             write_bag_clips(path, trace.epoch, spans)
         elif own:
             names = variables_of(asked.specs)
-            write_table_clips(path, names, asked.columns, own, options.clip)
+            columns = with_columns(asked.specs, asked.columns)
+            write_table_clips(path, names, columns, own, options.clip)
     written = counted(sum(map(len, clips)), "clip")
     more = f"; --clip-limit leaves out {counted(left_out, 'violation')}" if left_out else ""
     return f"{written}: {options.clip}{more}\n"

@@ -312,7 +312,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     asked = TracesAsked(
         requirements, reading, columns, duration, constants, ignored, strict, groups
     )
-    return asked, paths
+    return asked.having(requirements) if options.only else asked, paths
 
 
 def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: bool) -> None:

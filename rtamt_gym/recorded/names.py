@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import rtamt
 from rtamt import InputError
@@ -207,6 +208,27 @@ def starts_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> dic
                 )
     read = {name for spec in specs.values() for name in spec.variables}
     return starts | {name: start for name, start in columns.starts.items() if name in read}
+
+
+def with_columns(specs: Mapping[str, rtamt.Specification], columns: Columns) -> Columns:
+    """Return how columns are read, with the ``@ column`` annotations of specifications.
+
+    ``--signal`` overrides an annotation.
+
+    Raises:
+        InputError: If two specifications give a variable different columns.
+    """
+    named: dict[str, str] = {}
+    for spec in specs.values():
+        for name, column in spec.columns.items():
+            if name in columns.signals or name not in spec.variables:
+                continue
+            if named.setdefault(name, column) != column:
+                raise InputError(
+                    f"two specifications name different columns of '{name}', '{named[name]}' and "
+                    f"'{column}'. Give --signal {name}=COLUMN, or rename one variable."
+                )
+    return replace(columns, signals={**named, **columns.signals}) if named else columns
 
 
 def take_default(source: str, name: str, columns: Columns, why: str, on_topic: str = "") -> str:

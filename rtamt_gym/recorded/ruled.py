@@ -16,7 +16,7 @@ from rtamt.errors import shown
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
-from rtamt_gym.recorded.names import are_long, check_recorded, starts_of
+from rtamt_gym.recorded.names import are_long, check_recorded, starts_of, with_columns
 from rtamt_gym.recorded.parts import part_of
 from rtamt_gym.recorded.readers import FORMATS, Format, format_of, open_recording
 from rtamt_gym.recorded.recording import Floats, Recording, Wanted
@@ -42,6 +42,7 @@ def read_ruled(
             path, specs, reading, columns
         )
         return read
+    columns = with_columns(specs, columns)
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
     if (starts := starts_of(specs, columns)) != columns.starts:
         columns = replace(columns, starts=starts)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -190,6 +190,9 @@ def _episode(
     reading = EvaluationOptions(period=period, **parts)
     spec = rtamt.parse(formula)
     columns = Columns(**kept.get("columns", {}))
+    read = {*spec.variables, *(part.variable for part in spec.subscriptions())}
+    signals = {key: place for key, place in columns.signals.items() if key in read}
+    columns = replace(columns, signals=signals)
     try:
         trace, period = read_ruled(str(path), {"": spec}, reading, columns)
     except (rtamt.RtamtError, OSError):

@@ -66,6 +66,7 @@ _HEADS = {
     StlParser.INPUT: "write input float NAME",
     StlParser.OUTPUT: "write output float NAME",
 }
+COLUMN_HINT = 'write @ column(VARIABLE, "Level [mm]")'
 ID_HINT = 'write @ id(NAME, "SYS-REQ-7")'
 LINK_HINT = 'write @ id(NAME, "SYS-REQ-7", "https://reqs.example/{id}")'
 RANGE_HINT = "write in [0, 120]"

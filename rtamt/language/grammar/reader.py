@@ -25,6 +25,7 @@ from rtamt.language.declarations import (
 )
 from rtamt.language.formula import Formula, Term, number, variable
 from rtamt.language.grammar.diagnosis import (
+    COLUMN_HINT,
     ID_HINT,
     LINK_HINT,
     RANGE_HINT,
@@ -95,6 +96,7 @@ class TextReader:
         self._declared: set[str] = set()  # names that declare a variable
         self._all_declared = False  # whether a variable must be declared
         self._topics: dict[str, str] = {}
+        self._columns: dict[str, str] = {}
         self._ids: dict[str, RequirementId] = {}
         self._formulas: dict[str, Formula] = {}
         self._used: set[str] = set()  # variables
@@ -135,11 +137,9 @@ class TextReader:
             reason = f"the result '{token.text}' is the number {formula}, whatever the samples"
             hint = f"equality is written '==': {token.text} == {formula}"
             raise self._fail(token, reason, hint)
+        kinds = {"id": self._identify, "column": self._name_column}
         for statement in statements.annotations:
-            if statement.kind.text == "id":
-                self._identify(statement)
-            else:
-                self._annotate(statement)
+            kinds.get(statement.kind.text, self._annotate)(statement)
         return Specification(
             text=self._text,
             formula=formula,
@@ -148,6 +148,7 @@ class TextReader:
             declarations=self._declarations,
             constants={name: float(value) for name, value in self.constants.items()},
             topics=self._topics,
+            columns=self._columns,
             ids=self._ids,
             imports=self._imports,
             types=self._types,
@@ -270,7 +271,10 @@ class TextReader:
     def _annotate(self, statement: Statement) -> None:
         if statement.kind.text != "topic":
             reason = f"unknown annotation '{statement.kind.text}'"
-            hint = f"write @ topic(VARIABLE, path) or {ID_HINT.removeprefix('write ')}"
+            hint = (
+                f"write @ topic(VARIABLE, path), {COLUMN_HINT.removeprefix('write ')} or "
+                f"{ID_HINT.removeprefix('write ')}"
+            )
             raise self._fail(statement.kind, reason, hint)
         if statement.location is None:
             token = cast("Token", statement.label)
@@ -288,6 +292,26 @@ class TextReader:
                 reason = f"expected a name in the path, got '{step.text}'"
                 raise self._fail(step, reason, "a path is names with '/' between them")
         self._topics[name] = "".join(step.text for step in steps)
+
+    def _name_column(self, statement: Statement) -> None:
+        token, label, link = statement.variable, statement.label, statement.link
+        if label is None:
+            start = cast("Span", statement.location).start
+            reason = f"expected the name of a column in quotes, got '{start.text}'"
+            raise self._fail(start, reason, COLUMN_HINT)
+        if link is not None:
+            raise self._fail(link, f"expected one column, got another, {link.text}", COLUMN_HINT)
+        name, column = token.text, label.text[1:-1]
+        if name not in self._used:
+            reason = f"no formula reads '{name}'"
+            otherwise = "a column belongs to a variable of a formula"
+            raise self._fail(token, reason, similar(name, self._used, otherwise))
+        if not column.strip():
+            raise self._fail(label, "expected the name of a column, got none", COLUMN_HINT)
+        if name in self._columns:
+            reason = f"'{name}' already has the column '{self._columns[name]}'"
+            raise self._fail(token, reason, "a variable has one column")
+        self._columns[name] = column
 
     def _identify(self, statement: Statement) -> None:
         token, label, link = statement.variable, statement.label, statement.link
