@@ -132,6 +132,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "highway",
         "plot",
         "files",
+        "hdf",
         "mdf",
         "ulog",
         "watch",
