@@ -11,7 +11,7 @@ from importlib import import_module
 import numpy as np
 
 import rtamt
-from rtamt import InputError
+from rtamt import InputError, ParseError, RtamtError
 from rtamt.errors import shown
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import NEAR, Columns
@@ -66,13 +66,27 @@ def read_ruled(
             timed=any(map(has_time_bounds, specs.values())),
             table=table,
         )
+    return _with_period(trace, specs, reading, columns)
+
+
+def _with_period(
+    trace: Trace,
+    specs: Mapping[str, rtamt.Specification],
+    reading: EvaluationOptions,
+    columns: Columns,
+) -> tuple[Trace, Fraction | None]:
+    """Return a trace with its period: the stated one, the one of its times, or None."""
     if reading.seconds is not None:
+        _check_bounds(specs, reading, _meant_period(trace, reading.seconds))
         return _under(trace, reading.seconds), reading.seconds
-    period = trace.period()
+    timed = any(spec.timed for spec in specs.values())
+    period = trace.period(timed=timed)
     if period is None and trace.times is not None:
         period = trace.times.step  # of one sample, if the format states it
+    if period is not None and trace.times is not None and not trace.times.decided:
+        doubt = trace.times.unit_note and f"{trace.times.unit_note}; if seconds, --time-unit s"
+        _check_bounds(specs, reading.having(period=period), doubt)
     trace = _noted(trace, columns)
-    timed = any(spec.timed for spec in specs.values())
     if period is None and trace.times is not None and timed:
         raise InputError(
             f"{trace.source}: expected at least two samples to read the period from, got one; "
@@ -156,6 +170,39 @@ def _noted(trace: Trace, columns: Columns) -> Trace:
     return replace(trace, notes=[*trace.notes, *filter(None, notes)])
 
 
+def _check_bounds(
+    specs: Mapping[str, rtamt.Specification], reading: EvaluationOptions, doubt: str
+) -> None:
+    """Raise the error about a bound that does not fit the period, with a doubt about its unit.
+
+    Args:
+        specs: The specifications.
+        reading: The evaluation options, with the period.
+        doubt: Why the unit of the period may be wrong; without it there is nothing to check.
+    """
+    for spec in specs.values() if doubt else ():
+        try:
+            rtamt.EpisodeMonitor(spec, reading.period, align=reading.align)
+        except ParseError as error:
+            if "multiple of the period" not in error.reason:
+                return  # the monitors report it
+            place = error.text, error.line, error.column
+            raise ParseError(error.reason, *place, doubt) from None
+        except RtamtError:
+            return
+
+
+def _meant_period(trace: Trace, period: Fraction) -> str:
+    """Return a question if a stated period is as many seconds as the times show milliseconds."""
+    grid = trace.grid
+    if grid is None or not grid.rises:
+        return ""
+    for unit, factor in (("ms", 10**3), ("us", 10**6)):
+        if abs(grid.usual * factor - float(period)) <= NEAR * float(period):
+            return f"--period without a unit is in seconds; did you mean --period {period}{unit}?"
+    return ""
+
+
 def _under(trace: Trace, period: Fraction) -> Trace:
     """Return the trace under a stated period, with a note if its times show another one."""
     grid, times = trace.grid, trace.times
@@ -174,4 +221,6 @@ def _under(trace: Trace, period: Fraction) -> Trace:
         f"{number(float(times.since[-1]))} s in all, not "
         f"{number(float((trace.samples - 1) * period))} s"
     )
+    if meant := _meant_period(trace, period):
+        note = f"{note}; {meant}"
     return replace(trace, notes=[*trace.notes, note], gap=None)

@@ -229,7 +229,11 @@ def _filled(trace: Trace, columns: Columns) -> Trace:
         raise InputError(f"{trace.source}: expected a row without an empty cell, got none")
     left_out = trace.samples - len(rows)
     note = f"{left_out} row{'s' * (left_out > 1)} with an empty cell left out"
-    return replace(trace.selected(rows), notes=[*trace.notes, note])
+    selected = trace.selected(rows)
+    times = selected.times
+    # For the note where a stated period contradicts the times of the rows that stay.
+    grid = Grid(times, trace.jitter) if times is not None and selected.samples > 1 else None
+    return replace(selected, notes=[*trace.notes, note], grid=grid)
 
 
 def _next(there: NDArray[np.bool_]) -> NDArray[np.intp]:

@@ -121,24 +121,29 @@ class Trace:
         """Time of the first sample; 0 without a column of times, or with one of dates."""
         return 0.0 if self.times is None else self.times.start
 
-    def period(self) -> Fraction | None:
-        """Seconds between samples; None without a column of times, or with one sample only."""
+    def period(self, *, timed: bool = False) -> Fraction | None:
+        """Return the seconds between samples; None without times, or with one sample only.
+
+        Args:
+            timed: Whether a formula has time bounds. Errors then do not offer to ignore the times,
+                which would move samples into and out of windows.
+        """
         if self.times is None or self.samples < 2:
             return None
         times, grid = self.times, self.grid or Grid(self.times, self.jitter)
         times.check_order(self.where)
-        aside = f"--period to leave the column '{times.column}' aside"
+        aside = [] if timed else [f"--period to leave the column '{times.column}' aside"]
         if grid.usual > 0 and not PERIODS[0] <= grid.usual <= PERIODS[1]:
             least, most = PERIODS
             raise InputError(
                 f"{self.where(1)}: expected samples from {least:g} to {most:g} s apart, got "
-                f"{grid.usual:.6g} s; give {aside}"
+                f"{grid.usual:.6g} s; give {_either(aside or ['the unit with --time-unit'])}"
             )
         times.check_unit(self.source)
         if grid.even:
             return grid.period
         at = grid.odd
-        ways = [f"--jitter {100 * NEAR:g}% to resample by holding values", aside]
+        ways = [f"--jitter {100 * NEAR:g}% to resample by holding values", *aside]
         if grid.even_between_holes:
             ways.insert(0, f"--max-gap {_decimal(grid.usual)}s to take holes for unknown")
         ways[:0] = filter(None, [self.if_events.removeprefix("give ")])

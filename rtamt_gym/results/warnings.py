@@ -164,7 +164,38 @@ def evidence_warnings(
             kind = "never answered"
             unanswered.append(VerdictWarning(text, kind, name, {cells: text}, fails=True))
     without = _without_implications(results, required)
-    return [*without, *never, *seldom, *partly, *unanswered]
+    return [*_bare_variables(results), *without, *never, *seldom, *partly, *unanswered]
+
+
+def _bare_variables(results: Results) -> Iterator[VerdictWarning]:
+    """Yield warnings on variables that stand alone as formulas, which 0 satisfies."""
+    for name, text in results.requirements.items():
+        if bare := bare_variables(text):
+            first = bare[0]
+            yield VerdictWarning(
+                f"{first} alone in {name} means {first} >= 0, which 0 satisfies; write "
+                f"'{first} > 0' for a flag, or '{first} >= 0'",
+                requirement=name,
+            )
+
+
+def bare_variables(text: str) -> list[str]:
+    """Return the variables that stand alone as formulas in the text of a requirement.
+
+    Example:
+        >>> bare_variables("always(brake or speed < 30)")
+        ['brake']
+    """
+    import rtamt
+
+    try:
+        nodes = rtamt.parse(text).formula.nodes()
+    except rtamt.RtamtError:  # the text names a file or a result of another version
+        return []
+    leaves = [
+        node.args[0].leaf for node in nodes if node.op is not None and node.op.name == "value"
+    ]
+    return [leaf for leaf in leaves if isinstance(leaf, str)]
 
 
 def _without_implications(results: Results, required: Required) -> Iterator[VerdictWarning]:

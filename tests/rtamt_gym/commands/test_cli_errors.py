@@ -74,8 +74,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "time,x\n0,1\n0.5,1\n1,1\n1.7,1\n2.2,1\n",
             (
                 "stdin, line 5: expected samples at even distances, got time 1.7 after 1, "
-                "elsewhere 0.5 s; give --dense to take rows as events at any time, --jitter 5% to "
-                "resample by holding values, or --period to leave the column 'time' aside"
+                "elsewhere 0.5 s; give --dense to take rows as events at any time or --jitter 5% "
+                "to resample by holding values"
             ),
         ),
         (

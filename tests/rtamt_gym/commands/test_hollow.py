@@ -111,6 +111,7 @@ SHOWN: dict[str, Shown] = {
     "unknown values may hide a trigger": Shown(
         f"monitor '{RESPONSE}' asks.csv --missing unknown", ASKED
     ),
+    "a variable stands alone as a formula": Shown("monitor 'p = always(gnt or req < 3)' idle.csv"),
     "no requirement has an implication": Shown(
         f"monitor 'grants = always(not (req >= 9) or gnt >= 3)' idle.csv {ASKED}"
     ),
