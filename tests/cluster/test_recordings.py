@@ -68,7 +68,7 @@ def test_rows_of_dask_equal_those_of_this_machine(dask: LocalCluster) -> None:
 def test_killed_workers_of_dask_change_no_row(dask: LocalCluster) -> None:
     judge("here")
     rng, over = random.Random(1), threading.Event()
-    killed = []
+    killed: list[int] = []
 
     def kill() -> None:
         while not over.wait(rng.uniform(0.5, 2.0)) and len(killed) < 10:

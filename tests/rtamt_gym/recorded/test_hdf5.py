@@ -93,8 +93,8 @@ def test_no_rate_counts_samples(tmp_path: Path) -> None:
 
 
 def test_two_time_axes_error(tmp_path: Path) -> None:
-    name = f"{write_demos(tmp_path / 'd.h5', {'demo_0': demo(0) | {'time': np.arange(40) / 10}})}"
-    name += "[demo=demo_0]"
+    timed = {**demo(0), "time": np.arange(40) / 10}
+    name = f"{write_demos(tmp_path / 'd.h5', {'demo_0': timed})}[demo=demo_0]"
     with pytest.raises(
         rtamt.InputError, match=r"'time' with rows 0\.1 apart and control_freq .*0\.05"
     ):
