@@ -111,7 +111,6 @@ SHOWN: dict[str, Shown] = {
     "unknown values may hide a trigger": Shown(
         f"monitor '{RESPONSE}' asks.csv --missing unknown", ASKED
     ),
-    "a variable stands alone as a formula": Shown("monitor 'p = always(gnt or req < 3)' idle.csv"),
     "no requirement has an implication": Shown(
         f"monitor 'grants = always(not (req >= 9) or gnt >= 3)' idle.csv {ASKED}"
     ),
@@ -128,6 +127,7 @@ SHOWN: dict[str, Shown] = {
     ),
     "the traces of a mined constant trigger nothing": Shown(f"mine {MINED} -- busy.csv idle.csv"),
     "the verdict needed no answer": Shown(f"monitor '{EITHER}' busy.csv", "--require-answered"),
+    "a variable stands alone as a formula": Shown("monitor 'p = always(gnt or req < 3)' idle.csv"),
     "the recording ends too early for a requirement": Shown(
         "monitor 'always(gnt > 0) and eventually[4:6](gnt < 3)' idle.csv"
     ),
