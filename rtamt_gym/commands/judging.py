@@ -23,6 +23,7 @@ from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import TraceJudgement
+from rtamt_gym.recorded.parts import split_name
 from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace, outside_ranges
 from rtamt_gym.results.matrix import Matrix
@@ -339,9 +340,17 @@ def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
 
 
 def failure_lines(matrix: Matrix) -> list[str]:
-    """Return the lines on failures for standard error, each message once."""
-    lines = []
+    """Return the lines on failures for standard error.
+
+    Each message stands once, also if it differs only in the name of a trace within one file.
+    """
+    alike: dict[str, tuple[str, Failure, list[str]]] = {}
     for message, (failure, traces) in matrix.failures().items():
+        file, _ = split_name(traces[0])
+        entry = alike.setdefault(message.replace(traces[0], file), (message, failure, []))
+        entry[2].extend(traces)
+    lines = []
+    for message, failure, traces in alike.values():
         where = "" if len(matrix.rows) == 1 or traces[0] in message else f"{traces[0]}: "
         more = f" (and {len(traces) - 1} more)" if len(traces) > 1 else ""
         lines.append(f"{failure.traceback}rtamt: error: {where}{message}{more}\n")

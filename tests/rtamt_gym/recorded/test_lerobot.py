@@ -202,6 +202,16 @@ def test_damaged_description_is_one_error(
     assert f"{path}: expected" in capsys.readouterr().err
 
 
+def test_error_of_all_episodes_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_data_set(tmp_path / "set", states(3, (9, 9, 9)))
+    assert main(["monitor", "always(x < 9)", "--", str(folder)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"rtamt: error: {folder}[episode_index=0]: no column 'x'")
+    assert line.endswith(" (and 2 more)")
+
+
 def test_as_files_reads_a_plain_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = write_data_set(tmp_path / "set", states(3, (9, 9)))
     (folder / "trace.csv").write_text("time,x\n0,1\n1,2\n")
