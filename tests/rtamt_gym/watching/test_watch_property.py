@@ -19,7 +19,7 @@ import rtamt
 from rtamt.typing import End
 from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
-from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.columns import Columns, Missing
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.settings import WatchOptions
 from rtamt_gym.watching.watch import StreamWatch
@@ -185,3 +185,60 @@ def test_dense_lines_equal_the_episode_monitor(
     assert outcome["verdict"] == final.verdict.name
     values = [number(outcome[name]) for name in ("robustness", "lower", "upper")]
     assert values == [final.robustness, final.lower, final.upper]
+
+
+CELLS = ("0.5", "1", "2.25", "-1", "", "x", "nan", "1e1", '"1"', '"1', "1,0", "True", "12.500")
+lines_of_text = st.lists(
+    st.one_of(
+        st.tuples(st.integers(0, 9), st.sampled_from(CELLS), st.sampled_from(CELLS)).map(
+            lambda row: f"{row[0]}.0,{row[1]},{row[2]}"
+        ),
+        st.sampled_from(("", "1.0", "a,b,c,d", "1.0,1,1,", "\ufeff", "# comment")),
+    ),
+    max_size=8,
+)
+
+
+@settings(max_examples=examples(200))
+@given(
+    lines_of_text,
+    st.booleans(),
+    st.sampled_from(("\n", "\r\n")),
+    st.sampled_from(("raise", "hold", "drop", "unknown")),
+    st.sampled_from((None, "1")),
+    st.booleans(),
+    st.booleans(),
+    cuts,
+)
+def test_no_cut_changes_what_becomes_of_a_damaged_stream(
+    tail: list[str],
+    regular: bool,  # noqa: FBT001 - drawn
+    end: str,
+    missing: Missing,
+    period: str | None,
+    skip_bad: bool,  # noqa: FBT001 - drawn
+    dense: bool,  # noqa: FBT001 - drawn
+    places: list[int],
+) -> None:
+    begin = ["time,x,y", *(["0.0,1.5,1.5", "1.0,1,1"] if regular else [])]
+    text = end.join([*begin, *tail]).encode()
+    specs = {"it": rtamt.parse("always(x < 2 implies eventually[0:2](y < 2))")}
+    reading = EvaluationOptions(dense=dense, period=None if dense else period)
+    options = WatchOptions(specs, reading, Columns(missing=missing), every=True, skip_bad=skip_bad)
+
+    def outcome(pieces: Sequence[bytes]) -> tuple[list[str], str, int]:
+        lines: list[Line] = []
+        watch = StreamWatch(options, "stdin", lines.append)
+        error = ""
+        try:
+            for piece in pieces:
+                watch.add(piece)
+            watch.end_of_input()
+        except rtamt.RtamtError as refused:
+            error = str(refused)
+        watch.finish(early=bool(error))
+        return [line.to_json() for line in lines], error, watch.exit_code()
+
+    bounds = sorted(place % (len(text) + 1) for place in places)
+    pieces = [text[i:j] for i, j in zip([0, *bounds], [*bounds, len(text)], strict=True)]
+    assert outcome(pieces) == outcome([text])
