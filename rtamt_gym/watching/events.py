@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-import rtamt
 from rtamt import InputError, Verdict
 from rtamt.typing import End
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.dates import RawTimes
-from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import same_as_before
 from rtamt_gym.results.extent import Extent
 from rtamt_gym.tables import number
 from rtamt_gym.watching.clock import ClockRules, StreamClock, plain_times
+from rtamt_gym.watching.event_state import EventState
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.rows import RowFault
 from rtamt_gym.watching.states import RowValues, StreamRules
@@ -26,47 +24,6 @@ from rtamt_gym.watching.values import without_place
 
 _TICK = 1e-9
 """The resolution of dense time in seconds."""
-
-
-class EventState:
-    """A requirement on the events of one trace."""
-
-    def __init__(self, rules: StreamRules, name: str, absent: Sequence[str]) -> None:
-        spec, options = rules.specs[name], rules.reading
-        self.name = name
-        keywords: dict[str, Any] = {"semantics": options.semantics, "nan": options.nan}
-        if keywords["nan"] == "hold":
-            keywords["nan"] = "raise"
-        self.monitor = rtamt.dense.EpisodeMonitor(viewed(spec, options.view), **keywords)
-        declared = {*absent} & spec.defaults.keys()
-        names = [v for v in self.monitor.variables if v not in declared] or self.monitor.variables
-        self.variables = {v: rules.variables.index(v) for v in names}
-        self.verdict, self.reason = Verdict.UNDECIDED, ""
-        self._instants: rtamt.dense.Monitor | None = None
-        self.last_instant: Verdict | None = None
-        self.changes = 0
-        if rules.by_step and spec.horizon < math.inf:
-            self._instants = rtamt.dense.Monitor(spec, semantics=options.semantics)
-
-    def update(self, time: float, row: RowValues) -> None:
-        """Take in the values from a time on."""
-        events = {name: [(time, row[at])] for name, at in self.variables.items()}
-        self.monitor.update(events)
-
-    def instants(self, time: float, row: RowValues) -> list[tuple[float, float]]:
-        """Return the breakpoints of the robustness that the values settle."""
-        if self._instants is None:
-            return []
-        return self._instants.update(
-            {name: [(time, row[at])] for name, at in self.variables.items()}
-        )
-
-    @property
-    def violates(self) -> bool:
-        """Whether a violation is known that ``--stop violation`` waits for."""
-        if self._instants is not None:
-            return self.last_instant is Verdict.VIOLATED
-        return self.verdict is Verdict.VIOLATED
 
 
 class EventGroup:
@@ -164,7 +121,7 @@ class EventGroup:
         after = max(self._judged + _TICK, math.nextafter(self._judged, math.inf))
         if after < time:
             for state in self._states:
-                state.update(after, [math.nan] * width)
+                state.update(after, [math.nan] * width, self._known)
 
     def _check_unit(self, raw: RawTimes, line: int) -> None:
         assert self._raw is not None, "a row came before"  # noqa: S101 - for mypy
@@ -198,17 +155,9 @@ class EventGroup:
         for place, value in enumerate(self._pending):
             if not self._is_no_event(value):
                 self._held[place], self._known[place] = value, True
-        if not all(self._known):
-            name = self._rules.variables[self._known.index(False)]
-            raise RowFault(
-                0,
-                f"expected a value of '{name}' in the first row, got none. Declare its value "
-                f"before the first event, as in: input float {name} = 0",
-                skippable=False,
-            )
         row = [*self._held]
         for state in self._states:
-            state.update(self._time, row)
+            state.update(self._time, row, self._known)
         self._judged, self._fed = self._time, True
         self.samples += 1
         self._look(row)
@@ -216,10 +165,8 @@ class EventGroup:
     def _look(self, row: RowValues) -> None:
         rules = self._rules
         for state in self._states:
-            verdict = state.monitor.verdict
-            decided = verdict is not state.verdict
+            decided = state.decide(self._time)
             if decided:
-                state.verdict = verdict
                 rules.undecided -= 1
                 state.reason = rules.values_text(state.monitor.variables, row)
             if not rules.by_step:
@@ -228,7 +175,7 @@ class EventGroup:
                 continue
             if self.samples == 1:
                 rules.emit(self._line(state))
-            self._emit_instants(state, state.instants(self._time, row))
+            self._emit_instants(state, state.instants(self._time, row, self._known))
         if rules.stop == "violation":
             self.stopped = any(state.violates for state in self._states)
         elif rules.stop == "decided":
@@ -251,11 +198,10 @@ class EventGroup:
                 return
 
     def _line(self, state: EventState) -> Line:
-        monitor = state.monitor
         return Line(
             *(state.name, self.group, self._judged, None, state.verdict),
-            *(monitor.robustness, monitor.lower, monitor.upper),
-            decided_at=monitor.decided_at if state.verdict else None,
+            *state.bounds(),
+            decided_at=state.decided_at,
             reason=state.reason,
         )
 
@@ -270,9 +216,7 @@ class EventGroup:
             end = "open"
         lines = []
         for state in self._states:
-            state.monitor.finish(end)
-            if state.monitor.verdict is not state.verdict:
-                state.verdict, state.reason = state.monitor.verdict, f"the end of the trace ({end})"
+            state.finish(end)
             counts: Mapping[str, int] | None = None
             if self._rules.by_step:
                 counts = {"changes": state.changes}
@@ -290,5 +234,5 @@ class EventGroup:
 
     def extent(self) -> Extent:
         """Return how much of the trace has come."""
-        start = 0.0 if self._clock is None else self._clock.start
+        start = max(state.begin for state in self._states)
         return Extent(None, self.samples, None, start, self._judged, 1.0)

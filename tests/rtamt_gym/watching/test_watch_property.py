@@ -20,6 +20,7 @@ from rtamt.typing import End
 from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns, Missing
+from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.settings import WatchOptions
 from rtamt_gym.watching.watch import StreamWatch
@@ -70,10 +71,14 @@ def monitored(arguments: Sequence[str], text: bytes, kind: Kind) -> tuple[int, d
 
 
 def spec_of(formula: rtamt.Formula) -> rtamt.Specification:
-    """A requirement that looks ahead and reads a variable."""
+    """A requirement that looks ahead in every part, and reads a variable."""
     spec = rtamt.parse(str(formula))
-    spec = spec if spec.variables else rtamt.parse(f"({formula}) or a > 9")
-    return spec if spec.looks_ahead else rtamt.parse(f"always({spec.formula})")
+    text = str(formula) if spec.variables else f"({formula}) or a > 9"
+    spec = rtamt.parse(text)
+    try:
+        return viewed(spec, "episode")
+    except rtamt.SpecificationError:
+        return rtamt.parse(f"always({text})")
 
 
 def number(value: float | str | None) -> float:
@@ -242,3 +247,78 @@ def test_no_cut_changes_what_becomes_of_a_damaged_stream(
     bounds = sorted(place % (len(text) + 1) for place in places)
     pieces = [text[i:j] for i, j in zip([0, *bounds], [*bounds, len(text)], strict=True)]
     assert outcome(pieces) == outcome([text])
+
+
+@settings(max_examples=examples(60))
+@given(
+    st.sampled_from(
+        (
+            "always(a < 2 implies eventually[0:1](b > 1))",
+            "eventually(b > 3) and always(a > -6)",
+            "always[0:2](a + b > -8)",
+            "historically(a > -9) or eventually(b > 2)",
+            "always(a > 1) until b > 2",
+        )
+    ),
+    st.lists(
+        st.tuples(
+            st.integers(0, 3),
+            st.sampled_from((None, 0.5, 2.5, -5.0)),
+            st.sampled_from((None, 1.5, 4.0, -3.0)),
+        ),
+        min_size=1,
+        max_size=8,
+    ),
+    ends,
+    st.sampled_from(("raise", "drop", "unknown")),
+    cuts,
+)
+def test_events_at_their_own_pace_end_as_in_a_file(
+    text: str,
+    drawn: list[tuple[int, float | None, float | None]],
+    end: End,
+    missing: Missing,
+    places: list[int],
+) -> None:
+    """Empty cells are no events, variables start late, and some rows share an instant."""
+    time, rows = 0.0, ["time,a,b"]
+    for step, a, b in drawn:
+        time += step / 4
+        rows.append(f"{time},{'' if a is None else a},{'' if b is None else b}")
+    stream = "\n".join(rows).encode()
+    spec = rtamt.parse(text)
+    options = WatchOptions(
+        {"it": spec if spec.looks_ahead else spec.always()},
+        EvaluationOptions(end=end, dense=True),
+        Columns(missing=missing),
+    )
+    lines: list[Line] = []
+    watch = StreamWatch(options, "stdin", lines.append)
+    bounds = sorted(place % (len(stream) + 1) for place in places)
+    refused = False
+    try:
+        for begin, stop in zip([0, *bounds], [*bounds, len(stream)], strict=True):
+            watch.add(stream[begin:stop])
+        watch.end_of_input()
+    except rtamt.InputError:
+        refused = True
+    watch.finish(early=False)
+    requirement = f"it = {options.specs['it'].formula}"
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "trace.csv"
+        path.write_bytes(stream)
+        output = StringIO()
+        arguments = [requirement, "--end", end, "--dense", "--missing", missing, str(path)]
+        with redirect_stdout(output), redirect_stderr(StringIO()):
+            code = main(["monitor", *arguments, "--json"])
+    if code == 2:
+        assert refused or watch.failures
+        return
+    assert not refused
+    assert watch.exit_code() == code
+    final = lines[-1]
+    (trial,) = json.loads(output.getvalue())["trials"]
+    (outcome,) = trial["outcomes"].values()
+    values = [number(outcome[name]) for name in ("robustness", "lower", "upper")]
+    assert outcome["verdict"] == final.verdict.name
+    assert [*map(repr, values)] == [*map(repr, [final.robustness, final.lower, final.upper])]
