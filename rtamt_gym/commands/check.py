@@ -24,7 +24,7 @@ from rtamt_gym.commands.example_traces import (
     read_rates,
     write,
 )
-from rtamt_gym.commands.specs import files_of, read_constants, read_requirements
+from rtamt_gym.commands.specs import chosen, files_of, read_constants, read_requirements
 from rtamt_gym.options.command_line import Option, add_options
 from rtamt_gym.results.codec import document
 from rtamt_gym.results.provenance import Provenance, plain_provenance
@@ -54,8 +54,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check each requirement and all together; return 1 if something is wrong."""
     check_outputs(picture=options.plot, inputs=files_of(options.specs))
-    specs = read_requirements(options.specs, read_constants(options.constant))
-    others = read_requirements(options.same_as)
+    every = read_requirements(options.specs, read_constants(options.constant))
+    specs, others = chosen(every, options.only), read_requirements(options.same_as)
+    if options.only and not others.keys().isdisjoint(specs):  # they are paired by name
+        others = {name: other for name, other in others.items() if name in specs}
     period = read_period(options, specs, others)
     check = rtamt.check(
         specs,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from rtamt import InputError
 from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
 from rtamt_gym.commands.end_notes import noted_ends
-from rtamt_gym.commands.specs import files_of, requirements_of
+from rtamt_gym.commands.specs import files_of, requirements_of, selected
 from rtamt_gym.commands.success import (
     SUCCESS,
     check_success,
@@ -78,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "--name NAME", "what the policy is called in tables, files and reports", usual="POLICY"
         ),
         "--spec",
+        "--only",
         *SUCCESS,
         Option("--signal NAME=SELECTOR", "what a variable reads, as for rtamt run", repeat=True),
         Option(
@@ -172,9 +173,10 @@ def run(options: argparse.Namespace) -> int:
     signals, lost = read_signals(options.signal), 0
     kwargs = read_options(options.env_kwarg)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
-        specs = {}
+        every = {}
         if options.spec or not options.success:
-            specs = requirements_of(options.spec, own_requirements(env), options.env_id, "--spec")
+            every = requirements_of(options.spec, own_requirements(env), options.env_id, "--spec")
+        specs, signals = selected(every, options.only, signals)
         reading = read_evaluation_options(options)
         specs = success_requirements(options, specs, reading.period or read_period(env))
         signals = flag_signal(options, env, signals)

@@ -14,7 +14,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rtamt import InputError, Specification
 from rtamt.checking import Answer, Equivalence, ExampleTrace
-from rtamt_gym.options.command_line import Option, add_options, positive, read_evaluation_options
+from rtamt_gym.options.command_line import (
+    Option,
+    add_options,
+    positive,
+    read_evaluation_options,
+    shared,
+)
 from rtamt_gym.results.warnings import exit_code
 from rtamt_gym.tables import counted, number, table
 
@@ -39,6 +45,7 @@ def add_search(parser: argparse.ArgumentParser, horizon: int, why: str = "") -> 
     add_options(
         parser,
         Option("SPEC", "a formula or a .stl file", nargs="+", dest="specs"),
+        shared("--only", about="take only this requirement"),
         "--constant",
         Option("--assume FORMULA", "an assumption that every trace satisfies"),
         Option(

@@ -19,7 +19,7 @@ from rtamt_gym.commands.example_traces import (
     trace_data,
     write,
 )
-from rtamt_gym.commands.specs import read_constants, read_requirements
+from rtamt_gym.commands.specs import chosen, read_constants, read_requirements
 from rtamt_gym.options.command_line import Option, add_options, positive
 from rtamt_gym.results.codec import document
 from rtamt_gym.tables import number
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the examples; return 1 if no trace satisfies, or none violates, a requirement."""
-    specs = read_requirements(options.specs, read_constants(options.constant))
+    specs = chosen(read_requirements(options.specs, read_constants(options.constant)), options.only)
     period = read_period(options, specs)
     examples = rtamt.examples(
         specs,

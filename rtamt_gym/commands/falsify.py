@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from rtamt_gym.commands.arguments import check_outputs, read_signals
 from rtamt_gym.commands.end_notes import noted_ends
-from rtamt_gym.commands.specs import files_of, requirements_of, told_apart
+from rtamt_gym.commands.specs import files_of, requirements_of, selected, told_apart
 from rtamt_gym.commands.systems import opened_system, read_varied
 from rtamt_gym.options.command_line import (
     EPISODES,
@@ -65,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             nargs="*",
             dest="requirements",
         ),
+        shared("--only", about="search for a violation of this requirement only"),
         "--signal",
         "--distance",
         "--vary",
@@ -126,7 +127,8 @@ def run(options: argparse.Namespace) -> int:
     signals = read_signals(options.signal)
     with opened_system(options) as opened, noted_ends() as notes:
         entries, numbers = read_varied(options.vary, options.set, opened.scenario)
-        named = requirements_of(options.requirements, opened.requirements, options.env_id)
+        every = requirements_of(options.requirements, opened.requirements, options.env_id)
+        named, signals = selected(every, options.only, signals)
         with warnings.catch_warnings():
             for category in (FailedSimulationWarning, IrreproducibleWarning):  # the text has it
                 warnings.simplefilter("ignore", category)

@@ -13,7 +13,7 @@ from rtamt import SpecificationError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
 from rtamt_gym.commands.end_notes import noted_ends
-from rtamt_gym.commands.specs import requirements_of
+from rtamt_gym.commands.specs import requirements_of, selected
 from rtamt_gym.options.command_line import Option, add_options, positive, read_evaluation_options
 from rtamt_gym.play.summaries import run_table, runs_json
 from rtamt_gym.results.warnings import (
@@ -43,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "ENV_ID",
         "--env-kwarg",
         "--spec",
+        "--only",
         Option(
             "--signal NAME=SELECTOR",
             "what a variable reads (rtamt envs ENV_ID lists the selectors): obs[2], action[0], "
@@ -100,7 +101,8 @@ def run(options: argparse.Namespace) -> int:
     kwargs = read_options(options.env_kwarg)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
         own = own_requirements(env)
-        specs = requirements_of(options.spec, own, options.env_id, "--spec")
+        every = requirements_of(options.spec, own, options.env_id, "--spec")
+        specs, signals = selected(every, options.only, signals)
         make_policy = policy_of(options.policy, env)
 
         def play(seed: int) -> Run:

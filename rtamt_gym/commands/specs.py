@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import rtamt
 from rtamt import InputError, Specification
@@ -18,6 +18,8 @@ from rtamt_gym.options.command_line import Option
 
 if TYPE_CHECKING:
     from rtamt_gym.options.evaluation import EvaluationOptions
+
+_S = TypeVar("_S")
 
 
 def _read_spec(argument: str, constants: Mapping[str, str]) -> rtamt.Specification:
@@ -162,6 +164,21 @@ def chosen(
             hint = nearest(name, specs) or f"; they are {listing(specs)}"
             raise InputError(f"--only: no requirement is called {name!r}{hint}")
     return {name: spec for name, spec in specs.items() if not names or name in names}
+
+
+def selected(
+    specs: Mapping[str, rtamt.Specification], names: Sequence[str], signals: Mapping[str, _S]
+) -> tuple[dict[str, rtamt.Specification], dict[str, _S]]:
+    """Return the requirements that ``--only`` names, and the signals without those of others.
+
+    Args:
+        specs: All requirements.
+        names: The names; empty for all.
+        signals: The signal of each variable.
+    """
+    chosen_specs = chosen(specs, names)
+    others = {*variables_of(specs)} - {*variables_of(chosen_specs)}
+    return chosen_specs, {name: each for name, each in signals.items() if name not in others}
 
 
 def _read_argument(

@@ -14,7 +14,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_signals
 from rtamt_gym.commands.end_notes import noted_ends
 from rtamt_gym.commands.errors import options_of, refusal
-from rtamt_gym.commands.specs import files_of, requirements_of, told_apart
+from rtamt_gym.commands.specs import files_of, requirements_of, selected, told_apart
 from rtamt_gym.commands.systems import opened_system, read_varied
 from rtamt_gym.options.command_line import (
     EPISODES,
@@ -64,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             usual="all of the scenario",
             repeat=True,
         ),
+        "--only",
         "--signal",
         "--distance",
         "--vary",
@@ -132,9 +133,10 @@ def run(options: argparse.Namespace) -> int:
     signals = read_signals(options.signal)
     with opened_system(options) as opened, noted_ends() as notes:
         entries, numbers = read_varied(options.vary, options.set, opened.scenario)
-        named = requirements_of(
+        known = requirements_of(
             options.requirement, opened.requirements, options.env_id, "--requirement"
         )
+        named, signals = selected(known, options.only, signals)
         requirements = told_apart(named, options.distance)
         if options.heat_map:
             columns = [c for entry in (entries or opened.inputs) for c in entry.columns]
