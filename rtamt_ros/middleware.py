@@ -64,6 +64,10 @@ class Publisher(Handle, Protocol):
         """Publish a message of the class `message`."""
         ...
 
+    def assert_alive(self) -> None:
+        """Inform subscribers that the node runs, if the publisher has a lease; on ROS 2 only."""
+        ...
+
     def publish_numbers(self, time: int, numbers: Sequence[float]) -> None:
         """Publish a message with a time in its header, and numbers in its fields."""
         ...
@@ -163,10 +167,12 @@ class Middleware(Protocol):
         *,
         latched: bool = True,
         fields: Sequence[Sequence[str]] = (),
+        lease: int | None = None,
     ) -> Publisher:
         """Publish on a topic; a latched topic gives its last message to late subscribers.
 
-        The paths to fields are for `Publisher.publish_numbers`.
+        The paths to fields are for `Publisher.publish_numbers`. With a lease in nanoseconds, ROS 2
+        informs subscribers if `Publisher.assert_alive` was not called for so long.
         """
         ...
 

@@ -13,6 +13,7 @@ from rtamt.errors import nearest
 from rtamt_ros.core.publishing import BOUNDS, Combined, Diagnostics, Publishing
 from rtamt_ros.core.report import RequirementReport, counted, seconds
 from rtamt_ros.core.settings import Settings
+from rtamt_ros.core.states import States
 from rtamt_ros.core.subscriptions import Heard, OpenSubscription, Subscriptions
 from rtamt_ros.middleware import Handle, Level, Middleware, Reception
 from rtamt_ros.plan import COMBINED, Plan, class_of
@@ -201,6 +202,8 @@ class _Running:
             if plan.settings.combined:
                 self._combined = Combined(middleware, plan.settings.combined)
                 self._handles.append(self._combined)
+            self._states = States(middleware, plan.bounds, plan.settings.period)
+            self._handles.append(self._states)
             self._diagnostics = Diagnostics(middleware, plan.formulas)
             self._handles.append(self._diagnostics)
             self._subscribe()
@@ -319,6 +322,7 @@ class _Running:
         own = {output.topic for output in self._plan.outputs} | {"/diagnostics", "/rosout"}
         own |= {self._plan.settings.combined} - {""}
         own |= {f"{topic}/{what}" for topic in self._plan.bounds.values() for what in BOUNDS}
+        own |= {f"{topic}/state" for topic in self._plan.bounds.values()}
         others = set(published) - {self._middleware.resolve(topic) for topic in own}
         for name, topic in self.judges.topics.items():
             full = self._middleware.resolve(name)
@@ -347,8 +351,10 @@ class _Running:
                     came = min(reception.received or now, now)
                     stamp = time(message, came)
                     count(reception, stamp)
-                    for report in take(topic, message, stamp, came, now):
+                    reports = take(topic, message, stamp, came, now)
+                    for report in reports:
                         self._publish(report)
+                    self._states.publish(reports, now)
 
         return dense if self._plan.settings.dense else sampled
 
@@ -371,12 +377,17 @@ class _Running:
                 now = self._middleware.now()
             if not self._closed:
                 self._publish_all(reports(now))
+                if self._plan.settings.dense and now > 0:
+                    self._states.publish(self.judges.reports, now)
+                self._states.assert_alive()
                 if self._diagnostics.tell(self.judges.reports, now):
                     self.judges.flush()
 
     def _publish_all(self, reports: Sequence[RequirementReport]) -> None:
         for report in reports:
             self._publish(report)
+        if not self._plan.settings.dense:
+            self._states.publish(reports)
         if self._combined is not None:
             self._combined.publish(reports)
 

@@ -204,6 +204,7 @@ class Ros1:
         *,
         latched: bool = True,
         fields: Sequence[Sequence[str]] = (),
+        lease: int | None = None,  # noqa: ARG002 - ROS 1 has no liveliness
     ) -> Publisher:
         self.resolve(topic)
         return _Publisher(topic, message, Made(message, fields, self.set_stamp), latched=latched)
@@ -354,6 +355,9 @@ class _Publisher:
             if not self._topic.has_connections():
                 return
         self.publish(message)
+
+    def assert_alive(self) -> None:
+        """Do nothing: ROS 1 has no liveliness."""
 
     def close(self) -> None:
         self._publisher.unregister()

@@ -19,11 +19,12 @@ from typing import Any
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError  # there is no public name
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.type_support import check_for_type_support
@@ -201,11 +202,15 @@ class Ros2:
         *,
         latched: bool = True,
         fields: Sequence[Sequence[str]] = (),
+        lease: int | None = None,
     ) -> Publisher:
         if latched:  # late subscribers get the last message
             qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         else:
             qos = QoSProfile(depth=DEPTH)
+        if lease is not None:
+            qos.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC
+            qos.liveliness_lease_duration = Duration(nanoseconds=lease)
         # Every event of rclpy costs time with every message that the node takes.
         events = PublisherEventCallbacks(use_default_callbacks=False)
         with _refusals(f"topic {topic!r}"):
@@ -315,6 +320,7 @@ class _Publisher:
     def __init__(self, node: Node, entity: Any, message: type, made: Made) -> None:
         self.message = message
         self.publish: Callable[[Any], None] = entity.publish
+        self.assert_alive: Callable[[], None] = entity.assert_liveliness
         self.close = lambda: node.destroy_publisher(entity)
         self._make: Callable[[int, Sequence[float]], Any] = made
         if made.count:

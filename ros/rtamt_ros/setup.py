@@ -17,7 +17,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/rtamt_ros"]),
         ("share/rtamt_ros", ["package.xml"]),
-        ("share/rtamt_ros/config", ["config/follows.stl", "config/stl_monitor.yaml"]),
+        (
+            "share/rtamt_ros/config",
+            ["config/aggregator.yaml", "config/follows.stl", "config/stl_monitor.yaml"],
+        ),
         ("share/rtamt_ros/launch", ["launch/stl_monitor.launch.py"]),
         ("share/rtamt_ros/layouts", ["layouts/foxglove.json", "layouts/plotjuggler.xml"]),
         (

@@ -57,7 +57,9 @@ class Combined:
     def publish(self, reports: Sequence[RequirementReport]) -> None:
         """Publish the reports of samples; the reports of one sample are adjacent."""
         for time, group in groupby(reports, attrgetter("time")):
-            rows = [(report.name, report.level, report.text, _values(report)) for report in group]
+            rows = [
+                (report.name, report.level, report.text, exact_values(report)) for report in group
+            ]
             if time > 0:
                 self._publisher.publish(self._statuses.message(time, rows))
 
@@ -66,7 +68,7 @@ class Combined:
         self._publisher.close()
 
 
-def _values(report: RequirementReport) -> dict[str, str]:
+def exact_values(report: RequirementReport) -> dict[str, str]:
     """Return the values of a report as text; numbers are exact."""
     return {
         "robustness": _exact(report.robustness),

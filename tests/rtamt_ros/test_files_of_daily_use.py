@@ -32,7 +32,7 @@ def published() -> set[str]:
     ros = MemoryMiddleware()
     node = MonitorNode(ros, [load(FOLLOWS)])
     node.start()
-    found = {ros.resolve(publisher.topic) for publisher in ros.publishers}
+    found = {ros.resolve(each.topic) for each in ros.publishers if each.lease is None}
     node.stop()
     return found
 

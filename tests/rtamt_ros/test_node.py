@@ -54,10 +54,12 @@ def test_text_of_the_paper_runs() -> None:
         "rtamt/c/lower": "std_msgs",
         "rtamt/c/upper": "std_msgs",
         "rtamt/c/verdict": "std_msgs",
+        "rtamt/c/state": "diagnostic_msgs",
         "/diagnostics": "diagnostic_msgs",
     }
     assert [publisher.topic for publisher in ros.publishers if not publisher.latched] == [
-        "/diagnostics"
+        "rtamt/c/state",
+        "/diagnostics",
     ]
     begin = ros.time
     drive(ros, [(1.0, 0.25), (1.0, 0.5), (1.0, 1.0), (1.0, 1.0)])
@@ -226,7 +228,7 @@ def test_start_and_stop_are_idempotent() -> None:
     assert (node.running, node.reports) == (False, ())
     node.start()
     node.start()
-    assert open_ends(ros) == (6, 2, 1)
+    assert open_ends(ros) == (7, 2, 1)
     assert ros.timers[0].period == 100 * MS
     tick = ros.timers[0].callback
     node.stop()

@@ -162,7 +162,7 @@ def test_no_combined_topic_by_default() -> None:
     ros, _ = started("bounded = always(x < 3)")
     assert {publisher.topic for publisher in ros.publishers} == {
         "/diagnostics",
-        *(f"rtamt/bounded{part}" for part in ("", "/lower", "/upper", "/verdict")),
+        *(f"rtamt/bounded{part}" for part in ("", "/lower", "/upper", "/verdict", "/state")),
     }
     assert not ros.on(TOPIC)
 

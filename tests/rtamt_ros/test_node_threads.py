@@ -134,6 +134,6 @@ def test_replacement_under_load(
         ros.tick(ros.time + PERIOD)
     assert [subscription.topic for subscription in ros.subscriptions] == ["rtamt/x"]
     assert len(ros.timers) == 1
-    assert len(ros.publishers) == 5
+    assert len(ros.publishers) == 6
     assert ros.data("rtamt/low")
     assert ros.data("rtamt/high")

@@ -98,6 +98,11 @@ class _Publisher:
     message: type
     made: Made
     latched: bool
+    lease: int | None = None
+    asserted: int = 0
+
+    def assert_alive(self) -> None:
+        self.asserted += 1
 
     def publish_numbers(self, time: int, numbers: Sequence[float]) -> None:
         self.publish(self.made(time, numbers))
@@ -209,11 +214,12 @@ class MemoryMiddleware:
         *,
         latched: bool = True,
         fields: Sequence[Sequence[str]] = (),
+        lease: int | None = None,
     ) -> Publisher:
         if topic in self.refused:
             raise InputError(f"{topic} is refused")
         made = Made(message, fields, self.set_stamp)
-        self.publishers.append(_Publisher(self, topic, message, made, latched))
+        self.publishers.append(_Publisher(self, topic, message, made, latched, lease))
         return self.publishers[-1]
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from typing import Protocol
 
 import pytest
+from paths import ROOT
 from ros_contract import FLOAT, SECOND
 from ros_peer import Peer
 from ros_processes import PATIENCE, Process
@@ -224,3 +225,51 @@ class RobotContract:
         assert "messages of x came at once, " in monitor.output
         assert "x stale" not in monitor.output
         assert -1.0 not in [value for _, value in world.listener.ask("kept", topic)]
+
+    def test_a_multiplexer_stops_the_robot(
+        self, world: World, topic: str, started: Starter
+    ) -> None:
+        generation, talker, listener = world.ros.generation, world.talker, world.listener
+        key, twist = f"{topic}/x", ("geometry_msgs", "Twist")
+        talker.ask("publisher", key, key, *FLOAT)
+        talker.ask("publisher", f"{topic}/in", f"{topic}/in", *twist)
+        listener.ask("subscribe", topic, f"{topic}/cmd_vel", *twist, ["linear.x"])
+        names = {"state": f"{topic}/out/state", "commands": f"{topic}/in"}
+        names["cmd_vel"] = f"{topic}/cmd_vel"
+        words = [f"{name}:={other}" for name, other in names.items()]
+        if generation == 2:
+            words = ["--ros-args", *[word for each in words for word in ("-r", each)]]
+        example = ROOT / "examples" / "ros" / f"multiplexer_ros{generation}.py"
+        node = world.ros.start(example, *words, name="multiplexer")
+        text = f"input float64 x\n@ topic(x, {key})\n@ topic(out, {topic}/out)\nout = x > 0"
+
+        def drive(x: float | None, speed: float, monitor: Process) -> None:
+            """Publish commands until the robot gets this speed, and still does 0.3 s later."""
+
+            def command(times: int) -> float:
+                for _ in range(times):
+                    if x is not None:
+                        talker.ask("publish", key, {"data": x})
+                    talker.ask("publish", f"{topic}/in", {"linear.x": 0.5})
+                    threading.Event().wait(0.03)
+                return float((listener.ask("kept", topic) or [(None, -1.0)])[-1][1])
+
+            for _ in range(300):
+                if command(1) == speed:
+                    break
+            assert command(10) == speed, (x, monitor.output, node.output)
+
+        monitor = started(text)
+        drive(1.0, 0.5, monitor)
+        drive(-1.0, 0.0, monitor)
+        drive(1.0, 0.5, monitor)
+        drive(None, 0.0, monitor)  # stale
+        drive(1.0, 0.5, monitor)
+        monitor.signal(signal.SIGSTOP)
+        drive(1.0, 0.0, monitor)
+        monitor.signal(signal.SIGCONT)
+        drive(1.0, 0.5, monitor)
+        monitor.kill()
+        drive(1.0, 0.0, monitor)
+        drive(1.0, 0.5, started(text))
+        node.kill()
