@@ -167,6 +167,12 @@ def add_columns(group: argparse._ActionsContainer) -> None:
             repeat=True,
         ),
         Option(
+            "--long NAMES=VALUES",
+            "read a table whose rows hold one event each, a name and a value, from these two "
+            "columns, such as PID=VALUE; with --dense",
+            usual="variable=value, if there are such columns",
+        ),
+        Option(
             "--wide COLUMN",
             "evaluate a table with a row per object and time as one trace, in which the column "
             "speed of the object Ego is speed.Ego; this column names the objects, and values of "
@@ -299,6 +305,12 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
             "expected --start known with --dense or with a bag or log, where variables start at "
             "times of their own"
         )
+    if columns.long is not None and not reading.dense:
+        raise InputError(
+            "expected --dense with --long, because each row is an event of one variable"
+        )
+    if columns.long is not None and columns.wide is not None:
+        raise InputError("expected --long or --wide, got both")
     _check_signals(columns, every)
     starts_of(requirements, columns)
     _check_defaults(columns, every)

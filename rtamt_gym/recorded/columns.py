@@ -67,6 +67,8 @@ class Columns:
             as unknown, and the worse verdict is reported. ``"known"``: it is left out.
         where: The text that each of some columns has in the rows that are read.
         by: The columns that tell the traces of a table apart.
+        long: The columns of names and of values of a table whose rows hold one event each. None:
+            the columns ``variable`` and ``value``, if there are such columns.
         wide: The column of objects, which become columns such as ``speed.Ego``. None: a row holds
             the values of one object only.
         one_trace: Whether rows are one trace although they look like several objects or episodes.
@@ -94,6 +96,7 @@ class Columns:
     start: Start = "unknown"
     where: Mapping[str, str] = field(default_factory=dict)
     by: Sequence[str] = ()
+    long: tuple[str, str] | None = None
     wide: str | None = None
     one_trace: bool = False
     date_order: DateOrder | None = None
@@ -152,6 +155,7 @@ def read_columns(
     max_gap: str | None = None,
     where: Sequence[str] = (),
     by: Sequence[str] = (),
+    long: str | None = None,
     **others: Any,  # noqa: ANN401 - attributes of `Columns`
 ) -> Columns:
     r"""Read the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
@@ -195,8 +199,17 @@ def read_columns(
         max_gap=None if max_gap is None else read_seconds("--max-gap", max_gap),
         where=rows,
         by=tuple(dict.fromkeys(by)),
+        long=None if long is None else _pair(long),
         **others,
     )
+
+
+def _pair(text: str) -> tuple[str, str]:
+    """Read ``PID=VALUE``, the columns of names and of values."""
+    names, _, values = (part.strip() for part in text.partition("="))
+    if not (names and values) or names == values:
+        raise InputError(f"--long: expected NAMES=VALUES, such as PID=VALUE, got {text!r}")
+    return names, values
 
 
 def read_seconds(option: str, text: str) -> Fraction:

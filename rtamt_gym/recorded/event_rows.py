@@ -12,12 +12,10 @@ from rtamt.errors import nearest
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.grid import Records, hole_note, longest_gap
 from rtamt_gym.recorded.names import (
-    VALUE,
-    VARIABLE,
-    are_long,
     check_names,
     check_near,
     check_recorded,
+    long_columns,
     needed_columns,
     recorded_variables,
     take_default,
@@ -63,8 +61,10 @@ def read_events(
         raise InputError("expected --jitter or --dense, which reads events at any time")
     read = {columns.column(name) for name in variables}
     time = find_times(recording, columns, read=read)
-    if are_long(recording.names, variables):
-        return _read_long(recording, variables, columns, time or TimeColumn(TIME), table=table)
+    if (pair := long_columns(recording.names, variables, columns)) is not None:
+        return _read_long(
+            recording, variables, columns, time or TimeColumn(TIME), pair, table=table
+        )
     if time is None and table:
         wanted = replace(wanted_times(Wanted(()), None, columns), cells=recording.names[:1])
         RowTable(recording, columns, read, None).check_times(recording.read(wanted))
@@ -196,19 +196,21 @@ def _read_long(
     variables: Sequence[str],
     columns: Columns,
     time: TimeColumn,
+    pair: tuple[str, str],
     *,
     table: bool,
 ) -> EventTrace:
-    """Read events from rows that hold one event each."""
-    check_names(recording, (*time.columns, VARIABLE, VALUE))
-    rows = read_rows(recording, wanted_times(Wanted((VALUE,), (VARIABLE,)), time, columns))
-    named = np.array(rows.texts[VARIABLE])
+    """Read events from rows that hold one event each: a name and a value."""
+    named_by, value = pair
+    check_names(recording, (*time.columns, *pair))
+    rows = read_rows(recording, wanted_times(Wanted((value,), (named_by,)), time, columns))
+    named = np.array(rows.texts[named_by])
     if table:
         filled = {name: named == columns.column(name) for name in variables}
-        RowTable(recording, columns, (VARIABLE, VALUE), time).check_objects(rows, filled)
+        RowTable(recording, columns, pair, time).check_objects(rows, filled)
     axis = _event_times(rows, time, columns)
     times = axis.seconds
-    known = list(dict.fromkeys(rows.texts[VARIABLE]))
+    known = list(dict.fromkeys(rows.texts[named_by]))
     signals, notes = {}, [*rows.notes]
     check_recorded(recording.source, known, variables, columns)
     check_near(recording.source, known, variables, columns)
@@ -221,7 +223,7 @@ def _read_long(
             )
         (own_rows,) = np.nonzero(named == called)
         axis.check_order(rows.where, own_rows, f" of '{called}'")
-        at, values = times[own_rows], rows.numbers[VALUE][own_rows]
+        at, values = times[own_rows], rows.numbers[value][own_rows]
         places, note = one_record(at, values, columns.same_time, f"{rows.source}, '{called}'")
         notes += filter(None, [note])
         signals[name] = at[places], values[places]

@@ -73,13 +73,13 @@ class GroupTable:
 
     def _group(self, rows: Rows, cells: Mapping[str, NDArray[Any]]) -> None:
         """Find the rows of each group; equal texts of keys are one group."""
-        (there,) = np.nonzero(~self._without_object(rows.count, cells))
+        absent = self._without_object(rows.count, cells)
+        (there,) = np.nonzero(~absent)
         self.blank_rows = rows.count - len(there)
         if not len(there):
             raise InputError(f"{self.source}: expected a row with an object, got none")
         for name, column in cells.items():
-            empty = _empty(column)
-            empty[np.setdiff1d(np.arange(rows.count), there)] = False
+            empty = _empty(column) & ~absent
             if np.any(empty):
                 row = int(np.argmax(empty))
                 raise InputError(

@@ -30,6 +30,15 @@ def are_long(names: Collection[str], variables: Collection[str]) -> bool:
     return {VARIABLE, VALUE} <= {*names} and not {*variables} <= {*names}
 
 
+def long_columns(
+    names: Collection[str], variables: Collection[str], columns: Columns
+) -> tuple[str, str] | None:
+    """Return the columns of names and values if each row is one event; None if rows are wide."""
+    if columns.long is not None:
+        return columns.long
+    return (VARIABLE, VALUE) if are_long(names, variables) else None
+
+
 def recorded_variables(
     names: Collection[str], variables: Sequence[str], columns: Columns
 ) -> list[str]:

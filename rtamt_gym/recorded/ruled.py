@@ -16,7 +16,7 @@ from rtamt.errors import shown
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.event_rows import read_events
-from rtamt_gym.recorded.names import are_long, check_recorded, starts_of, with_columns
+from rtamt_gym.recorded.names import check_recorded, long_columns, starts_of, with_columns
 from rtamt_gym.recorded.parts import part_of
 from rtamt_gym.recorded.readers import FORMATS, Format, format_of, open_recording
 from rtamt_gym.recorded.recording import Floats, Recording, Wanted
@@ -48,7 +48,7 @@ def read_ruled(
         columns = replace(columns, starts=starts)
     table = row.table and columns.wide is None
     with _opened(path, columns, row) as recording:
-        if not (reading.dense and are_long(recording.names, variables)):
+        if not (reading.dense and long_columns(recording.names, variables, columns)):
             for spec in specs.values():
                 check_recorded(recording.source, recording.names, spec.variables, columns)
         if reading.dense:

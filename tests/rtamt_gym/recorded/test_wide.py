@@ -115,3 +115,43 @@ def test_wide_errors(
     log.write_text(text)
     assert main(["monitor", SPEC, str(log), *options]) == 2
     assert error in capsys.readouterr().err
+
+
+OBD = (
+    "SECONDS;PID;VALUE;UNITS\n0,0;Engine RPM;800;rpm\n0,1;Speed;0;km/h\n"
+    "0,9;Engine RPM;2100;rpm\n1,3;Speed;15;km/h\n2,0;Engine RPM;900;rpm\n"
+)
+LONG = ["--dense", "--signal", "rpm=Engine RPM", "--signal", "speed=Speed"]
+
+
+def test_long_tables_with_other_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The outcome is that of the usual names, time, variable and value."""
+    spec = "always(rpm > 2000 implies eventually[0:0.5](speed > 10))"
+    usual, obd = tmp_path / "usual.csv", tmp_path / "obd.csv"
+    obd.write_text(OBD)
+    usual.write_text(OBD.replace("SECONDS;PID;VALUE", "time;variable;value"))
+    named = ["--long", "PID=VALUE", "--time", "SECONDS"]
+    found = judged(capsys, spec, str(obd), *LONG, *named)
+    expected = judged(capsys, spec, str(usual), *LONG)
+    assert found[0] == expected[0] == 0
+    assert found[1]["trials"][0]["outcomes"] == expected[1]["trials"][0]["outcomes"]
+    longer = judged(capsys, spec.replace("0.5", "0.3"), str(obd), *LONG, *named)
+    assert longer[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        (["--long", "PID=VALUE"], "expected --dense with --long"),
+        ([*LONG, "--long", "PID"], "--long: expected NAMES=VALUES, such as PID=VALUE, got 'PID'"),
+        ([*LONG, "--long", "PID=VALUE", "--wide", "PID"], "expected --long or --wide, got both"),
+        ([*LONG, "--long", "PIDS=VALUE", "--time", "SECONDS"], "PIDS"),
+    ],
+)
+def test_long_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], error: str
+) -> None:
+    obd = tmp_path / "obd.csv"
+    obd.write_text(OBD)
+    assert main(["monitor", "always(rpm > 0 or speed < 9)", str(obd), *options]) == 2
+    assert error in capsys.readouterr().err
