@@ -93,6 +93,8 @@ class DemoRecording(Recording):
     def _visit(self, name: str, item: object) -> None:
         if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "biufSOU":
             return
+        if item.external or item.is_virtual:  # its values are in other files
+            return
         dotted = shown(name.replace("/", "."))
         if item.ndim == 1:
             self._places[dotted] = name, None
@@ -144,17 +146,21 @@ class DemoRecording(Recording):
 
 
 def _demos(path: str, file: h5py.File) -> list[str]:
-    """Return the names of the demonstrations."""
-    data = file.get("data")
+    """Return the names of the demonstrations; links to other files are left out."""
     demos = []
-    if isinstance(data, h5py.Group):
-        demos = [name for name in data if isinstance(data[name], h5py.Group)]
+    if "data" in file and _is_group(file, "data"):
+        demos = [name for name in file["data"] if _is_group(file["data"], name)]
     if not demos:
         raise InputError(
             f"{shown(path)}: expected the layout of robomimic, with a group for each demonstration "
             f"in 'data', got {listed([*file]) or 'an empty file'}"
         )
     return demos
+
+
+def _is_group(parent: h5py.Group, name: str) -> bool:
+    hard = isinstance(parent.get(name, getlink=True), h5py.HardLink)
+    return hard and isinstance(parent[name], h5py.Group)
 
 
 def _period(path: str, data: h5py.Group) -> Fraction | None:

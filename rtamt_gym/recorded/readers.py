@@ -5,9 +5,11 @@ To add a format:
 1. Add a row to `FORMATS` and write the module that the row names. A reader sets ``Rows.unit`` if
    the format states the unit of its times, and ``Rows.invalid`` if it marks samples as not valid.
    It calls the library inside `refusing`. Set ``contained`` if the library can crash. A bag has
-   ``bag`` and a module with ``read_bag``; `rtamt_gym.recorded.bag_trace` reads its messages.
+   ``bag`` and a module with ``read_bag``; `rtamt_gym.recorded.bag_trace` reads its messages. A
+   file with several traces has ``several``, and one whose columns have times of their own
+   ``clocks``.
 2. Add a writer to ``tests/rtamt_gym/recorded/test_formats.py``, which runs `check_trace_format` on
-   every format, and a row to ``docs/traces.md``.
+   every format with one trace in a file, and rows to ``docs/traces.md`` and ``docs/tools.md``.
 3. If commands write robustness in the format, add a row to ``WRITERS`` of
    `rtamt_gym.recorded.output`.
 """

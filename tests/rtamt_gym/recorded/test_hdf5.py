@@ -144,3 +144,16 @@ def test_damaged_file_error(tmp_path: Path, capsys: Output) -> None:
         path.write_bytes(whole[: len(whole) * part // 20])
         assert main(["monitor", "always(rewards < 1)", "--", str(path)]) == 2
         assert f"{path}: expected a whole HDF5 file" in capsys.readouterr().err
+
+
+def test_other_files_are_not_read(tmp_path: Path, capsys: Output) -> None:
+    other = write_demos(tmp_path / "other.hdf5", {"demo_0": demo(0)})
+    path = write_demos(tmp_path / "d.hdf5", {"demo_1": {"actions": np.zeros((3, 2))}})
+    (tmp_path / "raw").write_bytes(b"\0" * 24)
+    with h5py.File(path, "a") as file:
+        file["data/demo_0"] = h5py.ExternalLink(other, "data/demo_0")
+        group, external = file["data/demo_1"], [(str(tmp_path / "raw"), 0, 24)]
+        group.create_dataset("rewards", (3,), "f8", external=external)
+    assert traces_in(str(path), {}) == [f"{path}[demo=demo_1]"]
+    assert main(["monitor", "always(rewards < 1)", str(path)]) == 2
+    assert "no column 'rewards'" in capsys.readouterr().err
