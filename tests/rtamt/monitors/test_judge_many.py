@@ -1,6 +1,8 @@
 """Many traces in one call: each row is the judgement of its trace."""
 
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, cast
 
@@ -17,6 +19,7 @@ from profiles import examples
 from strategies import VARIABLES, Trace, formulas, length, traces
 
 from rtamt import (
+    BACKEND,
     Formula,
     InputError,
     InputTypeError,
@@ -27,7 +30,9 @@ from rtamt import (
     judge_many,
 )
 from rtamt.language.parser import as_specification
+from rtamt.machines.protocols import TraceSet
 from rtamt.monitors import Judgements
+from rtamt.program.lowering import compile_program
 
 End = Literal["complete", "cut", "open"]
 Backend = Literal["native", "python"]
@@ -334,18 +339,35 @@ def test_the_arrow_table_has_a_row_per_trace() -> None:
     )
 
 
+@pytest.mark.skipif(BACKEND == "python", reason="no compiler was at hand")
 def test_other_threads_run_meanwhile() -> None:
-    values = {"a": np.zeros(2_000_000), "b": np.zeros(2_000_000)}
-    sizes, turns, done = np.full(1_000, 2_000), 0, threading.Event()
+    """Without a switch of threads by time, another one runs only if the call lets it."""
+    from rtamt.machines.native import judge_traces
+
+    n = 1_000_000
+    spec, zeros = as_specification(RESPONSE), np.zeros(n)
+    program = compile_program(spec, None)
+    traces_ = TraceSet([zeros, zeros], np.arange(0, n, 1_000), np.full(n // 1_000, 1_000))
+    turns, done, started = 0, threading.Event(), threading.Event()
 
     def count() -> None:
         nonlocal turns
         while not done.is_set():
             turns += 1
+            started.set()
+            time.sleep(0)
 
+    interval = sys.getswitchinterval()
     thread = threading.Thread(target=count)
-    thread.start()
-    judge_many(RESPONSE, values, lengths=sizes, threads=2)
-    done.set()
-    thread.join()
-    assert turns > 1_000
+    sys.setswitchinterval(1_000)
+    try:
+        thread.start()
+        started.wait()
+        before = turns
+        judge_traces(program, traces_, "cut", 1)
+        after = turns
+    finally:
+        done.set()
+        sys.setswitchinterval(interval)
+        thread.join()
+    assert after > before

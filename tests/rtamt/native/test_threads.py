@@ -127,7 +127,15 @@ def judged(seed: int) -> list[float]:
     return [judgement.robustness, judgement.verdict]
 
 
-OWN = (offline, block, single, banks, over_time, stepwise, judged)
+def many(seed: int) -> list[float]:
+    """The outcomes of many traces, which threads of its own judge in C++."""
+    spec, lengths = "always(x > y implies eventually[0:5](y > 1))", [1, 7, 12, 180] * (LONG // 200)
+    result = rtamt.judge_many(spec, trace(seed), lengths=lengths, threads=THREADS)
+    (triggers,) = result.triggers
+    return [*result.robustness, *result.lower, *result.verdict, *triggers.samples]
+
+
+OWN = (offline, block, single, banks, over_time, stepwise, judged, many)
 
 
 @pytest.mark.parametrize("work", OWN)
