@@ -21,6 +21,7 @@ from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.parts import part_of
+from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.times import TIME
 
@@ -28,7 +29,8 @@ ID, OBJECT = "id", "object"
 """The columns with the name of an object, and with its kind: vehicle, person or container."""
 
 _ROOTS: Final = ("fcd-export", "emission-export")
-_EXPECTED: Final = "expected floating car data of SUMO (--fcd-output)"
+_WHOLE: Final = "floating car data of SUMO (--fcd-output)"
+_EXPECTED: Final = f"expected {_WHOLE}"
 
 _Attributes = Mapping[str, str]
 
@@ -237,10 +239,5 @@ def _parse(path: str, row: _Row) -> None:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.StartDoctypeDeclHandler = refuse
     opened = gzip.open if path.lower().endswith(".gz") else open
-    try:
-        with opened(path, "rb") as file:
-            parser.ParseFile(file)
-    except (expat.ExpatError, EOFError, OSError, gzip.zlib.error) as error:  # type: ignore[attr-defined]
-        if isinstance(error, OSError) and error.filename is not None:
-            raise
-        raise InputError(f"{shown(path)}: {_EXPECTED} in whole, got an error: {error}") from None
+    with opened(path, "rb") as file, refusing(path, f"{_WHOLE} in whole"):
+        parser.ParseFile(file)

@@ -142,6 +142,7 @@ def test_attribute_of_another_kind_is_missing(tmp_path: Path) -> None:
         ("<fcd-export><timestep time='0'><vehicle/></timestep></fcd-export>", "without an id"),
         ("<!DOCTYPE fcd-export [<!ENTITY a 'b'>]><fcd-export/>", "the declaration of fcd-export"),
         ("time,x\n1,2\n", "in whole, got an error"),
+        ("<?xml version='1.0' encoding='UTF-9'?><fcd-export/>", "unknown encoding: UTF-9"),
     ],
 )
 def test_other_xml_errors(
