@@ -184,12 +184,22 @@ class _Explained:
         last = self.steps[-1]
         return cast("Formula", last.formula) if last.outside is None else None
 
-    def __str__(self) -> str:
-        steps, last = self.steps, self.steps[-1]
+    @property
+    def reason(self) -> str:
+        """The deciding predicate, its time or sample, and the values there, in a phrase."""
+        values = " and ".join(f"{name} = {_number(value)}" for name, _, value in self.causes)
+        return f"{self._decision}{f', where {values}' if values else ''}"
+
+    @property
+    def _decision(self) -> str:
+        last = self.steps[-1]
         cause = last.text if last.outside is None else "a window outside the trace"
-        start, when = self._at_step(steps[0]), self._at_step(last)
-        when = when if when.startswith("after ") else f"at {when}"
-        head = f"robustness {self._value_text(steps[0], ',')} at {start}, decided by {cause} {when}"
+        when = self._at_step(last)
+        return f"decided by {cause} {when if when.startswith('after ') else f'at {when}'}"
+
+    def __str__(self) -> str:
+        first, start = self.steps[0], self._at_step(self.steps[0])
+        head = f"robustness {self._value_text(first, ',')} at {start}, {self._decision}"
         rows = [("at", "value", "formula"), *self._rows()]
         widths = [max(len(row[i]) for row in rows) for i in range(2)]
         lines = [*_wrapped("", head), ""]
@@ -202,8 +212,8 @@ class _Explained:
             yield self._at_step(step), self._value_text(step), _shown(step)
             for note in self._notes(step):
                 yield "", "", f"  {note}"
-        for variable, place, value in self.causes:
-            yield self._at(place), _number(value), variable
+        for variable, position, value in self.causes:
+            yield self._at(position), _number(value), variable
         for part in self.contributions[:_MAX_SHOWN]:
             yield self._at_step(part), _number(part.value), f"{part.role}: {_shown(part)}"
             first, last = part.window
@@ -232,8 +242,8 @@ class _Explained:
         if step.witness is not None:
             # A 0 that depends on a predicate left out neither holds nor fails.
             held = holds(step.value) and (step.value != 0 or self.steps[-1].reading != "zero")
-            place = self._at(step.witness, after=getattr(step, "witness_after", False))
-            yield f"{'witness' if held else 'nearest'}: the right side at {place}"
+            position = self._at(step.witness, after=getattr(step, "witness_after", False))
+            yield f"{'witness' if held else 'nearest'}: the right side at {position}"
         if step.outside is not None:
             yield self._outside(step.outside)
         if step.reading == "sign":
@@ -242,7 +252,7 @@ class _Explained:
             yield "of no concern: counts 0"
 
     def _outside(self, outside: tuple[Any, Any]) -> str:
-        first, last = (None if place is None else self._at(place) for place in outside)
+        first, last = (None if position is None else self._at(position) for position in outside)
         window = f"{first} to {last}" if first != last else first
         if first is None:
             window = f"up to {last}"

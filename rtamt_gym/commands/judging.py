@@ -357,6 +357,21 @@ def failure_lines(matrix: Matrix) -> list[str]:
     return lines
 
 
+def reasons_of(asked: TracesAsked, judged: Judged) -> dict[str, str]:
+    """Return which predicate, time and values decided each verdict, in a phrase.
+
+    Left out are undecided requirements, unknown values and verdicts on a trace without its start.
+    """
+    reasons = {}
+    for name, judgement in judged.judgements.items():
+        late = judgement.late_start
+        counted = late is not None and late.counted
+        decided = judgement.verdict is not Verdict.UNDECIDED
+        if decided and not counted and not judgement.from_start.unknown:
+            reasons[name] = _explained(asked.specs[name], judged, asked.reading).reason
+    return reasons
+
+
 def _explanation(
     spec: rtamt.Specification, judged: Judged, name: str, reading: EvaluationOptions
 ) -> str:
@@ -364,26 +379,30 @@ def _explanation(
     unknown = judgement.from_start.unknown
     if unknown:
         return f"not explained: values of {', '.join(unknown)} are not known"
-    requirement, trace = judge.viewed(spec, reading.view), judged.trace
     head, late = "", judgement.late_start
     if late is not None and late.counted:
         head = f"{judgement}\nfrom {number(late.time)} s on it is {late.verdict}:\n"
     elif judgement.otherwise_complete:
         head = f"{judgement}\nif nothing follows, it is {judgement.otherwise_complete}:\n"
+    return f"{head}{_explained(spec, judged, reading)}"
+
+
+def _explained(
+    spec: rtamt.Specification, judged: Judged, reading: EvaluationOptions
+) -> rtamt.Explanation | rtamt.dense.Explanation:
+    """Return the explanation of a robustness on a trace with known values."""
+    requirement, trace = judge.viewed(spec, reading.view), judged.trace
     if isinstance(trace, EventTrace):
-        return head + str(
-            rtamt.dense.explain(requirement, trace.tables, semantics=reading.semantics)
-        )
+        return rtamt.dense.explain(requirement, trace.tables, semantics=reading.semantics)
     assert trace is not None, "it was judged"  # noqa: S101 - for mypy
     trace = trace.known(requirement.variables)
-    explanation = rtamt.explain(
+    return rtamt.explain(
         requirement,
         trace.columns,
         n=trace.samples,
         start=trace.start,
         **reading.having(period=judged.period).from_monitors({"": requirement})[""],
     )
-    return head + str(explanation)
 
 
 def _judge(

@@ -284,7 +284,7 @@ def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]
         )
         print(text)
     else:
-        print(*_report(matrix, judged), sep="\n", end="")
+        print(*_report(asked, matrix, judged), sep="\n", end="")
         print(*occurrences.report(options, matrix), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")
     undecided = [undecided_cells(matrix)] if options.undecided == "fail" else []
@@ -314,7 +314,7 @@ def _list_episodes(
     return [f"violated episodes: {options.violated_episodes}, {summary}\n"]
 
 
-def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
+def _report(asked: TracesAsked, matrix: Matrix, judged: Judged | None) -> Sequence[str]:
     """Return the lines of the report: on one trace in detail, on several as a table."""
     if judged is None:
         from rtamt_gym.results.matrix import matrix_lines
@@ -322,13 +322,14 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
         return [*matrix_lines(matrix), ""]
     if judged.trace is None or not judged.judgements:
         return []
+    from rtamt_gym.commands.judging import reasons_of
     from rtamt_gym.recorded.judge import extent_of
     from rtamt_gym.recorded.report import report
     from rtamt_gym.results.provenance import ids_lines
 
     trace = judged.trace
     head = extent_of(trace, judged.period).lines(trace.source)
-    lines = report(judged.judgements, head, trace.notes)
+    lines = report(judged.judgements, head, trace.notes, reasons_of(asked, judged))
     return [*lines, *ids_lines(matrix.provenance), ""]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
 from rtamt_gym.recorded.judge import TraceJudgement
 from rtamt_gym.results.matrix import indented, undecided_lines
@@ -10,9 +11,19 @@ from rtamt_gym.tables import number, shorten, table
 
 
 def report(
-    judgements: Mapping[str, TraceJudgement], trace: Iterable[str], notes: Iterable[str] = ()
+    judgements: Mapping[str, TraceJudgement],
+    trace: Iterable[str],
+    notes: Iterable[str] = (),
+    reasons: Mapping[str, str] = MappingProxyType({}),
 ) -> list[str]:
-    """Write judgements in words and as a table."""
+    """Write judgements in words and as a table.
+
+    Args:
+        judgements: The judgement of each requirement.
+        trace: The lines that describe the trace.
+        notes: Remarks on the trace.
+        reasons: The reasons of verdicts by requirement, in a phrase.
+    """
     several = len(judgements) > 1
     rows = [("spec", "formula", "at the start", "minimum", "at", "violated from")]
     for name, judgement in judgements.items():
@@ -35,6 +46,8 @@ def report(
     verdicts, unknown = [], {}
     for name, judgement in judgements.items():
         verdicts.append(f"{shorten(name, 20)}: {judgement}" if several else str(judgement))
+        if name in reasons:
+            verdicts += indented(f"why: {reasons[name]}", "    ")
         verdicts += undecided_lines(judgement.not_recorded, judgement.way_out)
         if judgement.late_start is not None:
             verdicts += indented(judgement.late_start.text, "    ")

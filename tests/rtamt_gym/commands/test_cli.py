@@ -77,6 +77,7 @@ def test_monitor_prints_the_verdict_and_where_every_named_formula_fails(capsys: 
     assert main(["monitor", "spec.stl", "trace.csv"]) == 1
     assert capsys.readouterr().out == (
         "VIOLATED, robustness -1, certain from 1 s on\n"
+        "    why: decided by req >= 3 at 1.5 s, where req = 4\n"
         "    triggered 2 times, first at 0.5 s\n"
         "trace.csv: 6 samples, one every 0.5 s, 0 s to 2.5 s\n"
         "  2.5 s long, longest gap 0.5 s\n"
@@ -120,6 +121,7 @@ def test_monitor_reads_samples_without_times_from_stdin(
     assert main(["monitor", "always[0:2](x > 1)", "-"]) == 1
     assert capsys.readouterr().out == (
         "VIOLATED, robustness -inf, certain from sample 2 on\n"
+        "    why: decided by x > 1 at sample 2, where x = -inf\n"
         "stdin: 3 samples, bounds count samples\n"
         "\n"
         "formula   at the start  minimum        at  violated from\n"

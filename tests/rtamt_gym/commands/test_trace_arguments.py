@@ -255,7 +255,7 @@ def test_two_requirements_of_one_name_are_told_apart_by_names(folder: Path, caps
         "rtamt: error: expected one specification 'near', got two; rename one\n"
     )
     assert main(["monitor", "req.stl", "more=other.stl", "even.csv"]) == 0
-    assert capsys.readouterr().out.splitlines()[2].startswith("more: SATISFIED, robustness 1, ")
+    assert capsys.readouterr().out.splitlines()[4].startswith("more: SATISFIED, robustness 1, ")
     assert main(["monitor", "all=req.stl", "other.stl", "even.csv", "--only", "all.slow"]) == 0
 
 

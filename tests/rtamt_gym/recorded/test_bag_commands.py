@@ -153,7 +153,7 @@ def test_what_was_held_is_said_below_the_verdict_and_in_json(folder: Path, capsy
     said.append(Said(START + 10**10, "/name", "std_msgs/String", {}))
     path = str(write_bag(folder / "quiet.bag", said))
     assert main(["monitor", "spec.stl", "--period", "0.1", "--only", "slow", path]) == 0
-    assert "\n".join(capsys.readouterr().out.splitlines()[1:5]) == (
+    assert "\n".join(capsys.readouterr().out.splitlines()[2:6]) == (
         f"{path}: 101 samples, one every 0.1 s, 0 s to 10 s\n"
         "  10 s long, longest gap 8.1 s\n"
         "note: /robot0/cmd_vel: the message at 1.9 s is held for 8.1 s, to the end\n"

@@ -113,7 +113,7 @@ def test_the_head_of_a_judgement_says_its_length_and_its_longest_gap(
     rows: list[tuple[float, ...]], options: list[str], head: str, capsys: Output
 ) -> None:
     assert main(["monitor", "always(x > 0)", write(rows), *options]) == 0
-    assert capsys.readouterr().out.splitlines()[1] == head
+    assert capsys.readouterr().out.splitlines()[2] == head
 
 
 @pytest.mark.usefixtures("folder")
@@ -121,7 +121,7 @@ def test_the_gap_of_a_variable_is_that_of_its_own_records(capsys: Output) -> Non
     Path("run.csv").write_text("time,x,y\n0,1,1\n0.5,1,\n1,1,\n1.5,1,1\n2,1,1\n")
     assert main(["monitor", "always(x > 0 and y > 0)", "run.csv", "--missing", "hold"]) == 0
     assert ", 2 s long, longest gap 1.5 s of y\n" in " ".join(
-        capsys.readouterr().out.splitlines(keepends=True)[1:3]
+        capsys.readouterr().out.splitlines(keepends=True)[2:4]
     ).replace("\n   ", ", ")
 
 

@@ -166,7 +166,9 @@ def test_each_requirement_is_named_with_its_verdict(capsys: Output) -> None:
     assert main(["monitor", text, "trace.csv"]) == 1
     assert capsys.readouterr().out == (
         "near: VIOLATED, robustness -1, certain from 3 s on\n"
+        "    why: decided by x > 6 at 3 s, where x = 5\n"
         "slow: SATISFIED, robustness 1, at the end of the trace\n"
+        "    why: decided by x < 9 at 0 s, where x = 8\n"
         "late: UNDECIDED, robustness inf\n"
         "    always[20:30](x > 5): not recorded: 20 s to 30 s\n"
         "    if nothing follows (--end complete), the verdict is SATISFIED\n"
@@ -238,7 +240,7 @@ def test_a_trace_that_was_resampled_says_so(folder_passes: Path, capsys: Output)
     capsys.readouterr()
     assert main([*words, "odd.csv"]) == 0
     out = capsys.readouterr().out
-    assert out.splitlines()[3].startswith("note: resampled every 0.1 s by holding values: 1 of 6 ")
+    assert out.splitlines()[4].startswith("note: resampled every 0.1 s by holding values: 1 of 6 ")
     assert max(map(len, out.splitlines())) <= 80
     (folder_passes / "more.csv").write_text((folder_passes / "odd.csv").read_text())
     assert (

@@ -110,6 +110,7 @@ def test_the_report_says_what_is_unknown_where_and_what_it_leaves_out(
         "    undecided under every --end: it depends on values of gnt that are not known\n"
         "    triggered 1 time, first at 5 s\n"
         "calm: SATISFIED, robustness 5, at the end of the trace\n"
+        "    why: decided by req < 9 at 5 s, where req = 4\n"
         "worst: VIOLATED, robustness between -inf and -1, certain from 5 s on\n"
         "run.csv: 4 samples, one every 1 s, 5 s to 8 s, 3 s long, longest gap 2 s of gnt\n"
         "note: empty cells are unknown samples (gnt: 1, the first in run.csv, line 3)\n"

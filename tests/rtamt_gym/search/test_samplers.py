@@ -155,7 +155,7 @@ def test_saltelli_changes_one_column_of_a_point_at_a_time() -> None:
             {"u": 2, "mass": 2, "gear": 2},
             "grid",
             InputError,
-            "samples= gives a number for 'gear', which takes all of its values; leave it out",
+            "samples= gives a number for 'gear', which takes all of its values; omit it",
         ),
         (
             {"u": 0, "mass": 2},
