@@ -109,7 +109,7 @@ def main(argv: list[str] | None = None) -> None:
         asked.heat_map(folder / "paper_map.png")
     rng = np.random.default_rng(0)
     backends: list[Any] = ["python", "native"] if rtamt.BACKEND == "native" else ["python"]
-    kinds = [(kind, each) for kind in ("discrete", "dense") for each in backends]
+    kinds = [(kind, backend) for kind in ("discrete", "dense") for backend in backends]
     print("bound   ns:" + "".join(f"{' '.join(kind):>17}" for kind in kinds))
     for bound in (100, 1000, 10_000, 100_000):
         line, rows = f"[0:{bound}]".ljust(11), rng.uniform(-1, 1, (bound + 500, 2))

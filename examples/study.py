@@ -345,7 +345,7 @@ def table(rows: list[dict[str, Any]], name: str) -> list[list[str]]:
                 str(found.runs),
                 f"{found.mean.value:.1f}{interval}",
                 f"{least:.0f}",
-                ", ".join(f"{each:.0f}" for each in quartiles),
+                ", ".join(f"{quartile:.0f}" for quartile in quartiles),
                 f"{sum(end < 80 for end in rates[method])} of {found.runs}",
                 f"{np.mean(last[method]):.1f}",
                 f"{sum(row['stopped'] for row in of)} of {found.runs}",
@@ -363,11 +363,11 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
         figure, panels = plt.subplots(1, len(names), squeeze=False, figsize=(7.6, 3.4))
         for axes, name in zip(panels[0], names, strict=True):
             rates = ends_of(rows, name, "satisfied")
-            for place, (method, found) in enumerate(compare_methods(rates).methods.items()):
-                across = place + (np.linspace(0.4, -0.4, found.runs) if found.runs > 1 else 0.0)
+            for index, (method, found) in enumerate(compare_methods(rates).methods.items()):
+                across = index + (np.linspace(0.4, -0.4, found.runs) if found.runs > 1 else 0.0)
                 axes.plot(sorted(rates[method]), across, ".", color="C0", clip_on=False)
-                axes.plot(found.mean.interval, [place, place], color="C1", linewidth=1.8)
-                axes.plot(found.mean.value, place, "D", color="C1", clip_on=False)
+                axes.plot(found.mean.interval, [index, index], color="C1", linewidth=1.8)
+                axes.plot(found.mean.value, index, "D", color="C1", clip_on=False)
             axes.axvline(80, color="0.8", linewidth=0.6, zorder=0)
             axes.set_yticks(range(len(rates)), [f"{m}, {len(r)}" for m, r in rates.items()])
             axes.set(title=name, xlim=(0, 100), ylim=(len(rates) - 0.5, -0.5))
@@ -390,12 +390,12 @@ def main(argv: list[str] | None = None) -> None:
     finished = {(row["task"], row["method"], row["seed"]) for row in rows_of(arguments.output)}
     first = arguments.first_seed
     runs = [
-        (name, method, (TASKS[name].first_seed if first is None else first) + at // every)
-        for at in range(arguments.seeds)
+        (name, method, (TASKS[name].first_seed if first is None else first) + index // every)
+        for index in range(arguments.seeds)
         for name in arguments.tasks
         for method in TASKS[name].methods
         for every in [1 if method == "ours" else OURS]
-        if at % every == 0 and (arguments.methods is None or method in arguments.methods)
+        if index % every == 0 and (arguments.methods is None or method in arguments.methods)
     ]
     for name, method, seed in runs:
         if (name, method, seed) in finished:

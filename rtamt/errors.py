@@ -100,11 +100,11 @@ class Message(str):
 
     def __new__(cls, *pieces: object) -> Self:
         """Joins the pieces."""
-        found = tuple(
-            each.message if isinstance(each, RtamtError) else _safe(each) for each in pieces
+        result = tuple(
+            piece.message if isinstance(piece, RtamtError) else _safe(piece) for piece in pieces
         )
-        self = super().__new__(cls, "".join(map(str, found)))
-        self.pieces = found
+        self = super().__new__(cls, "".join(map(str, result)))
+        self.pieces = result
         return self
 
     @property

@@ -190,10 +190,10 @@ class EpisodeOutlook:
             number = short if isinstance(short, float) else 0.0
             if longest == last or number == _DECIDES[name]:
                 return StreamValues(common, last, tail)
-            rest = y[count:]
+            remainder = y[count:]
             if number != -_DECIDES[name]:
-                rest = choose(self._o, self._rows.array(short), rest)
-            rows = rest if common is None else self._rows.after(common, rest)
+                remainder = choose(self._o, self._rows.array(short), remainder)
+            rows = remainder if common is None else self._rows.after(common, remainder)
             return StreamValues(rows, longest, tail)
         filled = [self._rows.filled(rows, t, end - last) for last, rows, t in operands]
         if end < begin:
@@ -369,8 +369,8 @@ class EpisodeOutlook:
         rows = self._rows.filled(rows, stream.tail, last - max(stream.last, first - 1))
         if opened.last <= last:
             return StreamValues(rows, last, opened.tail)
-        rest = opened.values[count:]
-        rows = rest if rows is None else self._rows.after(rows, rest)
+        remainder = opened.values[count:]
+        rows = remainder if rows is None else self._rows.after(rows, remainder)
         return StreamValues(rows, opened.last, opened.tail)
 
     def _together(self, fold: Fold, tails: tuple[Tensor | float, ...]) -> Tensor | float:

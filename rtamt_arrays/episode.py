@@ -252,9 +252,11 @@ class EpisodeArrays:
             now.settled[r] = newest
         for r, places in self._layout.initial.items():
             window = self._layout.windows[r]
-            at = -max(self._shapes[a].late for a in window.args)
-            x = self._settled_element(now, window, at)
-            x = self._rows.fold(window).masked(o, self._rows.inside(now.age, window, at, at), x)
+            offset = -max(self._shapes[a].late for a in window.args)
+            x = self._settled_element(now, window, offset)
+            x = self._rows.fold(window).masked(
+                o, self._rows.inside(now.age, window, offset, offset), x
+            )
             old = tuple(self._loaded(kept, cells) for cells in places)
             now.initial[r] = self._rows.fold(window).combine(old, x)
             for cells, rows in zip(places, now.initial[r], strict=True):
@@ -272,7 +274,7 @@ class EpisodeArrays:
             case Map(function, args):
                 late = self._shapes[register].late
                 places = [(a, self._shapes[a].back - late) for a in args]
-                operands = (now.settled[a][place][None] for a, place in places)
+                operands = (now.settled[a][position][None] for a, position in places)
                 return FUNCTIONS[function](self._o, *operands)
             case Window() as window:
                 x = self._settled_element(now, window, self._layout.newest(register, window))

@@ -185,7 +185,9 @@ class Layout:
 
     def _windows(self) -> list[tuple[int, Window]]:
         instructions = enumerate(self.program.instructions)
-        return [(r, each) for r, each in instructions if isinstance(each, Window)]
+        return [
+            (r, instruction) for r, instruction in instructions if isinstance(instruction, Window)
+        ]
 
     def _placed(self, window: Window, rows: int, *, depends: bool) -> list[Cells]:
         return [self._cells(rows, e, depends=depends) for e in FOLDS[window.fold].identity]

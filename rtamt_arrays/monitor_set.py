@@ -171,7 +171,7 @@ class ArrayCosts:
         """
         if self._kind is None:
             return state, {}
-        before = [state.charged[place] for place in range(state.charged.shape[0])]
+        before = [state.charged[index] for index in range(state.charged.shape[0])]
         costs = keyed_costs(self._names, step_costs(self._kind, worst, violated, before))
         return state._replace(charged=self._o.stack(violated)) if before else state, costs
 

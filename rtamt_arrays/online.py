@@ -144,8 +144,8 @@ class OnlineMonitor:
         """
         arrays = zeros(self._o, self._fields, checked_lanes(self._reader, lanes))
         # A copy, because callers may overwrite it.
-        place = self._o.concatenate([self._table.begins])
-        return OnlineState(**arrays | {"place": place})
+        position = self._o.concatenate([self._table.begins])
+        return OnlineState(**arrays | {"place": position})
 
     def reset(self, state: OnlineState, mask: Tensor | None = None) -> OnlineState:
         """Return the state in which the masked entries have no samples.
@@ -195,11 +195,11 @@ class OnlineMonitor:
                     fold, x = Fold.named(name, self._lattice), tuple(slots[a] for a in args)
                     start = self.program.start(slot)
                     x = fold.masked(o, age >= start, x)
-                    for place, length in self._rungs[slot]:
+                    for position, length in self._rungs[slot]:
                         if length:
-                            x = fold.combine(step.delayed(place, x), x)
+                            x = fold.combine(step.delayed(position, x), x)
                         else:
-                            x = step.total(place, fold, x)
+                            x = step.total(position, fold, x)
                     slots[slot] = x[-1]
                 case _ as never:
                     assert_never(never)
@@ -228,12 +228,12 @@ class OnlineMonitor:
             InputTypeError: As `update` and `reset` do.
         """
         self._check(state)
-        o, place, table = self._o, state.place, self._table
-        before = state._replace(place=o.where(place == table.begins, table.ends, place) - 1)
+        o, position, table = self._o, state.place, self._table
+        before = state._replace(place=o.where(position == table.begins, table.ends, position) - 1)
         mask = checked_mask(self._reader, mask, state.age)
         begun, reading = self.update(self.reset(before, mask), sample)
         parts = {
-            name: place if name == "place" else o.where(mask, new, getattr(state, name))
+            name: position if name == "place" else o.where(mask, new, getattr(state, name))
             for name, new in begun._asdict().items()
         }
         return OnlineState(**parts), reading
@@ -290,11 +290,11 @@ class _Step:
 
     def following(self, nan: Tensor, age: Tensor) -> OnlineState:
         o, state, table = self._o, self._state, self._table
-        ring, place, totals = state.ring, state.place, state.totals
+        ring, position, totals = state.ring, state.place, state.totals
         if self._written:
-            ring = o.scatter(ring, place, o.stack(self._written))
-            place = place + 1
-            place = o.where(place == table.ends, table.begins, place)
+            ring = o.scatter(ring, position, o.stack(self._written))
+            position = position + 1
+            position = o.where(position == table.ends, table.begins, position)
         if self._totals:
             totals = o.stack(self._totals)
-        return OnlineState(ring, place, totals, age, nan)
+        return OnlineState(ring, position, totals, age, nan)

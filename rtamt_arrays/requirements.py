@@ -125,9 +125,11 @@ class StepJudge:
     def __init__(
         self, specs: SpecsLike, library: ArrayLibrary, options: RequirementOptions
     ) -> None:
-        rest: dict[str, Any] = {**options}
-        evaluation = EvaluationOptions(**{n: rest.pop(n) for n in _EVALUATION if n in rest})
-        loaded = load_specs(specs, constants=rest.pop("constants", None))
+        remainder: dict[str, Any] = {**options}
+        evaluation = EvaluationOptions(
+            **{n: remainder.pop(n) for n in _EVALUATION if n in remainder}
+        )
+        loaded = load_specs(specs, constants=remainder.pop("constants", None))
         for name, spec in loaded.items():
             if spec.timed and evaluation.period is None:
                 raise InputError(
@@ -141,21 +143,21 @@ class StepJudge:
         self._o = library.operations
         self.names = list(loaded)
         self.variables = tuple(dict.fromkeys(v for s in loaded.values() for v in s.variables))
-        self._on_violation = violation_words(rest.pop("on_violation", "terminate"), loaded)
-        cost = rest.pop("cost", None)
+        self._on_violation = violation_words(remainder.pop("on_violation", "terminate"), loaded)
+        cost = remainder.pop("cost", None)
         check_choice("cost", cost, (None, *get_args(Cost)))
-        nan = rest.pop("nan", None)
+        nan = remainder.pop("nan", None)
         check_choice("nan", nan, (None, "hold"))
         held = self.variables if nan == "hold" else ()
         self._monitors = ArrayMonitorSet(loaded, evaluation, cost, held, library)
         self._by_step = evaluation.view == "step"
-        self._details = rest.pop("details", False)
-        observe = rest.pop("observe", None)
+        self._details = remainder.pop("details", False)
+        observe = remainder.pop("observe", None)
         check_choice("observe", observe, (None, "state"))
         self.observes = observe is not None
-        self._shapes = rest.get("mode") is not None
+        self._shapes = remainder.get("mode") is not None
         self._shaping = Shaping.of(
-            list(loaded), **rest if self._shapes else {**rest, "mode": "add"}
+            list(loaded), **remainder if self._shapes else {**remainder, "mode": "add"}
         )
         self.features = StateFeatures(
             self._shaping.weights,

@@ -129,7 +129,7 @@ _ROOMS = ("mujoco", "results", "wrappers")
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
     if name == "__all__":
-        return [each for each in _MODULES if _is_there(each)]
+        return [export for export in _MODULES if _is_there(export)]
     if name in NAMES[__name__]:
         return old_name(__name__, name)
     if name in _ROOMS:

@@ -134,18 +134,26 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         argv = with_default_count(argv)
     if command in OF_TRACES:
         argv = _separated(argv, command)
-    options, rest = parser.parse_known_args(argv)
-    if rest and command in OF_TRACES and not any(text.startswith("-") for text in rest):
+    options, remainder = parser.parse_known_args(argv)
+    if remainder and command in OF_TRACES and not any(text.startswith("-") for text in remainder):
         # argparse ends the list of specifications at the first option after it.
-        options.specs += [options.trace, *rest]
+        options.specs += [options.trace, *remainder]
         options.trace = options.specs.pop()
-    elif rest and "requirements" in options and not any(text.startswith("-") for text in rest):
-        options.requirements = [*options.requirements, *rest]  # requirements after the first option
-    elif rest:
+    elif (
+        remainder
+        and "requirements" in options
+        and not any(text.startswith("-") for text in remainder)
+    ):
+        options.requirements = [
+            *options.requirements,
+            *remainder,
+        ]  # requirements after the first option
+    elif remainder:
         # argparse leaves them to the parser of all commands.
-        near = nearest(rest[0].partition("=")[0], options_of(command).values())
+        near = nearest(remainder[0].partition("=")[0], options_of(command).values())
         raise InputError(
-            f"unrecognized arguments: {' '.join(rest)}{near}; see {parser.prog} {command} --help"
+            f"unrecognized arguments: {' '.join(remainder)}{near}; "
+            f"see {parser.prog} {command} --help"
         )
     return options
 

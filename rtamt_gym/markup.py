@@ -66,8 +66,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Markup]]) -> Markup:
         >>> table(["name"], [[plain("a")], [code("b")]])
         '<table><tr><th>name</th></tr><tr><td>a</td></tr><tr><td><code>b</code></td></tr></table>'
     """
-    lines = ["".join(f"<th>{plain(each)}</th>" for each in head)]
-    lines += ["".join(f"<td>{each}</td>" for each in row) for row in rows]
+    lines = ["".join(f"<th>{plain(cell)}</th>" for cell in head)]
+    lines += ["".join(f"<td>{cell}</td>" for cell in row) for row in rows]
     return Markup(f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>")
 
 

@@ -110,11 +110,11 @@ def _lead(
     """
     small = 1e-19 * (abs(speed) + time * (abs(throttle) + abs(throttle_change)))
     earlier, term = 0.0, speed
-    way, change, far, length = 0.0, 0.0, 0.0, _LENGTH
+    travel, change, far, length = 0.0, 0.0, 0.0, _LENGTH
     for power in range(1, _LENGTH):
         step = time * term * _INVERSE[power]
         course[power] = step
-        way += step
+        travel += step
         far += abs(step)
         push = brake * term + brake_change * earlier
         if power == 1:
@@ -126,7 +126,7 @@ def _lead(
             break
         earlier, term = term, -time * push * _INVERSE[power]
         change += term
-    return way, change, far, length
+    return travel, change, far, length
 
 
 @compiled
@@ -262,9 +262,9 @@ def _step(
         throttle_change = throttle - float(state[_THROTTLE])
         brake_change = brake - float(state[_BRAKE])
     lead, course = np.empty(_LENGTH), np.empty(_LENGTH)
-    rest = _PERIOD
-    while rest > 0.0:
-        left = rest / _PERIOD
+    remainder = _PERIOD
+    while remainder > 0.0:
+        left = remainder / _PERIOD
         pedals = (
             throttle - throttle_change * left,
             throttle_change * left,
@@ -272,12 +272,12 @@ def _step(
             brake_change * left,
         )
         speed = float(state[_SPEED])
-        way, change, far, length = _lead(rest, *pedals, speed, lead)
-        share, car = _first_end(rest, lead, length, far, state, course)
-        time = rest
+        travel, change, far, length = _lead(remainder, *pedals, speed, lead)
+        share, car = _first_end(remainder, lead, length, far, state, course)
+        time = remainder
         if share < 1.0:
-            time = share * rest
-            way, change, far, length = _lead(
+            time = share * remainder
+            travel, change, far, length = _lead(
                 time,
                 pedals[0],
                 share * pedals[1],
@@ -286,7 +286,7 @@ def _step(
                 speed,
                 lead,
             )
-        state[0] += way
+        state[0] += travel
         state[_SPEED] = speed + change
         _advance(time, state)
         if car > 0:
@@ -295,7 +295,7 @@ def _step(
             near = gap - _LOW[mode] < _HIGH[mode] - gap
             state[_MODE + car] = _CLOSER[mode] if near else _FARTHER[mode]
             _switch(state)
-        rest = rest - time if share < 1.0 else 0.0
+        remainder = remainder - time if share < 1.0 else 0.0
     state[_THROTTLE], state[_BRAKE], state[_BEGUN] = throttle, brake, 1.0
     observation[:] = state[:_CARS]
 

@@ -34,22 +34,22 @@ def _root(
 ) -> float:
     """Return where a polynomial crosses a level, on a monotone interval with a crossing."""
     rising = at_high > level
-    at = low + (high - low) * (level - at_low) / (at_high - at_low)
+    estimate = low + (high - low) * (level - at_low) / (at_high - at_low)
     for _ in range(100):
-        value, slope = _at(polynomial, length, at)
+        value, slope = _at(polynomial, length, estimate)
         if (value > level) == rising:
-            high = at
+            high = estimate
         else:
-            low = at
-        better = at - (value - level) / slope if slope != 0.0 else at
-        if better == at:
+            low = estimate
+        better = estimate - (value - level) / slope if slope != 0.0 else estimate
+        if better == estimate:
             break
         if not low < better < high:
             better = 0.5 * (low + high)
             if not low < better < high:
                 break
-        at = better
-    return at
+        estimate = better
+    return estimate
 
 
 @compiled

@@ -200,9 +200,9 @@ def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     rooms.set(xlabel="x [m]", aspect="equal", xlim=(0, WIDTH), ylim=(0, HEIGHT))
     for left, low, right, high in OBSTACLES:
         rooms.add_patch(Rectangle((left, low), right - left, high - low, color="0.75"))
-    for name, place in (("desk", DESK), ("dock", DOCK)):
-        rooms.plot(*place, "s", color=GOAL, markersize=6)
-        rooms.annotate(name, place, (0, 8), textcoords="offset points", ha="center")
+    for name, position in (("desk", DESK), ("dock", DOCK)):
+        rooms.plot(*position, "s", color=GOAL, markersize=6)
+        rooms.annotate(name, position, (0, 8), textcoords="offset points", ha="center")
     x, y, heading, v = episode.observations[:, :4].T
     rooms.plot(x, y, color=SIGNAL)
     rooms.add_patch(Circle((x[-1], y[-1]), RADIUS, color=SIGNAL, alpha=0.6))

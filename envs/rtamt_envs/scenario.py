@@ -131,7 +131,7 @@ class Scenario:
     @cached_property
     def signals(self) -> Mapping[str, str]:
         """The selector of each name of the observation, for wrappers and `simulate`."""
-        return {each.name: f"obs[{i}]" for i, each in enumerate(self.observations)}
+        return {observation.name: f"obs[{i}]" for i, observation in enumerate(self.observations)}
 
     @cached_property
     def defaults(self) -> Floats:
@@ -191,8 +191,8 @@ def scenario_of(name: str) -> Scenario:
         raise InputError(
             f"unknown scenario {name!r}{nearest(name, SCENARIOS)}; there are {listing(SCENARIOS)}"
         )
-    found: Scenario = import_module(f"rtamt_envs.{SCENARIOS[name][0]}").SCENARIO
-    return found
+    result: Scenario = import_module(f"rtamt_envs.{SCENARIOS[name][0]}").SCENARIO
+    return result
 
 
 class Declared:

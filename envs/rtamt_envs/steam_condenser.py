@@ -108,9 +108,9 @@ _LAYER = (
 @compiled
 def _between(table: tuple[float, ...], pressure: float) -> float:
     """Interpolate a table over 50 .. 110 kPa; its last lines extend beyond the ends."""
-    place = (pressure - 50.0) / 10.0
-    row = min(max(int(place), 0), 5)
-    return table[row] + (place - row) * (table[row + 1] - table[row])
+    position = (pressure - 50.0) / 10.0
+    row = min(max(int(position), 0), 5)
+    return table[row] + (position - row) * (table[row + 1] - table[row])
 
 
 @compiled

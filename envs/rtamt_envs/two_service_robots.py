@@ -98,14 +98,14 @@ def _step(action: Array, parameters: Array, noise: Array, state: Array, observat
     for i in range(4):
         command = action[i] + parameters[NOISE] * noise[i]
         lacking = state[VELOCITY + i] - command
-        place = state[i] + command * PERIOD + lacking * lag * (1.0 - fade)
+        position = state[i] + command * PERIOD + lacking * lag * (1.0 - fade)
         velocity = command + lacking * fade
         end = (WIDTH if i % 2 == 0 else HEIGHT) - RADIUS
-        if place < RADIUS:
-            place, velocity = RADIUS, 0.0
-        elif place > end:
-            place, velocity = end, 0.0
-        state[i] = place
+        if position < RADIUS:
+            position, velocity = RADIUS, 0.0
+        elif position > end:
+            position, velocity = end, 0.0
+        state[i] = position
         state[VELOCITY + i] = velocity
     for robot in range(2):
         station = 2 * robot + int(state[STATION + robot])
@@ -271,9 +271,9 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
         self.agents: list[str] = []
         self.requirements = SCENARIO.specifications
         self.signals = {
-            f"{axis}{robot}": f"robot_{robot}: obs[{at}]"
+            f"{axis}{robot}": f"robot_{robot}: obs[{index}]"
             for robot in (1, 2)
-            for at, axis in enumerate(("x", "y", "next_x", "next_y"))
+            for index, axis in enumerate(("x", "y", "next_x", "next_y"))
         }
         self.dt = PERIOD
         far = np.array([WIDTH, HEIGHT])

@@ -376,7 +376,7 @@ class _Checker:
         programs = [self._with(conjunct) for conjunct, _ in parts]
 
         def find(places: list[int]) -> SearchAnswer:
-            return self._find(*((programs[place], True) for place in places))
+            return self._find(*((programs[position], True) for position in places))
 
         fewest = [0]
         if len(parts) > 1:
@@ -399,10 +399,10 @@ def _fewest(places: list[int], find: Callable[[list[int]], SearchAnswer]) -> lis
     fewest = [places[i] for i in result.core if i < len(places)] or places
     if len(fewest) < len(places) and not find(fewest).impossible:
         fewest = places
-    for place in list(fewest):
-        rest = [other for other in fewest if other != place]
-        if rest and find(rest).impossible:
-            fewest = rest
+    for position in list(fewest):
+        remainder = [other for other in fewest if other != position]
+        if remainder and find(remainder).impossible:
+            fewest = remainder
     return fewest
 
 
@@ -432,7 +432,9 @@ def _checked_set(
     """Return the answers for requirements one by one and together."""
     if len(checked) == 1:
         return Check(checked)
-    names = [name for name, each in checked.items() if each.satisfiable.answer == "yes"]
+    names = [
+        name for name, checked_part in checked.items() if checked_part.satisfiable.answer == "yes"
+    ]
     programs = {name: checker.program for name, checker in checkers.items()}
 
     def all_of(places: Iterable[int]) -> list[tuple[Program, bool]]:
@@ -446,10 +448,12 @@ def _checked_set(
     asked: dict[tuple[str, str], Answer] = {}
     if together and both.trace:
         for name in names:
-            for each in implications(checkers[name].spec.formula):
-                if checked[name].triggers[str(each)].answer == "yes":
-                    other = checkers[name].unanswered(each)
-                    asked[name, str(each)] = answer_of(q.find(*all_of(every), (other, False)))
+            for implication in implications(checkers[name].spec.formula):
+                if checked[name].triggers[str(implication)].answer == "yes":
+                    other = checkers[name].unanswered(implication)
+                    asked[name, str(implication)] = answer_of(
+                        q.find(*all_of(every), (other, False))
+                    )
     falsifiable = [name for name in names if checked[name].falsifiable.answer == "yes"]
     implied, equal, unknown = _implications(falsifiable, programs, q)
     return Check(checked, together, conflict, asked, implied, equal, unknown)

@@ -117,12 +117,12 @@ class RequirementExamples:
     @property
     def satisfied(self) -> tuple[Example, ...]:
         """The examples that satisfy it."""
-        return tuple(each for each in self.examples if each.verdict is Verdict.SATISFIED)
+        return tuple(example for example in self.examples if example.verdict is Verdict.SATISFIED)
 
     @property
     def violated(self) -> tuple[Example, ...]:
         """The examples that violate it."""
-        return tuple(each for each in self.examples if each.verdict is Verdict.VIOLATED)
+        return tuple(example for example in self.examples if example.verdict is Verdict.VIOLATED)
 
     @property
     def answer(self) -> Says:
@@ -208,28 +208,28 @@ class _ExampleSearch:
         """Return up to ``count`` examples."""
         goals = {holds: self._questions.goals((self._program, holds)) for holds in (True, False)}
         answers = {holds: answer_of(self._search.find_short(g)) for holds, g in goals.items()}
-        found: dict[object, Example] = {}
+        result: dict[object, Example] = {}
         missing: list[str] = []
         unknown: dict[str, str] = {}
         deadline = time.monotonic() + timeout
         for miss in near_misses(self._spec.formula, self._period, self._spec.unit):
-            if len(found) >= count:
+            if len(result) >= count:
                 break
             first = answers[miss.holds]
             if first.trace is None:
                 continue
             if miss.kind == "violated":
                 shortest, miss_text = self._shortest(miss, goals[False], first.trace, deadline)
-                self._add(found, miss_text, shortest)
+                self._add(result, miss_text, shortest)
                 continue
             trace, why = self._trace(miss, first.trace, deadline)
             if trace is not None:
-                self._add(found, miss, trace)
+                self._add(result, miss, trace)
             elif why:
                 unknown[miss.why] = why
             elif miss.kind in {"answered", "unanswered"}:
                 missing.append(miss.why)
-        shown = tuple(found.values())[:count]
+        shown = tuple(result.values())[:count]
         text = str(self._spec.standalone())
         return RequirementExamples(
             text, self._period, answers[True], answers[False], shown, tuple(missing), unknown
@@ -359,8 +359,8 @@ def near_misses(formula: Formula, step: Fraction | None, unit: str) -> list[Near
     misses = [*triggers[:1], *satisfied, shortest, *triggers[1:]]
     both = signs(formula)
     changes = [
-        (_ORDER[change.kind], place, change)
-        for place, node in enumerate(reversed([*formula.nodes()]))
+        (_ORDER[change.kind], index, change)
+        for index, node in enumerate(reversed([*formula.nodes()]))
         if isinstance(node, Formula) and node in both
         for change in _changes(node, step, unit)
     ]
@@ -414,15 +414,15 @@ def _make(name: str, *args: object, interval: Interval | None = None) -> Formula
 def _of_implications(formula: Formula, step: Fraction | None, unit: str) -> Iterator[NearMiss]:
     """Yield for each implication an answer, a trigger without answer, and no trigger."""
     every = implications(formula)
-    for each in every:
-        name = f": {each}" if len(every) > 1 else ""
-        other = unanswered(formula, [each])
-        inside = _inside(each, step, unit)
-        wished = () if inside is each else ((replaced(formula, {each: inside}), True),)
+    for item in every:
+        name = f": {item}" if len(every) > 1 else ""
+        other = unanswered(formula, [item])
+        inside = _inside(item, step, unit)
+        wished = () if inside is item else ((replaced(formula, {item: inside}), True),)
         yield NearMiss(
             "answered", f"triggered and answered{name}", ((other, False),), wished, holds=True
         )
-        without = replaced(formula, {each: _make("true")})
+        without = replaced(formula, {item: _make("true")})
         yield NearMiss(
             "unanswered", f"triggered and not answered{name}", ((without, True),), holds=False
         )
@@ -482,8 +482,8 @@ def _of_parts(node: Formula) -> Iterator[_Change]:
     """Yield the only part of ``and`` that fails, of ``or`` that holds."""
     every = _name(node) == "and"
     for i, part in enumerate(node.args):
-        rest = (*node.args[:i], *node.args[i + 1 :])
-        instead = rest[0] if len(rest) == 1 else make(_name(node), rest)
+        remainder = (*node.args[:i], *node.args[i + 1 :])
+        instead = remainder[0] if len(remainder) == 1 else make(_name(node), remainder)
         kind: ExampleKind = "broken" if every else "saved"
         why = f"{'broken' if every else 'saved'} by {part} alone"
         otherwise = f"of {node}, {part} alone {'fails' if every else 'holds'}"

@@ -322,8 +322,8 @@ class WitnessSearch:
         """Return the goals and the limits that clash, from places in the list of `truths`."""
         limits, most = self.limits.texts(_variables(goals)), len(goals)
         return (
-            tuple(place for place in places if place < most),
-            tuple(limits[place - most] for place in places if place >= most),
+            tuple(position for position in places if position < most),
+            tuple(limits[position - most] for position in places if position >= most),
         )
 
     def _truth(self, goal: Goal, count: int, world: World, loop: int, deadline: float) -> Truth:
@@ -479,7 +479,7 @@ def shortened(
     It ends at the sample that decides the verdicts, or soon after if the verdict needs the end.
     """
     decided = [_judged(trace, goal.program, period, end).decided_at for goal in goals]
-    count = 1 + max((int(at) for at in decided if at is not None), default=0)
+    count = 1 + max((int(sample) for sample in decided if sample is not None), default=0)
     while count < trace.samples:
         columns = {name: values[:count] for name, values in trace.columns.items()}
         prefix = ExampleTrace(columns, count, 0)

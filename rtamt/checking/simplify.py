@@ -136,15 +136,15 @@ class Plainness:
     def _ranked(self, name: str, borders: Sequence[float]) -> dict[float, float]:
         ranked: dict[float, float] = {}
         lower, upper = self._ranges.get(name, (-math.inf, math.inf))
-        rest = min(max(0.0, lower), upper)
-        clear = [rest, *(b + sign * _distance(b) for b in borders for sign in (1, -1))]
+        remainder = min(max(0.0, lower), upper)
+        clear = [remainder, *(b + sign * _distance(b) for b in borders for sign in (1, -1))]
         near = [b + sign * last_digit(b) for b in borders for sign in (1, -1)]
         between = [(x + y) / 2 for x, y in itertools.pairwise(sorted(borders))]
         for rank, exact in enumerate([*clear, *near, *between, *borders]):
             value = float(f"{exact:.12g}") + 0.0
             if not lower <= value <= upper or (name in self._integers and value != int(value)):
                 continue
-            cost = 1.0 + 0.01 * rank if value != rest else 0.0
+            cost = 1.0 + 0.01 * rank if value != remainder else 0.0
             if any(value != b and abs(value - b) < 0.99 * _distance(b) for b in borders):
                 cost += 1.0
             if value in borders:
@@ -239,8 +239,8 @@ def _changes(columns: _Columns, plainness: Plainness, cost: float, *, loop: int)
         *({**columns, name: values} for name, values in _runs(columns, plainness)),
         *([] if loop else _earlier(columns, plainness)),
     ]
-    ranked = [(_cost(offer, plainness), place) for place, offer in enumerate(offers)]
-    return [offers[place] for now, place in sorted(ranked) if now < cost - 1e-9]
+    ranked = [(_cost(offer, plainness), position) for position, offer in enumerate(offers)]
+    return [offers[position] for now, position in sorted(ranked) if now < cost - 1e-9]
 
 
 def _runs(columns: _Columns, plainness: Plainness) -> Iterator[tuple[str, list[float]]]:
@@ -321,7 +321,7 @@ class _Test:
         self._numbers: dict[TermKey, int] = {}
         self._terms: list[_Step] = []
         nodes = graph.reached(truths)
-        self._places = {node: place for place, node in enumerate(nodes)}
+        self._places = {node: index for index, node in enumerate(nodes)}
         self._nodes = [self._node_step(graph, node) for node in nodes]
         self._expected = self._placed(truths)
         self._size = len(nodes) + len(self._terms)
@@ -333,7 +333,7 @@ class _Test:
             parts = self._placed(graph.parts(node))
             if not parts:
                 return lambda *_: False
-            return lambda _, known: all(known[place] is holds for place, holds in parts)
+            return lambda _, known: all(known[position] is holds for position, holds in parts)
         kind, left, right = atom
         x, y = self._number(left), self._number(right)
         if kind == "equal":
@@ -360,7 +360,7 @@ class _Test:
             return lambda *_: parts[0]
         apply = function_of(cast("str", function))
         places = [self._number(cast("TermKey", part)) for part in parts]
-        return lambda _, values: apply(*(values[place] for place in places))
+        return lambda _, values: apply(*(values[position] for position in places))
 
     def __call__(self, columns: _Columns) -> bool:
         if self._monitors is not None:
@@ -377,7 +377,7 @@ class _Test:
         known: list[bool] = []
         for node in self._nodes:
             known.append(node(values, known))
-        return all(known[place] is holds for place, holds in self._expected)
+        return all(known[position] is holds for position, holds in self._expected)
 
 
 _Step = Callable[[Any, Any], Any]

@@ -95,16 +95,16 @@ class Solver:
             deadline: The value of `time.monotonic` at which to give up.
             wide: Whether to use the wide model of arithmetic.
         """
-        for place, truth in enumerate(truths):
+        for index, truth in enumerate(truths):
             if truth == FALSE:
-                return Solution(possible=False, loads={}, core=(place,))
+                return Solution(possible=False, loads={}, core=(index,))
         z3 = self._z3
         left = deadline - time.monotonic()
         if left <= 0:
             return Solution(possible=None, loads={})
         solver = z3.SimpleSolver(ctx=self._context)
         solver.set("timeout", max(1, int(1000 * left)))
-        names = [z3.Bool(f"part{place}", self._context) for place in range(len(truths))]
+        names = [z3.Bool(f"part{index}", self._context) for index in range(len(truths))]
         variables, free = self._models[wide].add_to(solver, truths, names)
         answer = solver.check(*names)
         if answer == z3.sat:

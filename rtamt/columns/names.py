@@ -215,8 +215,8 @@ _FIELD = re.compile(r"[^\W_][./][^\W_]{3}")
 def _unit_of_words(words: Sequence[str]) -> str | None:
     joined = "".join(words)
     if len(words) > 1 and (unit := UNIT_OF.get(words[-1])):
-        rest = "".join(words[:-2] if words[-2] == "in" else words[:-1])
-        if rest == "t" or _unit_of_joined(rest) == "":
+        remainder = "".join(words[:-2] if words[-2] == "in" else words[:-1])
+        if remainder == "t" or _unit_of_joined(remainder) == "":
             return unit
     if len(words) > 2 and words[1] == "since" and words[0] in UNIT_OF:
         return UNIT_OF[words[0]]  # ms since boot

@@ -192,10 +192,10 @@ def objects_in(
             return Objects(name, (), row)
     if times is None or len(times) < 2 or rising:
         return None
-    apart = {name: codes for name, codes in several.items() if _ordered_within(codes, times)}
-    if apart:
-        name = min(apart, key=lambda n: (not names_objects(n), int(apart[n].max())))
-        return Objects(name, _values(cells[name], apart[name]))
+    ordered = {name: codes for name, codes in several.items() if _ordered_within(codes, times)}
+    if ordered:
+        name = min(ordered, key=lambda n: (not names_objects(n), int(ordered[n].max())))
+        return Objects(name, _values(cells[name], ordered[name]))
     return Objects("", ()) if _mixed(cells, times, filled) else None
 
 

@@ -282,11 +282,11 @@ def are_clock_numbers(values: NDArray[Any]) -> bool:
     steps = np.diff(numbers)
     if (steps <= 0).any() or float(np.ptp(steps)) <= 0.02 * float(steps.min()):
         return False
-    rest, low = np.divmod(numbers, 100)
-    hours, middle = np.divmod(rest, 100)
+    remainder, low = np.divmod(numbers, 100)
+    hours, middle = np.divmod(remainder, 100)
     clocks = [3600 * hours + 60 * middle + low] if (middle < 60).all() else []
-    if (rest < 24).all():
-        clocks.append(60 * rest + low)
+    if (remainder < 24).all():
+        clocks.append(60 * remainder + low)
     return any(
         (low < 60).all() and float(np.ptp(gaps)) <= 0.02 * float(gaps.min())
         for gaps in map(np.diff, clocks)

@@ -190,7 +190,9 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
         monitor = Monitor(spec, period, **options)
         late = {name: self._named(name) for name, n in monitor.latencies.items() if n}
         late |= {self._result: spec} if monitor.latency else {}
-        self._begins = {n: EpisodeMonitor(each, period, **options) for n, each in late.items()}
+        self._begins = {
+            n: EpisodeMonitor(formula, period, **options) for n, formula in late.items()
+        }
         self._time = None
         self._least, self._most = self._durations()
         self.sampling_violation_counter = 0

@@ -106,11 +106,11 @@ def variables_of(
         SpecificationError: If the specification has a name that is in `RESERVED`.
     """
     variables = [*_own(file), *_of_text(file, formulas, ranges, columns)]
-    for each in variables[len(RESERVED) - 1 :]:
-        if each.name in RESERVED:
+    for variable in variables[len(RESERVED) - 1 :]:
+        if variable.name in RESERVED:
             msg = (
-                f"an FMU of a monitor has a variable '{each.name}' of its own; "
-                f"give the '{each.name}' of the specification another name"
+                f"an FMU of a monitor has a variable '{variable.name}' of its own; "
+                f"give the '{variable.name}' of the specification another name"
             )
             raise SpecificationError(msg)
     return variables
@@ -148,12 +148,12 @@ def _of_text(
     for (causality, meaning), named in zip(
         parts, (file.inputs, file.parameters, file.fixed), strict=True
     ):
-        for each in named:
-            limits = ranges.get(each.name) if causality == "input" else None
-            column = columns.get(each.name) if causality == "input" else None
+        for variable in named:
+            limits = ranges.get(variable.name) if causality == "input" else None
+            column = columns.get(variable.name) if causality == "input" else None
             about = meaning if column is None else f"{meaning}; column {column}"
             yield UnitVariable(
-                each.name, next(reference), "real", causality, each.start, about, limits
+                variable.name, next(reference), "real", causality, variable.start, about, limits
             )
     for name in file.formulas:
         yield UnitVariable(name, next(reference), "real", "output", None, formulas[name])
@@ -222,16 +222,16 @@ def description_text(description: Description, fmi: Fmi) -> bytes:
 
 def _variables_2(root: Element, description: Description) -> None:
     parent = SubElement(root, "ModelVariables")
-    for each in description.variables:
-        scalar = SubElement(parent, "ScalarVariable", _attributes(each))
-        SubElement(scalar, _TYPES[2][each.kind], {**_limits(each), **_start(each)})
+    for variable in description.variables:
+        scalar = SubElement(parent, "ScalarVariable", _attributes(variable))
+        SubElement(scalar, _TYPES[2][variable.kind], {**_limits(variable), **_start(variable)})
     structure = SubElement(root, "ModelStructure")
-    places = {str(i): each for i, each in enumerate(description.variables, 1)}
+    places = {str(i): variable for i, variable in enumerate(description.variables, 1)}
     for name, dependencies in _dependencies(places).items():
         parent = SubElement(structure, f"{name}s")
-        for place, each in places.items():
-            if each.causality == "output":
-                SubElement(parent, "Unknown", index=place, dependencies=dependencies)
+        for position, variable in places.items():
+            if variable.causality == "output":
+                SubElement(parent, "Unknown", index=position, dependencies=dependencies)
 
 
 def _variables_3(root: Element, description: Description) -> None:
@@ -249,11 +249,11 @@ def _variables_3(root: Element, description: Description) -> None:
         attributes = {**_attributes(each), **_limits(each), **_start(each)}
         SubElement(parent, _TYPES[3][each.kind], attributes)
     structure = SubElement(root, "ModelStructure")
-    places = {str(each.reference): each for each in description.variables}
+    places = {str(variable.reference): variable for variable in description.variables}
     for name, dependencies in _dependencies(places).items():
-        for place, each in places.items():
+        for position, each in places.items():
             if each.causality == "output":
-                SubElement(structure, name, valueReference=place, dependencies=dependencies)
+                SubElement(structure, name, valueReference=position, dependencies=dependencies)
 
 
 def _dependencies(places: Mapping[str, UnitVariable]) -> dict[str, str]:
@@ -264,9 +264,9 @@ def _dependencies(places: Mapping[str, UnitVariable]) -> dict[str, str]:
     through the monitor, and initialize it.
     """
     constants = [
-        place
-        for place, each in places.items()
-        if each.causality == "parameter" and each.kind == "real"
+        position
+        for position, variable in places.items()
+        if variable.causality == "parameter" and variable.kind == "real"
     ]
     return {"Output": "", "InitialUnknown": " ".join(constants)}
 

@@ -176,7 +176,7 @@ class ProgramFile:
 
 def program_text(file: ProgramFile) -> str:
     """Return the text of a file, for UTF-8 and Unix line ends."""
-    writer = _Writer([each.name for each in file.parameters])
+    writer = _Writer([parameter.name for parameter in file.parameters])
     writer.add("rtamt-program", 3)
     writer.add("token", file.token)
     match file.programs:
@@ -184,14 +184,14 @@ def program_text(file: ProgramFile) -> str:
             writer.add("samples", *period)
         case DenseFile(clock):
             writer.add("ticks", *clock)
-    for each in file.inputs:
-        writer.add("input", each.name, float(each.start))
+    for entry in file.inputs:
+        writer.add("input", entry.name, float(entry.start))
     for name, source in zip(file.formulas, file.programs.sources, strict=True):
         writer.add("formula", name, source)
-    for each in file.parameters:
-        writer.add("parameter", each.name, float(each.start))
-    for each in file.fixed:
-        writer.add("fixed", each.name, float(each.start))
+    for parameter in file.parameters:
+        writer.add("parameter", parameter.name, float(parameter.start))
+    for entry in file.fixed:
+        writer.add("fixed", entry.name, float(entry.start))
     writer.add("stop", int(file.stop))
     match file.programs:
         case SampledFile():

@@ -92,19 +92,19 @@ def sampled_programs(
     registers, sources = _episodes(program, late)
     readings = variants_of(program)
     episodes = [*readings, *(variants_of(replace(program, result=r))[-1] for r in registers)]
-    for each in episodes:
-        limit_episode(each)
+    for episode in episodes:
+        limit_episode(episode)
     if monitor is not None:
         limit_discrete(monitor)
     encoded = SampledFile(
         period=step.as_integer_ratio(),
         readings=len(readings),
-        episodes=[encoded_episode(each) for each in episodes],
+        episodes=[encoded_episode(episode) for episode in episodes],
         monitor=None if monitor is None else encoded_discrete(monitor),
         observed=[]
         if monitor is None
         else [(register, late[name] or 0) for name, register in monitor.outputs.items()],
-        sources=[None if each is None else each + len(readings) - 1 for each in sources],
+        sources=[None if source is None else source + len(readings) - 1 for source in sources],
     )
     return Programs(encoded, program, float(step), _notes(late, step))
 
@@ -169,7 +169,7 @@ def dense_programs(
     )
     registers, sources = _episodes(regions.program, late)
     results = [regions, *(regions.of(register) for register in registers)]
-    readings = [variants_of(each.program) for each in results]
+    readings = [variants_of(result.program) for result in results]
     # The simulator's time is in seconds, whatever the unit of the specification is.
     clock = clock_of(compiled_program.resolution)
     encoded = DenseFile(

@@ -120,8 +120,8 @@ def _require_order(lower: Floats, upper: Floats) -> None:
     wrong = np.atleast_1d(out_of_order(lower, upper))
     if not wrong.any():
         return
-    place = int(wrong.ravel().argmax())
-    least, greatest = (float(end.ravel()[place]) for end in (lower, upper))
+    index = int(wrong.ravel().argmax())
+    least, greatest = (float(end.ravel()[index]) for end in (lower, upper))
     where = "" if lower.ndim == 0 else f" at {', '.join(map(str, np.argwhere(wrong)[0]))}"
     expected = (
         "numbers as ends of UncertainValue, and "

@@ -99,9 +99,9 @@ class Clock:
         # is that close to the middle between two ticks, it rounds as the exact number does.
         with np.errstate(over="ignore", invalid="ignore"):
             products = times * float(1 / self.tick)
-            whole = np.rint(products)
-            sure = np.abs(products - whole) + np.abs(products) * 2.0**-51 < 0.5
-        ticks: Ticks = np.where(sure, whole, 0.0).astype(np.int64)
+            rounded = np.rint(products)
+            sure = np.abs(products - rounded) + np.abs(products) * 2.0**-51 < 0.5
+        ticks: Ticks = np.where(sure, rounded, 0.0).astype(np.int64)
         for i in np.flatnonzero(~sure).tolist():
             time = times[i].item()
             ticks[i] = self._counted(_exact(time) / self.tick, time, i, name)

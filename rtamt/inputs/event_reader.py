@@ -442,8 +442,8 @@ def _started(column: Given, default: float, given: Sequence[Times]) -> Given:
         given: The times of every variable with events.
     """
     times, values, _ = column
-    alike = [line for line in given if are_dates(line) == are_dates(given[0])]
-    first, last = min(line[0] for line in alike), max(line[-1] for line in alike)
+    same_kind = [line for line in given if are_dates(line) == are_dates(given[0])]
+    first, last = min(line[0] for line in same_kind), max(line[-1] for line in same_kind)
     if not len(times):
         ends = [first] if first == last else [first, last]
         return Given(np.array(ends), np.full(len(ends), default), len(ends))

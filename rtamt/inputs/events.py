@@ -255,8 +255,8 @@ def check_values(
     if missing.any():
         i = int(np.argmax(missing))
         out = "; leave it out: a value lasts until the next event"
-        way = Advice(", or pass ", Argument("nan", "unknown")) if bounds else Message()
-        raise InputError(f"event {i}{of_name}, at time {shown(times[i])}, is nan{out}", way)
+        advice = Advice(", or pass ", Argument("nan", "unknown")) if bounds else Message()
+        raise InputError(f"event {i}{of_name}, at time {shown(times[i])}, is nan{out}", advice)
     if known and values.ndim > 1:
         i = int(np.argmax(not_known(values)))
         raise InputError(

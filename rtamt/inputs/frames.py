@@ -129,15 +129,15 @@ def _check_objects(
     objects = objects_in(looked_at, instants, filled, variables, str(first))
     if objects is None:
         return
-    what = "times that repeat or go back while other columns change"
+    phrase = "times that repeat or go back while other columns change"
     if objects.row is not None:
-        what = f"a column '{objects.column}' by which another trace starts in row {objects.row}"
+        phrase = f"a column '{objects.column}' by which another trace starts in row {objects.row}"
     elif objects.column:
         more = ", ..." if len(objects.values) > _SHOWN else ""
         values = ", ".join(objects.values[:_SHOWN]) + more
-        what = f"a column '{objects.column}' with {len(objects.values)} values ({values})"
+        phrase = f"a column '{objects.column}' with {len(objects.values)} values ({values})"
     raise InputError(
-        f"expected one trace, got a data frame that has {what}, as with several objects or "
+        f"expected one trace, got a data frame that has {phrase}, as with several objects or "
         "episodes; pass the rows of one, or only the columns of the formula if all rows are one "
         "trace"
     )
@@ -170,7 +170,7 @@ def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # 
     index: Any = getattr(frame, "index", None)
     if index is not None and _holds_times(index, str(index.name or ""), first=True):
         times: Any = index
-        what, without = "an index of times", "reset_index(drop=True)"
+        phrase, without = "an index of times", "reset_index(drop=True)"
     else:
         called = [name for name in ignored if _holds_times(frame[name], str(name), name == first)]
         pairs = split_times([*map(str, ignored)])
@@ -178,11 +178,11 @@ def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # 
         if not called:
             return
         times = frame[called[0]]
-        what, without = f"a column of times '{called[0]}'", "drop it"
+        phrase, without = f"a column of times '{called[0]}'", "drop it"
     values = np.asarray(times)[:2].tolist() if _is_plain(times) else [str(t) for t in times[:2]]
     shown = " and ".join(map(str, values))
     raise InputError(
-        f"expected a period, because the data frame has {what}, which begins with {shown}; "
+        f"expected a period, because the data frame has {phrase}, which begins with {shown}; "
         f"pass period=, the time between two samples, or {without} to count bounds in samples"
     )
 

@@ -64,15 +64,17 @@ class Field:
         The column of a list has a list per sample: an array of shape (n, elements), or n sequences.
         Errors name the sample; ``sample`` is the number of the first row.
         """
-        at = next((i for i, step in enumerate(self.path) if isinstance(step, int)), len(self.path))
+        index = next(
+            (i for i, step in enumerate(self.path) if isinstance(step, int)), len(self.path)
+        )
         where = f" at sample {sample}"
-        column = self._follow(message, self.path[:at], where)
-        if at == len(self.path):
+        column = self._follow(message, self.path[:index], where)
+        if index == len(self.path):
             return column
         if isinstance(column, str | bytes) or not isinstance(column, Iterable):
-            return self._follow(column, self.path[at:], where, at)
+            return self._follow(column, self.path[index:], where, index)
         return [
-            self._follow(elements, self.path[at:], f" at sample {i}", at)
+            self._follow(elements, self.path[index:], f" at sample {i}", index)
             for i, elements in enumerate(column, sample)
         ]
 

@@ -33,7 +33,7 @@ class Rates:
         """Return the rates at a sample; `previous` is empty for the first one."""
         if not previous:
             return [0.0] * len(self._places)
-        return [self._rate(values[place], previous[place]) for place in self._places]
+        return [self._rate(values[position], previous[position]) for position in self._places]
 
     def _rate(
         self, value: float | UncertainValue, before: float | UncertainValue
@@ -50,7 +50,10 @@ class Rates:
 
     def of_columns(self, columns: Sequence[Floats], previous: Sequence[float] = ()) -> list[Floats]:
         """Return the rates at each sample of a block; nan if a value is nan."""
-        return [self._column(columns[place], previous[place : place + 1]) for place in self._places]
+        return [
+            self._column(columns[position], previous[position : position + 1])
+            for position in self._places
+        ]
 
     def _column(self, column: Floats, previous: Sequence[float]) -> Floats:
         before = np.concatenate([previous if len(previous) else column[:1], column[:-1]])
@@ -67,8 +70,8 @@ class Rates:
         """Return the smallest and largest rates of a trace with values between columns."""
         low_rates: list[Floats] = []
         high_rates: list[Floats] = []
-        for place in self._places:
-            low, high = lower[place], upper[place]
+        for position in self._places:
+            low, high = lower[position], upper[position]
             known = low == high
             known[1:] &= known[:-1].copy()
             known[:1] = True

@@ -275,8 +275,8 @@ class SampleReader:
             wanted = "" if n is None else f" and n={n}"
             raise InputError(f"expected columns of one length, got {got}{wanted}")
         if not lengths:
-            what = "every variable has its default" if held else "the formula has no variables"
-            raise InputError(f"{what}: pass the number of samples as n=")
+            phrase = "every variable has its default" if held else "the formula has no variables"
+            raise InputError(f"{phrase}: pass the number of samples as n=")
         length = lengths.pop()
         columns = {v: np.full(length, value) for v, value in held.items()} | columns
         values = [columns[v] for v in self.variables]
@@ -345,8 +345,8 @@ class SampleReader:
         """
         halves: list[TraceColumns] = [data]
         if self.nan != "unknown" and (plain := self._plain(data, n, extra=extra)):
-            whole = plain + self.rates.of_columns(plain, ())
-            return whole, whole, len(plain[0])
+            joined = plain + self.rates.of_columns(plain, ())
+            return joined, joined, len(plain[0])
         if isinstance(data, Mapping) and any(isinstance(v, UncertainValue) for v in data.values()):
             halves = [
                 {
@@ -356,16 +356,16 @@ class SampleReader:
                 for end in ("lower", "upper")
             ]
         blocks = [self.columns(half, n=n, extra=extra) for half in halves]
-        (whole, length), count, apart = blocks[0], len(self.variables), len(blocks) > 1
-        lower, upper = whole[:count], blocks[-1][0][:count]
-        if self.nan != "unknown" and apart:
+        (joined, length), count, separate = blocks[0], len(self.variables), len(blocks) > 1
+        lower, upper = joined[:count], blocks[-1][0][:count]
+        if self.nan != "unknown" and separate:
             lower, upper = self._filled(lower), self._filled(upper)
         if self.nan == "unknown" and any(np.isnan(column).any() for column in lower):
-            apart = True
+            separate = True
             upper = [np.where(np.isnan(column), np.inf, column) for column in upper]
             lower = [np.where(np.isnan(column), -np.inf, column) for column in lower]
-        if not apart:
-            return whole, whole, length
+        if not separate:
+            return joined, joined, length
         least, greatest = self.rates.of_bounds(lower, upper)
         return lower + least, upper + greatest, length
 

@@ -79,11 +79,11 @@ def _read(text: str, value: object, what: str) -> Fraction | None:
 
 def is_decimal(value: Fraction) -> bool:
     """Return whether a decimal text can write a fraction exactly."""
-    rest = value.denominator
+    remainder = value.denominator
     for prime in (2, 5):
-        while rest % prime == 0:
-            rest //= prime
-    return rest == 1
+        while remainder % prime == 0:
+            remainder //= prime
+    return remainder == 1
 
 
 def decimal_text(value: Fraction) -> str:

@@ -197,15 +197,17 @@ def _with_runs(node: Node, runs: Collection[Node]) -> Sequence[Node]:
         if run.op is op and run is not node:
             starts.setdefault(run.args[0], []).append(run)
     operands: list[Node] = []
-    at = 0
-    while at < len(args):
-        fits = [r for r in starts.get(args[at], ()) if args[at : at + len(r.args)] == r.args]
-        if fits and (op.grouping == "flat" or at == 0):
+    index = 0
+    while index < len(args):
+        fits = [
+            r for r in starts.get(args[index], ()) if args[index : index + len(r.args)] == r.args
+        ]
+        if fits and (op.grouping == "flat" or index == 0):
             operands.append(max(fits, key=lambda r: len(r.args)))
-            at += len(operands[-1].args)
+            index += len(operands[-1].args)
         else:
-            operands.append(args[at])
-            at += 1
+            operands.append(args[index])
+            index += 1
     return operands
 
 

@@ -180,11 +180,11 @@ class OperatorTable(Mapping[str, Operator]):
         """Return why a word cannot name a variable; empty if it can."""
         if word not in self.reserved:
             return ""
-        what = "a word of the language"
+        phrase = "a word of the language"
         row = self.words.get(word)
         if row is not None:
-            what = "an operator" if word == row.symbol else f"the operator '{row.symbol}'"
-        return f"'{word}' is {what} and cannot name a variable"
+            phrase = "an operator" if word == row.symbol else f"the operator '{row.symbol}'"
+        return f"'{word}' is {phrase} and cannot name a variable"
 
     def __getitem__(self, name: str) -> Operator:
         return self._rows[name]

@@ -44,11 +44,15 @@ class SpecificationTemplate:
     def __init__(self, spec: str | Formula | Specification) -> None:
         from rtamt.language.grammar.reader import TextReader
 
-        self._spec = whole = as_specification(spec)
+        self._spec = specification = as_specification(spec)
         self._reader = TextReader(
-            whole.text, whole.overrides, chains=whole.chains, traced=True, traced_bounds=True
+            specification.text,
+            specification.overrides,
+            chains=specification.chains,
+            traced=True,
+            traced_bounds=True,
         )
-        self._traced = self._reader.specification(whole.unit)
+        self._traced = self._reader.specification(specification.unit)
         self._dependent = _dependent(self._traced)
 
     def __reduce__(self) -> tuple[Callable[..., SpecificationTemplate], tuple[Specification]]:
@@ -86,14 +90,17 @@ class SpecificationTemplate:
         new = {name: exact(value, f"the constant '{name}'") for name, value in constants.items()}
         overrides = {**self._spec.overrides, **new}
         others = {n: v for n, v in self._reader.constants.items() if n not in overrides}
-        whole = self._filled(overrides, {**overrides, **others})
+        specification = self._filled(overrides, {**overrides, **others})
         part = self._spec.requirement
         if part is None:
-            return whole
-        if part not in whole.requirements:
-            msg = f"with these constants the requirement '{part}' is {whole.formula}, as another is"
+            return specification
+        if part not in specification.requirements:
+            msg = (
+                f"with these constants the requirement '{part}' is {specification.formula}, as "
+                "another is"
+            )
             raise SpecificationError(msg)
-        return whole.requirements[part]
+        return specification.requirements[part]
 
     def _filled(
         self, overrides: Mapping[str, Fraction], values: Mapping[str, Fraction]
@@ -102,8 +109,8 @@ class SpecificationTemplate:
         for node in self._dependent:
             new[node] = self._replaced(node, new, values)
         positions: dict[Node, tuple[int, int]] = {}
-        for node, place in traced.positions.items():
-            positions.setdefault(new.get(node, node), place)
+        for node, position in traced.positions.items():
+            positions.setdefault(new.get(node, node), position)
         declarations: dict[str, Declaration] = dict(traced.declarations)
         for name, range_of in self._reader.ranges.items():
             declarations[name] = replace(declarations[name], range=range_of(values))

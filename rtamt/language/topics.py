@@ -180,5 +180,5 @@ def _reader(path: tuple[PathStep, ...]) -> Callable[[Any], Any]:
         first = attrgetter(joined(path[:count]))
     if count == len(path):
         return first
-    rest = _reader(path[count:])
-    return lambda message: rest(first(message))
+    remainder = _reader(path[count:])
+    return lambda message: remainder(first(message))

@@ -326,7 +326,7 @@ class _Writer:
         if term in self._names or name not in FUNCTIONS:
             return self._notation(term)
         operands = [self._notation(arg) for arg in term.args]
-        begin, *rest = FUNCTIONS[name].split("{}")
+        begin, *remainder = FUNCTIONS[name].split("{}")
         if term.op and term.op.arity[1] is None:
             operands = [("(", *_joined(operands, ", "), ")")]
         else:
@@ -334,7 +334,7 @@ class _Writer:
                 pieces if arg.op is None or arg in self._names else ("(", *pieces, ")")
                 for arg, pieces in zip(term.args, operands, strict=True)
             ]
-        parts = zip(operands, rest, strict=True)
+        parts = zip(operands, remainder, strict=True)
         return (begin, *(piece for operand, text in parts for piece in (*operand, text)))
 
     def _notation(self, term: Node) -> _Pieces:
@@ -376,8 +376,10 @@ class _Writer:
             return _Clause((*self._predicate(operand, verb), f" {when}"))
         negated = operand.args[0] if inner == "not" else operand
         if of_many and name in NEVER and self._inner(negated) in ADJECTIVES:
-            rest = when.removeprefix("at all times").strip()
-            return _Clause((*self._predicate(negated, NEVER[name]), f" {rest}" if rest else ""))
+            remainder = when.removeprefix("at all times").strip()
+            return _Clause(
+                (*self._predicate(negated, NEVER[name]), f" {remainder}" if remainder else "")
+            )
         if of_many and inner == "implies" and name == "always":
             everywhere = first and not bounds.begin and bounds.end is None
             rule = self._conditional("always implies", operand, first=False)

@@ -158,8 +158,8 @@ def _outcomes(
 def spread(columns: list[LaneColumn], lanes: LaneCounts, num: int) -> None:
     """Write arrays of all entries, and masks, from values of some, as `VerdictBook.spread`."""
     _check_lanes(lanes, num)
-    for place, key, mask_key, values, there in columns:
-        rows = [place] if isinstance(place, dict) else place
+    for position, key, mask_key, values, there in columns:
+        rows = [position] if isinstance(position, dict) else position
         shape = len(rows), len(lanes)
         has = np.ones(shape, np.bool_) if there is None else np.reshape(there, shape)
         for group, row, known in zip(rows, np.reshape(values, shape), has, strict=True):

@@ -114,8 +114,8 @@ class TraceBounds:
         worst, best = _both(program, sufficient(program, self.n))
         places = outputs_among(worst.predicates, self.split.predicates)
         least, greatest = self._predicates
-        low = [least[place] for place in places]
-        high = low if greatest is least else [greatest[place] for place in places]
+        low = [least[position] for position in places]
+        high = low if greatest is least else [greatest[position] for position in places]
         return TraceBounds(worst, best, low, high, self.n, self._fold_pairs)
 
     def until(self, n: int) -> TraceBounds:
@@ -285,6 +285,6 @@ def outputs_among(part: Program, whole: Program) -> tuple[int, ...]:
         return numbers
 
     numbers = numbered(whole)
-    places = {numbers[r]: place for place, r in enumerate(whole.outputs.values())}
+    places = {numbers[r]: index for index, r in enumerate(whole.outputs.values())}
     numbers = numbered(part)
     return tuple(places[numbers[r]] for r in part.outputs.values())

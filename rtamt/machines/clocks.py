@@ -143,9 +143,9 @@ class _Clock(StateFields):
 
     def feed(self, parts: Sequence[float], samples: int) -> None:
         """Update with the newest values of the parts, after this number of samples."""
-        for place, (part, _) in enumerate(self._row.operands):
-            self._waiting[place].append(parts[part])
-            self.values[place] = self._waiting[place].popleft()
+        for index, (part, _) in enumerate(self._row.operands):
+            self._waiting[index].append(parts[part])
+            self.values[index] = self._waiting[index].popleft()
         self._step(self._is_asked(parts, samples), samples)
 
     def fraction(self) -> float:
@@ -226,7 +226,7 @@ class _Oldest(_Clock):
         if last == 0 or self._row.first:
             return 0
         asked = list(self._recent)[-last:]
-        return next((len(asked) - at for at, is_asked in enumerate(asked) if is_asked), 0)
+        return next((len(asked) - index for index, is_asked in enumerate(asked) if is_asked), 0)
 
 
 class _Newest(_Clock):

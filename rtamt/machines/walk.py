@@ -180,8 +180,8 @@ class Walk:
             self._totals[register, settled] = self._total(fold, columns)
         total = self._totals[register, settled]
         if settled <= end:
-            rest = [self._between(a, ending, settled, end + 1) for a in window.args]
-            total = fold.made(min, max)(total, self._total(fold, rest))
+            remainder = [self._between(a, ending, settled, end + 1) for a in window.args]
+            total = fold.made(min, max)(total, self._total(fold, remainder))
         return total[-1]
 
     def _settled(self, register: int, ending: TraceEnd) -> int:
@@ -196,16 +196,16 @@ class Walk:
             return _UNSEEN[ending.best][:0]
         if ending.end == "complete":
             return self._of_complete(register)[begin:end]
-        settled, rest = self._tail(register, ending)
+        settled, remainder = self._tail(register, ending)
         parts = []
         if begin < settled:
             parts.append(self._of_complete(register)[begin : min(end, settled)])
         if end > settled:
             first = max(begin, settled) - settled
-            parts.append(rest[first : end - settled])
-            missing = end - settled - max(first, len(rest))
+            parts.append(remainder[first : end - settled])
+            missing = end - settled - max(first, len(remainder))
             if missing > 0:
-                parts.append(np.full(missing, rest[-1]))
+                parts.append(np.full(missing, remainder[-1]))
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def _of_complete(self, register: int) -> Keys:
@@ -269,11 +269,11 @@ class Walk:
                 end = max(n, last - (lo or 0)) + 1
                 folds = self._sliding(window, ending, settled, end, None)
                 if ending.end == "cut" and window.endless:
-                    at = max(settled, n - window.begin)
+                    sample = max(settled, n - window.begin)
                     opened = TraceEnd("open", ending.best)
                     end = max(n, self._tail(register, opened).last) + 1
-                    later = self._between(register, opened, at, end)
-                    folds = np.concatenate([folds[: at - settled], later])
+                    later = self._between(register, opened, sample, end)
+                    folds = np.concatenate([folds[: sample - settled], later])
                 return _Tail(settled, folds)
 
     def _future(self, register: int, window: Window, ending: TraceEnd, known: int) -> _Tail:

@@ -101,8 +101,8 @@ class SlidingWindow(FoldedWindow):
         else:
             front.append(x)
         if back:
-            place = last - offset
-            self._suffix = back[place] = combine(back[place], self._suffix)
+            position = last - offset
+            self._suffix = back[position] = combine(back[position], self._suffix)
         self._prefix = combine(self._prefix, x)
         result = combine(combine(oldest, self._middle), self._prefix)
         if offset == last:
@@ -131,13 +131,13 @@ class DelayLine(StateFields):
 
     def push(self, x: float) -> float:
         """Return the value of ``length`` pushes ago, 0.0 before there is one."""
-        place = self._place
+        position = self._place
         late = 0.0
-        if place < len(self._ring):
-            late, self._ring[place] = self._ring[place], x
+        if position < len(self._ring):
+            late, self._ring[position] = self._ring[position], x
         else:
             self._ring.append(x)
-        self._place = (place + 1) % self._length
+        self._place = (position + 1) % self._length
         return late
 
 

@@ -270,7 +270,7 @@ class TraceBatch:
     def _for(self, program: Program, traces: TraceSet) -> TraceSet:
         """Return the traces with the columns that another program reads."""
         places = [self.compiled.program.variables.index(name) for name in program.variables]
-        return traces._replace(columns=[traces.columns[place] for place in places])
+        return traces._replace(columns=[traces.columns[position] for position in places])
 
     def _count(
         self,

@@ -257,11 +257,11 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
     def __init__(
         self, spec: Spec, *, resolution: Period = "1ns", **options: Unpack[EventOptions]
     ) -> None:
-        self.specification, self.interface, self.backend, whole = compiled_dense(
+        self.specification, self.interface, self.backend, program = compiled_dense(
             type(self), spec, resolution, options, online=False, bounds=True
         )
-        regions = compile_regions(self.specification, whole.resolution, interface=self.interface)
-        self.program = whole.result_alone()
+        regions = compile_regions(self.specification, program.resolution, interface=self.interface)
+        self.program = program.result_alone()
         make = BACKENDS[self.backend].dense_episode_machine
         reader = event_reader(self.program, options)
         self.nan: NanPolicy = reader.nan

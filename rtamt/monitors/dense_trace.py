@@ -115,12 +115,12 @@ class DenseTrace:
 
     def triggers(self, text: str, counted: Counted, *, vacuous: bool) -> DenseTriggerCount:
         """Return how often an implication was triggered, in seconds."""
-        ticks, occasions, place = counted
+        ticks, occasions, position = counted
         seconds, ticks_in = self._regions.resolution.as_integer_ratio()
         first = None
-        if place is not None:
+        if position is not None:
             dated = are_dates(self._events[0].times)  # dates do not mix with numbers
-            first = self._reader.time(self._span[0] + place // 2, dated)
+            first = self._reader.time(self._span[0] + position // 2, dated)
         return DenseTriggerCount(text, ticks * seconds / ticks_in, occasions, first, vacuous)
 
     def registers(self) -> TraceRegisters:
@@ -173,15 +173,15 @@ class DenseTrace:
         last = self.extent.last
         if self._end != "cut" or instants[-1][1] <= last:
             return None
-        _, _, alone = self._runs(with_one_body(self.formula, body))
-        if not np.signbit(alone.last[0]):  # at the first instant
+        _, _, body_runs = self._runs(with_one_body(self.formula, body))
+        if not np.signbit(body_runs.last[0]):  # at the first instant
             return None
         _, _, upper = self._runs(body)
         for first, final in instants:
             later = clipped(upper, max(first, last + 1))
             failing = np.flatnonzero(np.signbit(later.last))
-            if first <= final and len(failing) and (at := int(later.starts[failing[0]])) <= final:
-                return UnseenPlace(at, float(later.last[failing[0]]))
+            if first <= final and len(failing) and (tick := int(later.starts[failing[0]])) <= final:
+                return UnseenPlace(tick, float(later.last[failing[0]]))
         return None
 
     def times(self, ticks: PlaceNumbers) -> NDArray[Any]:

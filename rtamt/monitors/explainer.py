@@ -300,7 +300,7 @@ def explain(
     )
     reader = SampleReader(program, nan)
     columns, length = whole_trace(reader, data, n, period)
-    at = _place(sample, length)
+    sample_index = _place(sample, length)
     # What the result does not need decides nothing, and may have no value.
     unneeded, unknown = _unneeded(program), RobustnessSignal(np.full(length, math.nan))
     outputs = {n: program.outputs[n] for n in names if program.outputs[n] not in unneeded}
@@ -324,7 +324,7 @@ def explain(
         return alignment(formula.interval, seconds, unit, bounds(formula))
 
     formulas = FormulaSignals(specification, interface, signals.__getitem__, bounds, length - 1)
-    path = formulas.path(at)
+    path = formulas.path(sample_index)
     steps = tuple(
         ExplanationStep(
             *(visit.formula, visit.name, visit.text, visit.place),
@@ -346,7 +346,7 @@ def explain(
         )
         for share in formulas.shares(path)
     )
-    formula, at = steps[-1].formula, steps[-1].sample
+    formula, sample_index = steps[-1].formula, steps[-1].sample
     causes: tuple[Cause, ...] = ()
     if steps[-1].outside is None:
         column = dict(zip(program.variables, columns, strict=True))
@@ -356,7 +356,9 @@ def explain(
         causes = tuple(
             Cause(v, i, float(column[v][i]))
             for v in formula.variables
-            for i in ([at - 1, at] if v in rates and at else [at])
+            for i in (
+                [sample_index - 1, sample_index] if v in rates and sample_index else [sample_index]
+            )
         )
     period = None if seconds is None else float(seconds)
     return Explanation(steps, causes, period, start, circumstances)
@@ -518,14 +520,14 @@ def _start(start: float) -> float:
 
 def _place(sample: SupportsIndex, length: int) -> int:
     try:
-        at = operator.index(sample)
+        index = operator.index(sample)
     except TypeError:
         raise InputTypeError(
             f"expected the number of a sample, got {type(sample).__name__} {brief(sample)}"
         ) from None
-    if not 0 <= at < length:
-        raise InputError(f"expected a sample from 0 to {length - 1}, got {brief(at)}")
-    return at
+    if not 0 <= index < length:
+        raise InputError(f"expected a sample from 0 to {length - 1}, got {brief(index)}")
+    return index
 
 
 def _tick(time: object, reader: EventReader, begin: int, end: int, *, dated: bool) -> int:

@@ -181,8 +181,8 @@ class DenseImplications(_Implications):
         mode = checked_end(end)
         if not self._needs_trace(verdict):
             return _NOTHING
-        specification, interface, backend, whole = self._compiled
-        regions = compile_regions(specification, whole.resolution, interface=interface)
+        specification, interface, backend, program = self._compiled
+        regions = compile_regions(specification, program.resolution, interface=interface)
         reader = event_reader(dense_of(regions), self._options)
         events = reader.whole(signals)
         trace = DenseTrace(specification, interface, mode, regions, events, reader, backend)

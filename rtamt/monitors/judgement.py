@@ -206,11 +206,11 @@ class Judgement:
         yield from map(str, self.unrecorded)
         if early_end := self._details.early_end:
             yield early_end
-        for each in self.triggers:
+        for trigger in self.triggers:
             # Where values are not known, its left side may hold at an instant.
-            never = each.first is None and bool(self.unknown)
-            text = "not certainly triggered" if never else str(each)
-            yield text if len(self.triggers) == 1 else f"{text}: {each.text}"
+            never = trigger.first is None and bool(self.unknown)
+            text = "not certainly triggered" if never else str(trigger)
+            yield text if len(self.triggers) == 1 else f"{text}: {trigger.text}"
         if self.verdict is Verdict.UNDECIDED:
             if self.complete is Verdict.UNDECIDED:
                 yield f"undecided under every end mode: it depends on {self.undecided_because}"
@@ -360,10 +360,10 @@ def judge_dense(
     Source: see `rtamt.dense.Monitor`.
     """
     mode = checked_end(end)
-    specification, interface, backend, whole = compiled_dense(
+    specification, interface, backend, program = compiled_dense(
         judge_dense, spec, resolution, options, online=False, bounds=True
     )
-    regions = compile_regions(specification, whole.resolution, interface=interface)
+    regions = compile_regions(specification, program.resolution, interface=interface)
     reader = event_reader(dense_of(regions), options)
     events = reader.whole(signals)
     if until is not None:

@@ -246,15 +246,15 @@ class _Work:
         times = times if groups.order is None else times[groups.order]
         periods = periods_of(times, groups, even=self._specification.timed)
         same: dict[object, list[int]] = {}
-        for place, period in enumerate(periods):
-            same.setdefault(period, []).append(place)
+        for position, period in enumerate(periods):
+            same.setdefault(period, []).append(position)
         inputs: list[Floats] | None = None
         for known, places in same.items():
             try:
                 batch = self._batch_at(known, batch_of)
             except RtamtError as error:
-                for place in places:
-                    self._fail(place, error, groups)
+                for position in places:
+                    self._fail(position, error, groups)
                 continue
             reader = batch.reader
             if inputs is None:

@@ -112,7 +112,7 @@ class RunTable(Sequence[_R], Generic[_R]):
         return self._row(*(_cell(name, column[place]) for name, column in self.columns.items()))
 
     def __iter__(self) -> Iterator[_R]:
-        return (self[place] for place in range(len(self)))
+        return (self[index] for index in range(len(self)))
 
     def shifted(self, seconds: float) -> RunTable[_R]:
         """Return the same rows with later times."""
@@ -197,7 +197,7 @@ class BodyOccurrences:
     def outcomes(self) -> Mapping[Verdict, int]:
         """The number of responses with each verdict."""
         verdicts = self.responses.columns["verdict"]
-        return {each: int(np.count_nonzero(verdicts == each)) for each in Verdict}
+        return {verdict: int(np.count_nonzero(verdicts == verdict)) for verdict in Verdict}
 
     def lines(self, moment: Callable[[Any], str], *, rates: bool = True) -> Iterator[str]:
         """Yield the lines of a text: the counts, and the first rows.

@@ -226,8 +226,8 @@ def _answer_times(
     if end is not None:
         answered &= answer <= runs.first + clock.step * end
     if right.op is OPERATORS["until"]:
-        way = trace.segments(cast("Formula", right.args[0]))
-        broken = way.runs(~way.holds).places.at_or_after(runs.first)
+        segments = trace.segments(cast("Formula", right.args[0]))
+        broken = segments.runs(~segments.holds).places.at_or_after(runs.first)
         # The left side is needed before the answer, and in an open interval too unless that is now.
         needed = answer - ((answer % clock.step == 0) | (answer == runs.first))
         answered &= (broken < 0) | (broken > needed)
@@ -354,14 +354,14 @@ def occurrences_dense(
         8.0 9.0 -1.0 True
     """
     mode = checked_end(end)
-    specification, interface, backend, whole = compiled_dense(
+    specification, interface, backend, program = compiled_dense(
         occurrences_dense, spec, resolution, options, online=False, bounds=True
     )
-    regions = compile_regions(specification, whole.resolution, interface=interface)
+    regions = compile_regions(specification, program.resolution, interface=interface)
     reader = event_reader(dense_of(regions), options)
     events = reader.whole(signals)
     if until is not None:
         events = reader.held(events, until)
     trace = DenseTrace(specification, interface, mode, regions, events, reader, backend)
-    clock = _Clock(2, trace.extent.last, whole.resolution, trace.times)
+    clock = _Clock(2, trace.extent.last, program.resolution, trace.times)
     return _occurrences_of(trace, clock, mode)

@@ -262,9 +262,9 @@ def described(*names: str) -> Callable[[_C], _C]:
     def decorate(cls: _C) -> _C:
         if cls.__doc__:  # None under python -OO
             before, mark, after = cls.__doc__.partition("        **options:")
-            rest = after.removeprefix(_SEE)
-            kept = mark if rest is after else ""
-            cls.__doc__ = "".join([before, *(f"{entry}\n" for entry in entries), kept, rest])
+            remainder = after.removeprefix(_SEE)
+            kept = mark if remainder is after else ""
+            cls.__doc__ = "".join([before, *(f"{entry}\n" for entry in entries), kept, remainder])
         return cls
 
     return decorate

@@ -287,25 +287,25 @@ class _Definition:
             if not window:
                 return self._outside(-INF, now, begin, end)
             witnesses = _clipped(joint, window[0], window[-1])
-            way = _clipped(joint, now, window[-1])
-            passed = yield from self._values(p, way)
+            path = _clipped(joint, now, window[-1])
+            passed = yield from self._values(p, path)
             goals = yield from self._values(q, witnesses)
             # p is needed before a witness, and in an open interval too unless that is now.
             needed = witnesses - self._excluded(witnesses, now)
-            counts = np.where(needed < now, 0, np.searchsorted(way, needed, "right"))
+            counts = np.where(needed < now, 0, np.searchsorted(path, needed, "right"))
             held = np.minimum.accumulate(ordered(np.concatenate(([INF], passed))))[counts]
             best = int(np.minimum(held, ordered(goals)).argmax())
             witness = int(witnesses[best])
             source = q, witness
             if counts[best] and held[best] <= ordered(goals)[best]:
-                source = p, int(way[FIRST_BEST["min"](passed[: counts[best]])])
+                source = p, int(path[FIRST_BEST["min"](passed[: counts[best]])])
             value: Value = yield source
             if holds_by_sign(value):
                 right, left = range(witness, witness + 1), range(now, int(needed[best]) + 1)
             else:
                 right, left = window, range(0)
                 if np.signbit(passed).any():  # up to where p fails, q does
-                    broken = int(way[int(np.signbit(passed).argmax())])
+                    broken = int(path[int(np.signbit(passed).argmax())])
                     right = range(window[0], broken + int(self._excluded(broken, now)))
                     left = range(broken, broken + 1)
             return (yield from self._reached(value, witness, (p, left), (q, right), window))
@@ -322,15 +322,15 @@ class _Definition:
             window = self._inside(now, lo, -begin)
             if not window:
                 return self._outside(-INF, now, lo, -begin)
-            way = _clipped(joint, window[0], now)
+            path = _clipped(joint, window[0], now)
             # A witness at the end of a run needs no p in it, if it is an instant or now.
-            ends = np.append(way[1:] - 1, now)
+            ends = np.append(path[1:] - 1, now)
             ends = ends[self._excluded(ends, now) & (ends <= window[-1])]
-            witnesses = distinct(way[way <= window[-1]], ends)
-            passed = yield from self._values(p, way)
+            witnesses = distinct(path[path <= window[-1]], ends)
+            passed = yield from self._values(p, path)
             goals = yield from self._values(q, witnesses)
             needed = witnesses + self._excluded(witnesses, now)
-            runs = np.searchsorted(way, needed, "right") - 1
+            runs = np.searchsorted(path, needed, "right") - 1
             backwards = np.minimum.accumulate(ordered(passed[::-1].copy()))[::-1]
             everything = ordered(np.array([INF])).item()
             held = np.where(needed > now, everything, backwards[runs])
@@ -338,17 +338,17 @@ class _Definition:
             witness = int(witnesses[best])
             source = q, witness
             if needed[best] <= now and held[best] <= ordered(goals)[best]:
-                rest = way[runs[best] :].copy()
-                rest[0] = needed[best]
-                source = p, int(rest[FIRST_BEST["min"](passed[runs[best] :])])
+                remainder = path[runs[best] :].copy()
+                remainder[0] = needed[best]
+                source = p, int(remainder[FIRST_BEST["min"](passed[runs[best] :])])
             value: Value = yield source
             if holds_by_sign(value):
                 right, left = range(witness, witness + 1), range(int(needed[best]), now + 1)
             else:
                 right, left = window, range(0)
                 if np.signbit(passed).any():  # from where p fails on, q does
-                    run = len(way) - 1 - int(np.signbit(passed)[::-1].argmax())
-                    broken = now if run == len(way) - 1 else int(way[run + 1]) - 1
+                    run = len(path) - 1 - int(np.signbit(passed)[::-1].argmax())
+                    broken = now if run == len(path) - 1 else int(path[run + 1]) - 1
                     right = range(broken + (not self._excluded(broken, now)), window.stop)
                     left = range(broken, broken + 1)
             return (yield from self._reached(value, witness, (p, left), (q, right), window))
@@ -386,8 +386,8 @@ class _Definition:
         if register < len(self._operands):
             return Part(register, span[0], span[-1])
         parts: list[Parts] = []
-        for place in _clipped(self._starts[register], span[0], span[-1]).tolist():
-            value = yield register, place
+        for position in _clipped(self._starts[register], span[0], span[-1]).tolist():
+            value = yield register, position
             parts.append(value.origin.parts)
         return tuple(parts)
 
@@ -395,8 +395,8 @@ class _Definition:
         if register < len(self._operands):
             return self._operands[register].among(places)
         values: list[float] = []
-        for place in places.tolist():
-            values.append((yield register, place))  # noqa: PERF401 - no comprehension may yield
+        for position in places.tolist():
+            values.append((yield register, position))  # noqa: PERF401 - no comprehension may yield
         return np.array(values, dtype=np.float64)
 
     def _inside(self, now: int, lo: int | None, hi: int | None) -> range:

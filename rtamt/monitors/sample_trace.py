@@ -212,16 +212,16 @@ class SampleTrace:
         """
         if self._end != "cut" or instants[-1][1] < self._n:
             return None
-        alone = self._part(with_one_body(self.formula, body), standard=False, everywhere=False)
-        if verdict_of(*alone.bounds(self._end)) != -1:
+        part = self._part(with_one_body(self.formula, body), standard=False, everywhere=False)
+        if verdict_of(*part.bounds(self._end)) != -1:
             return None
         upper = self._part(body.always()).operand_beyond(self._end)
         for first, final in instants:
             begin = max(first, self._n)
             failing = np.flatnonzero(upper[min(begin - self._n, len(upper) - 1) :] < 0)
-            if begin <= final and len(failing) and (at := begin + int(failing[0])) <= final:
-                key = upper[min(at - self._n, len(upper) - 1)]
-                return UnseenPlace(at, number_of(int(key)))
+            if begin <= final and len(failing) and (sample := begin + int(failing[0])) <= final:
+                key = upper[min(sample - self._n, len(upper) - 1)]
+                return UnseenPlace(sample, number_of(int(key)))
         return None
 
     def _part(

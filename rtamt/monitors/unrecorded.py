@@ -59,10 +59,10 @@ def unrecorded_of(registers: TraceRegisters) -> tuple[Unrecorded, ...]:
     clock = registers.clock
     return tuple(
         Unrecorded(
-            *(str(node), clock.time(at), clock.time(begin)),
+            *(str(node), clock.time(sample), clock.time(begin)),
             *(None if end is None else clock.end(end), clock.unit),
         )
-        for (node, at), (begin, end) in sorted(
+        for (node, sample), (begin, end) in sorted(
             _search(registers).items(), key=lambda row: row[0][1]
         )
     )
@@ -75,18 +75,18 @@ def _search(registers: TraceRegisters) -> dict[tuple[Node, int], tuple[int, int 
     intervals: dict[tuple[Node, int], tuple[int, int | None]] = {}
     stack, seen = [(program.result, 0)], set[tuple[int, int]]()
     while stack:
-        key = register, at = stack.pop()
+        key = register, sample = stack.pop()
         if key in seen or register < program.terms:
             continue
         seen.add(key)
         instruction = program.instructions[register]
         if isinstance(instruction, Map):
             below = [operand for operand in instruction.args if operand >= program.terms]
-            stack += [(r, at) for r in below if undecided(r).first(at, at) is not None]
+            stack += [(r, sample) for r in below if undecided(r).first(sample, sample) is not None]
         elif isinstance(instruction, Window):
-            begin = 0 if instruction.lo is None else max(0, at + instruction.lo)
-            end = None if instruction.hi is None else at + instruction.hi
-            missing = _lacks(registers, instruction, at)
+            begin = 0 if instruction.lo is None else max(0, sample + instruction.lo)
+            end = None if instruction.hi is None else sample + instruction.hi
+            missing = _lacks(registers, instruction, sample)
             for operand in instruction.args:
                 places = undecided(operand)
                 first = places.first(begin, last if end is None else min(end, last))
@@ -95,7 +95,7 @@ def _search(registers: TraceRegisters) -> dict[tuple[Node, int], tuple[int, int 
                 if not missing and end is not None:
                     missing = places.first(max(begin, last + 1), end) is not None
             if missing:
-                _note(intervals, registers, register, at)
+                _note(intervals, registers, register, sample)
     return intervals
 
 

@@ -143,8 +143,8 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
         return BACKENDS[self.backend].discrete_bank(self.program, self.num, reader)
 
     def __repr__(self) -> str:
-        what = f"{self.num} batch entries of {self.specification.formula}"
-        return f"<VectorMonitor of {what}, latency {self.latency}>"
+        phrase = f"{self.num} batch entries of {self.specification.formula}"
+        return f"<VectorMonitor of {phrase}, latency {self.latency}>"
 
 
 class VectorEpisodeMonitor(

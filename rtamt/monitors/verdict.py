@@ -79,8 +79,8 @@ def holds(robustness: object) -> object:
     if missing.any():
         where = ""
         if values.ndim:
-            place = np.argwhere(missing)[0].tolist()
-            where = f" at index {place[0] if len(place) == 1 else tuple(place)}"
+            index = np.argwhere(missing)[0].tolist()
+            where = f" at index {index[0] if len(index) == 1 else tuple(index)}"
         raise InputError(
             f"nan{where} is not a robustness: a monitor returns nan while the value is unknown, "
             "for the first `latency` samples or before the first sample"

@@ -243,8 +243,8 @@ def killed(
         places = [i for i, mutant in enumerate(mutants) if mutant.requirement == requirement]
         specs = [mutants[i].specification for i in places]
         first, *others = _verdicts(requirement, specs, signals, period, end, n, options)
-        for place, verdict in zip(places, others, strict=True):
-            killed[place] = {verdict, first} == _DECIDED
+        for position, verdict in zip(places, others, strict=True):
+            killed[position] = {verdict, first} == _DECIDED
     return tuple(killed)
 
 
@@ -290,7 +290,7 @@ def _verdicts(
         ]
     except RtamtError:  # a term is nan
         first = judge(requirement, signals, period, end, n=n, **options).verdict
-        return [first, *(_verdict(each, signals, period, end, n, options) for each in mutants)]
+        return [first, *(_verdict(mutant, signals, period, end, n, options) for mutant in mutants)]
 
 
 def _verdict(

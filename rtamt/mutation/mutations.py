@@ -92,9 +92,9 @@ def _numbers(moved: Callable[[str], list[Decimal]]) -> Changes:
     """Return changes of numbers in terms."""
 
     def changes(text: RequirementText) -> Iterator[Change]:
-        for at in text.numbers():
-            for value in moved(text.tokens[at].text):
-                yield text.swapped(at, _written(value))
+        for index in text.numbers():
+            for value in moved(text.tokens[index].text):
+                yield text.swapped(index, _written(value))
         for name, bound in text.constants().items():
             if bound is None:
                 for value in moved(text.constant_text(name)):
@@ -127,12 +127,12 @@ def _exchanged(instead: Mapping[str, str]) -> Changes:
     """Return exchanges of operators, in the corresponding spelling."""
 
     def changes(text: RequirementText) -> Iterator[Change]:
-        for at in text.operators(*instead):
-            row = text.row(at)
+        for index in text.operators(*instead):
+            row = text.row(index)
             if row is not None:
                 spellings = OPERATORS[instead[row.name]].spellings
-                which = row.spellings.index(text.tokens[at].text)
-                yield text.swapped(at, spellings[min(which, len(spellings) - 1)])
+                which = row.spellings.index(text.tokens[index].text)
+                yield text.swapped(index, spellings[min(which, len(spellings) - 1)])
 
     return changes
 
@@ -154,8 +154,8 @@ _OPERATORS: Final = _both_ways(
 
 
 def _implications(text: RequirementText) -> Iterator[Change]:
-    for at in text.operators("implies"):
-        for first, last in ((text.left(at), at - 1), (at + 1, text.right(at))):
+    for index in text.operators("implies"):
+        for first, last in ((text.left(index), index - 1), (index + 1, text.right(index))):
             operand = text.between(first, last)
             negated = f"not {operand}" if text.bracketed(first, last) else f"not ({operand})"
             yield text.change((first, last), negated, (first, last))
@@ -163,17 +163,17 @@ def _implications(text: RequirementText) -> Iterator[Change]:
 
 
 def _parts(text: RequirementText) -> Iterator[Change]:
-    for at in text.operators("and", "or", "implies", "not"):
-        row = text.row(at)
+    for index in text.operators("and", "or", "implies", "not"):
+        row = text.row(index)
         if row is None or row.notation == "prefix":
-            yield text.change((at, at), "", (at, at))
+            yield text.change((index, index), "", (index, index))
             continue
-        left = text.left(at)
+        left = text.left(index)
         if text.begins_run(left, row):  # otherwise, the operator before drops it
-            yield text.change((left, at), "", (left, at))
+            yield text.change((left, index), "", (left, index))
         if row.name != "implies":
-            last = text.right(at)
-            yield text.change((at, last), "", (at, last))
+            last = text.right(index)
+            yield text.change((index, last), "", (index, last))
 
 
 def _constants(text: RequirementText) -> Iterator[Change]:
@@ -184,10 +184,10 @@ def _constants(text: RequirementText) -> Iterator[Change]:
             for other in text.spec.constants:
                 if other != name and other in bounding:
                     yield text.change((bound.at,) * 2, other, (bound.first, bound.last))
-    for at in text.names():
+    for index in text.names():
         for other in text.spec.constants:
-            if other != text.tokens[at].text and other not in bounding:
-                yield text.swapped(at, other)
+            if other != text.tokens[index].text and other not in bounding:
+                yield text.swapped(index, other)
 
 
 _ROWS: Final = (

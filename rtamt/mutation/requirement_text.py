@@ -96,16 +96,18 @@ class RequirementText:
                 span = formula.start.tokenIndex, formula.stop.tokenIndex
                 self._spans |= dict.fromkeys(range(span[0], span[1] + 1), span)
         self._partners = _partners(self.tokens)
-        self.bounds = [bound for at in self._spans for bound in self._bounds(at)]
+        self.bounds = [bound for index in self._spans for bound in self._bounds(index)]
         # The tokens of intervals.
-        self._inside = {at for bound in self.bounds for at in range(bound.first, bound.last + 1)}
+        self._inside = {
+            index for bound in self.bounds for index in range(bound.first, bound.last + 1)
+        }
 
     def operators(self, *names: str) -> Iterator[int]:
         """Yield the indices of operators with certain names, or of all operators."""
-        for at in self._spans:
-            row = self.row(at)
+        for index in self._spans:
+            row = self.row(index)
             if row is not None and (not names or row.name in names):
-                yield at
+                yield index
 
     def row(self, at: int) -> Operator | None:
         """Return the row of an operator, or None for another token."""
@@ -118,16 +120,16 @@ class RequirementText:
 
     def numbers(self) -> Iterator[int]:
         """Yield the indices of numbers in terms."""
-        for at in self._spans:
-            if self.tokens[at].type == StlParser.NUMBER and at not in self._inside:
-                yield at
+        for index in self._spans:
+            if self.tokens[index].type == StlParser.NUMBER and index not in self._inside:
+                yield index
 
     def names(self) -> Iterator[int]:
         """Yield the indices of constants in terms."""
-        for at in self._spans:
-            token, free = self.tokens[at], at not in self._inside
+        for index in self._spans:
+            token, free = self.tokens[index], index not in self._inside
             if free and token.type == StlParser.NAME and token.text in self.spec.constants:
-                yield at
+                yield index
 
     def constants(self) -> Mapping[str, Bound | None]:
         """Return the constants of the requirement, each with the first bound that it sets."""
@@ -137,7 +139,7 @@ class RequirementText:
             if token.type == StlParser.NAME:
                 bounds.setdefault(token.text, bound)
         return bounds | {
-            name: None for at in self.names() if (name := self.tokens[at].text) not in bounds
+            name: None for index in self.names() if (name := self.tokens[index].text) not in bounds
         }
 
     def left(self, at: int) -> int:
@@ -243,21 +245,21 @@ class RequirementText:
         if self.tokens[at].type != StlParser.OPEN_INTERVAL:
             return
         last, is_end = self._partners[at], False
-        for place in range(at + 1, last):
-            kind = self.tokens[place].type
+        for index in range(at + 1, last):
+            kind = self.tokens[index].type
             if kind in (StlParser.COLON, StlParser.COMMA):
                 is_end = True
             elif kind in (StlParser.NUMBER, StlParser.NAME):
-                if self.tokens[place - 1].type in (StlParser.NUMBER, StlParser.NAME):
+                if self.tokens[index - 1].type in (StlParser.NUMBER, StlParser.NAME):
                     continue  # a unit
-                yield Bound(place, is_end, self._unit(place, last), at, last)
+                yield Bound(index, is_end, self._unit(index, last), at, last)
 
     def _unit(self, at: int, last: int) -> str | None:
         """Return the unit of a bound; otherwise, the unit of the end."""
-        for place in (at + 1, last - 1):
-            before = self.tokens[place - 1].type
-            if self.tokens[place].type == StlParser.NAME and before in _OPERAND_ENDS:
-                return self.tokens[place].text
+        for position in (at + 1, last - 1):
+            before = self.tokens[position - 1].type
+            if self.tokens[position].type == StlParser.NAME and before in _OPERAND_ENDS:
+                return self.tokens[position].text
         return None
 
 
@@ -265,12 +267,12 @@ def _partners(tokens: Sequence[Token]) -> dict[int, int]:
     """Return the index of the other bracket of each pair."""
     partners: dict[int, int] = {}
     opened: list[int] = []
-    for at, token in enumerate(tokens):
+    for index, token in enumerate(tokens):
         if token.type in (StlParser.OPEN, StlParser.OPEN_INTERVAL):
-            opened.append(at)
+            opened.append(index)
         elif token.type in (StlParser.CLOSE, StlParser.CLOSE_INTERVAL):
-            partners[at] = opened.pop()
-            partners[partners[at]] = at
+            partners[index] = opened.pop()
+            partners[partners[index]] = index
     return partners
 
 

@@ -84,19 +84,19 @@ def named_stages(
     spec = as_specification(spec)
     definitions = _definitions(spec)
     formulas = []
-    for place, each in enumerate(several, 1):
-        formula = each
+    for index, stage in enumerate(several, 1):
+        formula = stage
         if isinstance(formula, str):
             try:
                 formula = parse(formula, unit=spec.unit).formula
             except RtamtError as error:
-                error.add_note(f"in stage {place}")
+                error.add_note(f"in stage {index}")
                 raise
         formula = replaced(formula, definitions)
         for name in formula.variables:
             if name not in spec.variables:
                 known = ", ".join(spec.variables) or "no variable"
-                msg = f"stage {place}, {each}, reads {name}, which the requirement does not"
+                msg = f"stage {index}, {stage}, reads {name}, which the requirement does not"
                 raise SpecificationError(f"{msg}; it reads {known}")
         formulas.append(formula)
     return tuple(formulas)

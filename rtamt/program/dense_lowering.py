@@ -168,12 +168,12 @@ class DenseBuilder(ProgramBuilder):
             symbol = node.op.symbol
             if symbol == "rate":
                 refuse_rates(self.specification, "dense time, in which values change in steps,")
-            ways = "eventually[0:d]" if node.op.future else "once[0:d]"
+            forms = "eventually[0:d]" if node.op.future else "once[0:d]"
             raise self.specification.error(
                 node,
                 f"'{symbol}' reads the next or previous sample, and dense time has events only",
                 Message(
-                    f"look a time d away with {ways}, or ",
+                    f"look a time d away with {forms}, or ",
                     Argument("dense", words="use Monitor with a period"),
                 ),
             )

@@ -88,16 +88,16 @@ class _Ways:
         return self._new(())
 
     def map(self, function: str, *args: int) -> int:
-        ways = [way for a in args for way in self.registers[a]]
+        paths = [path for a in args for path in self.registers[a]]
         if function == "neg":
-            return self._new(way.negated() for way in ways)
-        return self._new(way.among(function) for way in ways)
+            return self._new(path.negated() for path in paths)
+        return self._new(path.among(function) for path in paths)
 
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
         step = _Step(lo, hi, lo if hi is None else None)
         folds = () if lo == hi else (fold,)
-        ways = (way for a in args for way in self.registers[a])
-        return self._new(way.among(*folds).after(step) for way in ways)
+        paths = (path for a in args for path in self.registers[a])
+        return self._new(path.among(*folds).after(step) for path in paths)
 
     def until(self, bounds: Bounds, p: int, q: int) -> int:
         begin, end = bounds
@@ -112,12 +112,12 @@ class _Ways:
         return self._both(p, q, _Step(past, 0, open_end=end is not None), _Step(past, -begin))
 
     def _both(self, p: int, q: int, held: _Step, reached: _Step) -> int:
-        ways = [way.after(held) for way in self.registers[p]]
-        ways += [way.after(reached) for way in self.registers[q]]
-        return self._new(way.among("min", "max") for way in ways)
+        paths = [path.after(held) for path in self.registers[p]]
+        paths += [path.after(reached) for path in self.registers[q]]
+        return self._new(path.among("min", "max") for path in paths)
 
-    def _new(self, ways: Iterable[_Way]) -> int:
-        self.registers.append(list(ways))
+    def _new(self, paths: Iterable[_Way]) -> int:
+        self.registers.append(list(paths))
         return len(self.registers) - 1
 
 
@@ -130,9 +130,9 @@ def _ways(name: str, operands: int, bounds: Bounds) -> tuple[_Way, ...]:
     builder = _Ways(operands)
     arguments = range(operands)
     result = row.meaning(builder, *((bounds, *arguments) if row.timed else arguments))
-    ways = dict.fromkeys(builder.registers[result])
-    signs = {(way.operand, way.positive) for way in ways}
-    return tuple(way for way in ways if (way.operand, not way.positive) not in signs)
+    paths = dict.fromkeys(builder.registers[result])
+    signs = {(path.operand, path.positive) for path in paths}
+    return tuple(path for path in paths if (path.operand, not path.positive) not in signs)
 
 
 _NO_BOUNDS: Bounds = (0, None)
@@ -142,8 +142,8 @@ def _operands(node: Node) -> Mapping[int, bool]:
     """Return the operands in which an implication can count, and whether their sign is kept."""
     if node.op is None:
         return {}
-    ways = _ways(node.op.name, len(node.args), _NO_BOUNDS)
-    return {way.operand: way.positive for way in ways}
+    paths = _ways(node.op.name, len(node.args), _NO_BOUNDS)
+    return {path.operand: path.positive for path in paths}
 
 
 @functools.lru_cache(maxsize=512)
@@ -161,10 +161,10 @@ def implications(formula: Formula) -> tuple[Formula, ...]:
     seen: set[tuple[Node, bool]] = set()
     stack: list[tuple[Node, bool]] = [(formula, True)]
     while stack:
-        place = node, positive = stack.pop()
-        if place in seen:
+        position = node, positive = stack.pop()
+        if position in seen:
             continue
-        seen.add(place)
+        seen.add(position)
         if positive and _counts(node):
             counted[cast("Formula", node)] = None
         below = sorted(_operands(node).items(), reverse=True)
@@ -247,29 +247,31 @@ class Routes:
             if node not in places or node.op is None:
                 continue
             limits = bounds(node) if node.op.timed else _NO_BOUNDS
-            ways = _ways(node.op.name, len(node.args), limits)
-            for (positive, alone), place in places[node].items():
+            paths = _ways(node.op.name, len(node.args), limits)
+            for (positive, alone), position in places[node].items():
                 goes: list[tuple[int, tuple[_Step, ...]]] = []
-                for way in ways:
-                    chosen = way.chosen if positive else _dual(way.chosen)
-                    key = positive == way.positive, alone and "max" not in chosen
-                    below = places.setdefault(node.args[way.operand], {})
+                for path in paths:
+                    chosen = path.chosen if positive else _dual(path.chosen)
+                    key = positive == path.positive, alone and "max" not in chosen
+                    below = places.setdefault(node.args[path.operand], {})
                     if key not in below:
                         below[key], count = count, count + 1
-                    goes.append((below[key], way.steps))
-                legs.append((place, goes))
+                    goes.append((below[key], path.steps))
+                legs.append((position, goes))
         self._legs, self._places = legs, count
         self._ends: list[tuple[Formula, int | None, int | None]] = []
         for implication in implications(formula):
-            at = places.get(implication, {})
-            self._ends.append((implication, at.get((True, True)), at.get((True, False))))
+            positions = places.get(implication, {})
+            self._ends.append(
+                (implication, positions.get((True, True)), positions.get((True, False)))
+            )
 
     def reads(self, trace: TraceSpan) -> Mapping[Formula, Reads]:
         """Return the instants of a trace at which the formula reads its implications."""
         runs: list[list[tuple[int, float]]] = [[] for _ in range(self._places)]
         runs[0].append((0, 0))
-        for place, goes in self._legs:
-            known = merged_runs(runs[place])
+        for position, goes in self._legs:
+            known = merged_runs(runs[position])
             for below, steps in goes:
                 runs[below] += trace.along(steps, known)
         reads = {}

@@ -183,7 +183,9 @@ def _checked(spec: Specification, argument: str, names: Names) -> tuple[str, ...
             listed = "; the formula has no variables"
             if spec.variables:
                 listed = f"; the variables are {', '.join(spec.variables)}"
-            what = "names a formula, not a variable" if name in spec.formulas else "is no variable"
-            msg = f"'{name}' in {argument} {what}{nearest(name, known) or listed}"
+            phrase = (
+                "names a formula, not a variable" if name in spec.formulas else "is no variable"
+            )
+            msg = f"'{name}' in {argument} {phrase}{nearest(name, known) or listed}"
             raise InputError(msg)
     return tuple(dict.fromkeys(checked))

@@ -88,11 +88,11 @@ def _no_period(period: object, what: str) -> SpecificationError:
 
 def simplest(low: Fraction, high: Fraction) -> Fraction:
     """Return the fraction with the smallest denominator in [low, high], by continued fractions."""
-    whole = math.ceil(low)
-    if whole <= high:
-        return Fraction(whole)
-    rest = whole - 1
-    return rest + 1 / simplest(1 / (high - rest), 1 / (low - rest))
+    steps = math.ceil(low)
+    if steps <= high:
+        return Fraction(steps)
+    remainder = steps - 1
+    return remainder + 1 / simplest(1 / (high - remainder), 1 / (low - remainder))
 
 
 def as_align(align: object) -> Align | None:

@@ -26,19 +26,19 @@ def plugins(group: str) -> Mapping[str, Any]:
     Raises:
         InputError: If an entry cannot be loaded, or two have one name; the error names the package.
     """
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for entry in entry_points(group=group):
         package = entry.dist.name if entry.dist else "a package"
-        if entry.name in found:
+        if entry.name in result:
             raise InputError(
                 f"expected one {entry.name!r} among the entry points {group}, got a second from "
                 f"{package}; uninstall one package"
             )
         try:
-            found[entry.name] = entry.load()
+            result[entry.name] = entry.load()
         except Exception as error:  # a package may raise anything while it is imported
             raise InputError(
                 f"cannot load {entry.value}, which {package} adds to {group} as {entry.name!r}: "
                 f"{type(error).__name__}: {error}"
             ) from error
-    return found
+    return result

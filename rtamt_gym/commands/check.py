@@ -70,7 +70,9 @@ def run(options: argparse.Namespace) -> int:
         timeout=options.timeout,
     )
     if options.save is not None:
-        named = (("-".join(filter(None, [n, what])), trace) for n, what, trace in check.traces())
+        named = (
+            ("-".join(filter(None, [n, phrase])), trace) for n, phrase, trace in check.traces()
+        )
         write(named, options.save)
     if options.json:
         print(document(*_data(check, specs, others, period, options)))
@@ -88,7 +90,9 @@ def _drawn(check: Check, period: Fraction | None, path: Path) -> str:
     from rtamt_gym.commands.trace_pictures import draw
     from rtamt_gym.drawing import save
 
-    traces = [(" ".join(filter(None, [name, what])), trace) for name, what, trace in check.traces()]
+    traces = [
+        (" ".join(filter(None, [name, phrase])), trace) for name, phrase, trace in check.traces()
+    ]
     if not traces:
         return f"no picture: there is no trace to draw in {path}"
     save(draw(traces, period), path)
@@ -147,9 +151,9 @@ def _lines(
 
 
 def _traces(check: Check) -> Iterator[str]:
-    for name, what, trace in check.traces():
-        if what != "satisfied":
-            purpose = what.replace("asked", "triggered")
+    for name, phrase, trace in check.traces():
+        if phrase != "satisfied":
+            purpose = phrase.replace("asked", "triggered")
             yield " ".join(filter(None, [name, f"{purpose}:"]))
             yield from drawn(trace)
             yield ""
@@ -169,8 +173,8 @@ def _of_one(requirement: CheckedRequirement, file: str) -> Iterator[str]:
 
 
 def _clashes(answer: Answer, word: str, file: str) -> Iterator[str]:
-    for part, place in zip(answer.clash, answer.places, strict=True):
-        where = f" at {file}{place[0]}:{place[1]}" if place else ""
+    for part, position in zip(answer.clash, answer.places, strict=True):
+        where = f" at {file}{position[0]}:{position[1]}" if position else ""
         yield from _row("", f"{word}: {part}{where}")
 
 

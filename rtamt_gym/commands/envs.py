@@ -103,11 +103,11 @@ def _declared(scenario: Any) -> Iterator[str]:  # noqa: ANN401 - of rtamt_envs, 
     if scenario is None:
         return
     rows = [("", "name", "unit", "minimum", "maximum")]
-    for what, quantities in (("obs", scenario.observations), ("action", scenario.actions)):
+    for phrase, quantities in (("obs", scenario.observations), ("action", scenario.actions)):
         for i, quantity in enumerate(quantities):
             unit = quantity.unit or "-"
             rows.append(
-                (f"{what}[{i}]", quantity.name, unit, number(quantity.low), number(quantity.high))
+                (f"{phrase}[{i}]", quantity.name, unit, number(quantity.low), number(quantity.high))
             )
     yield from ("", *table(rows, "<<<>>"))
     if scenario.parameters:
@@ -166,8 +166,8 @@ def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]
             notes[len(rows) - 1] = _rest(offer.common[len(shown) :])
         left_out += len(offer.common) + len(offer.others) - len(shown)
     lines = []
-    for at, line in enumerate(table(rows, "<>>")):
-        lines += [line, notes[at]] if at in notes else [line]
+    for index, line in enumerate(table(rows, "<>>")):
+        lines += [line, notes[index]] if index in notes else [line]
     lacking = next((name for name, value, _ in rows if value == "-"), None)
     if lacking is not None:
         lines += ["", f'-: no value at reset; a signal gives one: --signal "u={lacking},VALUE"']

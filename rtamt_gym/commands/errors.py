@@ -130,7 +130,7 @@ def _value(value: object) -> str:
         case tuple() | list():
             return ",".join(map(_value, value))
         case dict():
-            text = ",".join(f"{name}={_value(each)}" for name, each in value.items())
+            text = ",".join(f"{name}={_value(element)}" for name, element in value.items())
             return text if re.fullmatch(r"[\w.:=-]+", text) else f'"{text}"'
     return str(value)
 

@@ -265,7 +265,7 @@ def _words(decision: Mapping[str, str], target: float | None) -> list[Word]:
     """Return the results of requirements with a target."""
     if target is None:
         return []
-    return [_word(each) for each in decision.values()]
+    return [_word(answer) for answer in decision.values()]
 
 
 def _word(decision: str) -> Word:

@@ -129,12 +129,12 @@ def drawn(trace: ExampleTrace) -> list[str]:
         begin = end + 1
     if not runs:
         return [f"  any {counted(trace.samples, 'sample')}"]
-    width = max(len(text) for at, values in runs for text in (at, *map(number, values))) + 2
+    width = max(len(text) for span, values in runs for text in (span, *map(number, values))) + 2
     most = max(1, (78 - max(map(len, ("sample", *trace.columns)))) // width)
     lines: list[str] = []
     for first in range(0, len(runs), most):
         some = runs[first : first + most]
-        cells = [["sample", *(at for at, _ in some)]]
+        cells = [["sample", *(span for span, _ in some)]]
         for i, name in enumerate(trace.columns):
             cells.append([name, *(number(values[i]) for _, values in some)])
         lines += [f"  {line}" for line in table(cells, "<" + ">" * len(some))]
@@ -150,7 +150,7 @@ def answer_data(answer: Answer) -> dict[str, Any]:
         data["trace"] = trace_data(answer.trace)
     if answer.answer == "no":
         parts = zip(answer.clash, answer.places, strict=True)
-        clash = [{"text": text, "place": place and [*place]} for text, place in parts]
+        clash = [{"text": text, "place": position and [*position]} for text, position in parts]
         data |= {"samples": answer.samples or None, "clash": clash}
     return data | ({"why": answer.why} if answer.why else {})
 

@@ -63,8 +63,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _lines(examples: Mapping[str, RequirementExamples]) -> Iterator[str]:
-    for place, (name, requirement) in enumerate(examples.items()):
-        if place:
+    for index, (name, requirement) in enumerate(examples.items()):
+        if index:
             yield ""
         yield from wrap(f"{name}: {requirement.text}", 80, subsequent_indent="    ")
         for verb, answer in (

@@ -41,12 +41,12 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.commands.judging import failure_lines, judge_files, matrix_of
     from rtamt_gym.results.matrix import note_lines, undecided_lines
 
-    asked, paths = read_arguments(options)
-    rows = judge_files(asked, paths, workers=1, explain=tuple(Verdict))
+    request, paths = read_arguments(options)
+    rows = judge_files(request, paths, workers=1, explain=tuple(Verdict))
     texts = []
     for row in rows:
         for name, cell in row.outcomes.items():
-            names = [row.name] * (len(rows) > 1) + [name] * (len(asked.specs) > 1)
+            names = [row.name] * (len(rows) > 1) + [name] * (len(request.specs) > 1)
             lines = [f"{', '.join(names)}:"] if names else []
             lines.append(cell.explanation)
             if cell.way_out:
@@ -54,12 +54,12 @@ def run(options: argparse.Namespace) -> int:
             texts.append("\n".join(lines))
     if texts:
         print(*texts, sep="\n\n", flush=True)
-    matrix = matrix_of(asked, rows)
+    matrix = matrix_of(request, rows)
     extent_lines = [line for row in rows if row.extent for line in row.extent.lines(row.name)]
     if extent_lines := [*extent_lines, *note_lines(matrix)]:
         print("", *extent_lines, sep="\n", flush=True)
     warnings = evidence_warnings(matrix, "trace", Required.of(options))
-    warnings += length_warnings(rows, asked.min_duration)
+    warnings += length_warnings(rows, request.min_duration)
     print_warnings(warnings)
     print(*failure_lines(matrix), sep="", end="", file=sys.stderr)
     return exit_code([matrix.word], warnings)

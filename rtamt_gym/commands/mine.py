@@ -75,22 +75,22 @@ def run(options: argparse.Namespace) -> int:
     fixed = dict.fromkeys(assignment.partition("=")[0].strip() for assignment in options.constant)
     check_parameter(text, name, dict.fromkeys(fixed, 1.0))
     options.constant = [*options.constant, f"{name}={low}"]
-    asked, paths = read_arguments(options)
-    if len(asked.specs) != 1:
+    request, paths = read_arguments(options)
+    if len(request.specs) != 1:
         raise InputError(
-            f"expected one requirement, got {listing(asked.specs)}; give --only with its name"
+            f"expected one requirement, got {listing(request.specs)}; give --only with its name"
         )
-    (spec,) = asked.specs.values()
+    (spec,) = request.specs.values()
     wanted = template(
         spec,
         {name: (low, high)},
-        every=asked.reading.view == "step",
+        every=request.reading.view == "step",
         text=text if marked else "",
     )
     traces = []
     with progress("reading", len(paths), "trace") as advance:
         for path in paths:
-            traces.append(_read(asked, path))
+            traces.append(_read(request, path))
             advance(1)
     mined = mined_over(wanted, traces, tolerance, notes_on(traces), shown=True)
     print(mined.to_json() if options.json else mined)
@@ -128,17 +128,17 @@ def _text_of(word: str) -> str:
     return word
 
 
-def _read(asked: TracesAsked, path: str) -> Samples:
+def _read(request: TracesAsked, path: str) -> Samples:
     """Read a trace under the options of evaluation."""
     from rtamt_gym.search.mining.traces import Samples
 
-    trace, period = read_trace_of(asked, path)
+    trace, period = read_trace_of(request, path)
     assert isinstance(trace, Trace), "dense time was refused"  # noqa: S101 - for mypy
     return Samples(
         path,
         path,
         trace.columns,
-        asked.reading.having(period=period),
+        request.reading.having(period=period),
         trace.samples,
         trace.start,
         tuple(trace.notes),

@@ -76,7 +76,7 @@ def _share(text: str) -> float:
     return share
 
 
-def check_arguments(options: argparse.Namespace, asked: TracesAsked) -> None:
+def check_arguments(options: argparse.Namespace, request: TracesAsked) -> None:
     """Refuse options that need ``--mutants`` without it, and options that exclude it."""
     if not options.mutants:
         for option in ("--max-mutants", "--mutation", "--min-killed", "--write-killing-traces"):
@@ -89,7 +89,7 @@ def check_arguments(options: argparse.Namespace, asked: TracesAsked) -> None:
                 f"expected --mutants, which evaluates the traces as tests, or {option}, which "
                 "writes their verdicts; run the command twice"
             )
-    if options.write_killing_traces is not None and asked.reading.dense:
+    if options.write_killing_traces is not None and request.reading.dense:
         raise InputError(
             "expected --write-killing-traces or --dense: a solver finds traces of samples alone"
         )
@@ -104,11 +104,11 @@ class MutantWatch:
 
     Args:
         options: The arguments.
-        asked: The requirements, and how traces are judged.
+        request: The requirements, and how traces are judged.
     """
 
-    def __init__(self, options: argparse.Namespace, asked: TracesAsked) -> None:
-        self._asked = asked
+    def __init__(self, options: argparse.Namespace, request: TracesAsked) -> None:
+        self._asked = request
         self._most: int = options.max_mutants or _MOST
         self._kinds: Sequence[str] | None = options.mutation or None
         self._period: Fraction | None = None
@@ -116,8 +116,8 @@ class MutantWatch:
         self._left_out: dict[str, int] = {}
         self._noticed: dict[str, dict[int, str]] = {}
         self._seen: dict[str, set[int]] = {}
-        if asked.reading.period is not None or asked.reading.dense or not _timed(asked):
-            self._make(_period(asked, ()))
+        if request.reading.period is not None or request.reading.dense or not _timed(request):
+            self._make(_period(request, ()))
 
     @property
     def ready(self) -> bool:
@@ -195,16 +195,16 @@ class MutantWatch:
                 advance(1)
 
 
-def _timed(asked: TracesAsked) -> bool:
-    return any(spec.timed for spec in asked.specs.values())
+def _timed(request: TracesAsked) -> bool:
+    return any(spec.timed for spec in request.specs.values())
 
 
-def _period(asked: TracesAsked, rows: Sequence[Trial]) -> Fraction | None:
+def _period(request: TracesAsked, rows: Sequence[Trial]) -> Fraction | None:
     """Return the period by which bounds move: a common multiple of the periods of the traces."""
-    if asked.reading.period is not None or asked.reading.dense:
-        return asked.reading.seconds
+    if request.reading.period is not None or request.reading.dense:
+        return request.reading.seconds
     periods = [row.extent.period for row in rows if row.extent and row.extent.period]
-    return reduce(_multiple, periods) if periods and _timed(asked) else None
+    return reduce(_multiple, periods) if periods and _timed(request) else None
 
 
 def _multiple(one: Fraction, other: Fraction) -> Fraction:
@@ -214,7 +214,7 @@ def _multiple(one: Fraction, other: Fraction) -> Fraction:
 
 
 def _judged(
-    asked: TracesAsked, mutant: Mutant, period: Fraction | None, trace: str
+    request: TracesAsked, mutant: Mutant, period: Fraction | None, trace: str
 ) -> JudgedMutant:
     """Return the fate of a mutant."""
     from rtamt_gym.results.mutation import JudgedMutant
@@ -223,7 +223,7 @@ def _judged(
     formula = str(mutant.specification.standalone())
     if trace:
         return JudgedMutant(*where, formula, "noticed", trace)
-    answer, why = _compared(asked, mutant, period)
+    answer, why = _compared(request, mutant, period)
     if answer is None:
         return JudgedMutant(*where, formula, "unknown", why=why)
     if answer.answer == "yes" and answer.samples:
@@ -240,17 +240,17 @@ def _judged(
     columns: Mapping[str, tuple[float, ...]]
     columns = {name: (*answer.trace.unrolled(name),) for name in answer.trace.columns}
     twice = {name: (*values, *values) for name, values in columns.items() if len(values) == 1}
-    if twice and _differ(asked, mutant, period, twice):
+    if twice and _differ(request, mutant, period, twice):
         columns = twice  # a file of one sample has no period
     text = satisfies.get(answer.satisfied, "")
     return JudgedMutant(*where, formula, "missed", apart=columns, satisfies=text)
 
 
 def _compared(
-    asked: TracesAsked, mutant: Mutant, period: Fraction | None
+    request: TracesAsked, mutant: Mutant, period: Fraction | None
 ) -> tuple[rtamt.checking.Equivalence | None, str]:
     """Return whether a mutant is equivalent; None and the reason if that is not known."""
-    reading = asked.reading
+    reading = request.reading
     if reading.dense:
         return None, "a solver compares samples, not dense time"
     if reading.semantics != "standard" or reading.align is not None:
@@ -258,7 +258,7 @@ def _compared(
         return None, f"a solver does not know {option}"
     try:
         return rtamt.equivalent(
-            *_both(asked, mutant), period, end=reading.end, timeout=_SECONDS
+            *_both(request, mutant), period, end=reading.end, timeout=_SECONDS
         ), ""
     except ModuleNotFoundError as error:
         return None, str(error)
@@ -267,23 +267,23 @@ def _compared(
 
 
 def _differ(
-    asked: TracesAsked,
+    request: TracesAsked,
     mutant: Mutant,
     period: Fraction | None,
     columns: Mapping[str, Sequence[float]],
 ) -> bool:
     """Return whether requirement and mutant have different verdicts on a trace."""
     verdicts = [
-        rtamt.judge(spec, columns, period, asked.reading.end).verdict
-        for spec in _both(asked, mutant)
+        rtamt.judge(spec, columns, period, request.reading.end).verdict
+        for spec in _both(request, mutant)
     ]
     return {*verdicts} == _DECIDED
 
 
-def _both(asked: TracesAsked, mutant: Mutant) -> tuple[rtamt.Specification, rtamt.Specification]:
+def _both(request: TracesAsked, mutant: Mutant) -> tuple[rtamt.Specification, rtamt.Specification]:
     """Requirement and mutant, as the traces are judged by them."""
     one, other = mutant.requirement, mutant.specification
-    return (one.always(), other.always()) if asked.reading.view == "step" else (one, other)
+    return (one.always(), other.always()) if request.reading.view == "step" else (one, other)
 
 
 def score_warnings(
@@ -304,7 +304,7 @@ def score_warnings(
 
 
 def write_apart(
-    scores: Mapping[str, MutationScore], asked: TracesAsked, matrix: Matrix, folder: Path
+    scores: Mapping[str, MutationScore], request: TracesAsked, matrix: Matrix, folder: Path
 ) -> str:
     """Write traces that kill the survivors; return a line about them.
 
@@ -312,13 +312,15 @@ def write_apart(
     """
     from rtamt_gym.commands.example_traces import write_samples
 
-    period = None if asked.reading.period is not None else _period(asked, matrix.rows)
+    period = None if request.reading.period is not None else _period(request, matrix.rows)
     written = 0
     for name, score in scores.items():
         for number, mutant in enumerate(score.mutants, 1):
             if not mutant.apart:
                 continue
-            columns = {asked.columns.signals.get(v, v): value for v, value in mutant.apart.items()}
+            columns = {
+                request.columns.signals.get(v, v): value for v, value in mutant.apart.items()
+            }
             if period is not None:
                 count = len(next(iter(columns.values())))
                 columns = {"time": tuple(float(i * period) for i in range(count)), **columns}

@@ -116,8 +116,8 @@ def _changes(saved: SavedCase, *, accepted: bool) -> list[str]:
         return _wrapped("note: no hashes in the file: a change of the model cannot be seen", "")
     changes = saved.fingerprint.changes(saved.current()) if accepted else []
     lines = _wrapped(f"since the case was saved: {listed(changes)}", "") if changes else []
-    for each in saved.fingerprint.unseen:
-        lines += _wrapped(f"note: a change of {each} cannot be seen", "")
+    for change in saved.fingerprint.unseen:
+        lines += _wrapped(f"note: a change of {change} cannot be seen", "")
     return lines
 
 

@@ -57,12 +57,12 @@ def _variable(
     drawing.tidy(ax, shorten(name, 18))
     times = [0.0]
     levels = [values[0]]
-    place = 0
+    position = 0
     for value, run in groupby(values):  # a point for each run: traces may be long
-        if place:
-            times.append(place * step)
+        if position:
+            times.append(position * step)
             levels.append(value)
-        place += len([*run])
+        position += len([*run])
     times.append(trace.samples * step)  # the last sample is as wide as the others
     levels.append(values[-1])
     known = [level for level in levels if math.isfinite(level)] or [0.0]

@@ -377,19 +377,19 @@ def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None
         )
 
 
-def read_trace_of(asked: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
+def read_trace_of(request: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
     """Read a trace, and its period: as given, else found in its samples, or None."""
     from rtamt_gym.recorded.judge import extent_of
     from rtamt_gym.recorded.ruled import read_ruled
     from rtamt_gym.recorded.trace import constant_note, outside_ranges
 
-    trace, period = read_ruled(path, asked.specs, asked.reading, asked.columns)
-    if asked.min_duration is not None and extent_of(trace, period).length is None:
+    trace, period = read_ruled(path, request.specs, request.reading, request.columns)
+    if request.min_duration is not None and extent_of(trace, period).length is None:
         raise InputError(
             f"{trace.source}: expected a column of times, by which --min-duration measures, got "
             "none; give --time COLUMN or --period"
         )
-    outside = [outside_ranges(spec, trace).values() for spec in asked.specs.values()]
+    outside = [outside_ranges(spec, trace).values() for spec in request.specs.values()]
     notes = dict.fromkeys([*trace.notes, *chain.from_iterable(outside), constant_note(trace)])
     return replace(trace, notes=[note for note in notes if note]), period
 
@@ -408,8 +408,8 @@ _SURE = tuple(extension for extension in extensions() if extension != ".txt")
 def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return the specifications and the traces; without ``--``, the last word is the trace."""
     if SEPARATOR in words:
-        at = words.index(SEPARATOR)
-        specs, traces = list(words[:at]), list(words[at + 1 :])
+        index = words.index(SEPARATOR)
+        specs, traces = list(words[:index]), list(words[index + 1 :])
         if SEPARATOR in traces or not (specs and traces):
             raise InputError(
                 "expected SPEC... -- TRACE..., specifications before -- and traces after it"

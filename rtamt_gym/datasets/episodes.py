@@ -147,9 +147,9 @@ def _check(episode: RecordedEpisode) -> None:
         wanted = steps + (name == "observations")
         for leaf in _leaves(getattr(episode, name)):
             if len(leaf) != wanted:
-                what = ", the first from the reset" if name == "observations" else ""
+                phrase = ", the first from the reset" if name == "observations" else ""
                 raise InputError(
-                    f"episode {number}: expected {wanted} {name} for {steps} rewards{what}, got "
+                    f"episode {number}: expected {wanted} {name} for {steps} rewards{phrase}, got "
                     f"{len(leaf)}"
                 )
     early = np.flatnonzero((episode.terminations | episode.truncations)[:-1])
@@ -222,11 +222,11 @@ class SignalReader:
     ) -> None:
         self._signals = signals
         self._called = [
-            at
-            for at, each in enumerate(signals)
-            if each.source is None and not isinstance(each.reads, Batched)
+            index
+            for index, signal in enumerate(signals)
+            if signal.source is None and not isinstance(signal.reads, Batched)
         ]
-        self._selected = [at for at in range(len(signals)) if at not in self._called]
+        self._selected = [index for index in range(len(signals)) if index not in self._called]
         self._spaces = observations, actions
         self._nan = nan
         self._compare = True  # compare the results of marked functions in the first episode
@@ -256,7 +256,7 @@ class SignalReader:
 
     def _columns(self, num: int) -> SignalColumns:
         """Return the signals of a number of steps."""
-        signals = [self._signals[at] for at in self._selected]
+        signals = [self._signals[index] for index in self._selected]
         observations, actions = self._spaces
         lanes: Any = SimpleNamespace(
             num_envs=num,
@@ -279,21 +279,21 @@ class SignalReader:
                 part(obs, slice(1, None)), actions, rewards, later
             )
             self._compare = False
-        for at, signal in enumerate(self._signals):
+        for index, signal in enumerate(self._signals):
             # An info that has no value at reset is padded with nan in a dataset.
-            if signal.default is not None and np.isnan(table[0, at]):
-                table[0, at] = signal.default
-        for at in self._called:
-            signal = self._signals[at]
+            if signal.default is not None and np.isnan(table[0, index]):
+                table[0, index] = signal.default
+        for index in self._called:
+            signal = self._signals[index]
             for k in range(len(table)):
                 if k == 0 and signal.default is not None:
-                    table[k, at] = signal.default
+                    table[k, index] = signal.default
                     continue
                 step = Step(part(obs, 0), None, None, part(first, 0), None)
                 if k:
                     said = part(later, k - 1)
                     step = Step(part(obs, k), part(actions, k - 1), rewards[k - 1], said, None)
-                table[k, at] = signal.number(signal.call(step))
+                table[k, index] = signal.number(signal.call(step))
         return table
 
     def _check(self, table: Floats) -> None:
@@ -304,10 +304,10 @@ class SignalReader:
             signal.default is not None and np.isnan(signal.default) for signal in self._signals
         ]
         missing[0] &= ~np.array(unknown, np.bool_)
-        found = np.argwhere(missing)
-        if len(found) == 0 or (self._nan == "hold" and found[0, 0] > 0):
+        result = np.argwhere(missing)
+        if len(result) == 0 or (self._nan == "hold" and result[0, 0] > 0):
             return
-        sample, column = found[0]
+        sample, column = result[0]
         way_out = "; nan='hold' keeps the last value"
         if sample == 0:
             way_out += ", and the first sample has none"

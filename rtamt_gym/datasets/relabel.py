@@ -276,7 +276,7 @@ def _judged(
     judged = play(judge, playback)
     for episode, begin, end in zip(episodes, tape.starts, tape.starts[1:] - 1, strict=False):
         rows = slice(begin, end + 1)
-        by, at = judged.violations.get(end, (None, None))
+        by, sample = judged.violations.get(end, (None, None))
         yield RelabelledEpisode(
             episode.number,
             episode.observations,
@@ -289,7 +289,7 @@ def _judged(
             episode.options,
             judged.outcomes[end],
             by,
-            at,
+            sample,
         )
 
 

@@ -73,7 +73,7 @@ def described(
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - of an option
     if isinstance(value, Mapping):
-        return {name: _plain(each) for name, each in value.items()}
+        return {name: _plain(element) for name, element in value.items()}
     if isinstance(value, str | bool | int | float | None):
         return value
     return [*value] if isinstance(value, Iterable) else str(value)

@@ -253,7 +253,7 @@ def _paired(
 ) -> Comparison:
     """Compare two evaluations under these names of the policies."""
     _check_alike(a, b)
-    places = [{row.seed: place for place, row in enumerate(item.record)} for item in (a, b)]
+    places = [{row.seed: index for index, row in enumerate(item.record)} for item in (a, b)]
     seeds = [seed for seed in places[0] if seed is not None and seed in places[1]]
     if not seeds:
         raise InputError(
@@ -273,31 +273,31 @@ def _paired(
         counts = Counter((_satisfies(one, names), _satisfies(two, names)) for one, two in rows)
         return compared_of(name, of_a.formula, counts, _effect(heights), (a.interval, b.interval))
 
-    found = {name: compared(name, [name]) for name in a.requirements}
-    adjusted = holm({name: value.p for name, value in found.items()})
+    result = {name: compared(name, [name]) for name in a.requirements}
+    adjusted = holm({name: value.p for name, value in result.items()})
     rewards = [(a.returns[places[0][seed]], b.returns[places[1][seed]]) for seed in seeds]
     return Comparison(
         a.system,
         *names,
         tuple(seeds),
-        {name: replace(value, adjusted=adjusted[name]) for name, value in found.items()},
+        {name: replace(value, adjusted=adjusted[name]) for name, value in result.items()},
         compared(SUCCESS, list(a.requirements)),
         _effect(rewards),
-        (*_notes(a, b, rows, len(found)), *changes),
+        (*_notes(a, b, rows, len(result)), *changes),
         a.record.provenance.ids,
     )
 
 
 def _check_alike(a: Evaluation, b: Evaluation) -> None:
     """Refuse evaluations of other systems, periods or requirements, or that read otherwise."""
-    for what, one, two in (
+    for phrase, one, two in (
         ("system", a.system, b.system),
         ("period", a.period, b.period),
         # One that is not known may be the same.
         ("time limit", *((a.limit, b.limit) if None not in (a.limit, b.limit) else (None, None))),
     ):
         if one != two:
-            raise InputError(f"cannot compare: the {what} is {one} of A and {two} of B")
+            raise InputError(f"cannot compare: the {phrase} is {one} of A and {two} of B")
     # A policy that draws numbers of its own still meets the same start of the environment.
     if any(item.repeats is False and not item.differing for item in (a, b)):
         refuse_unrepeated(a.system)
@@ -359,8 +359,8 @@ def _notes(
     a: Evaluation, b: Evaluation, rows: Sequence[tuple[Trial, Trial]], requirements: int
 ) -> Iterator[str]:
     """Return remarks on the pairs."""
-    for name, each, side in (("A", a, 0), ("B", b, 1)):
-        if left := len(each.record) - len(rows):
+    for name, evaluation, side in (("A", a, 0), ("B", b, 1)):
+        if left := len(evaluation.record) - len(rows):
             yield (
                 f"{counted(left, 'episode')} of {name} {'is' if left == 1 else 'are'} left out: "
                 f"{'B' if name == 'A' else 'A'} has no episode with the same seed"
@@ -377,11 +377,11 @@ def _notes(
                 f"{counted(ended, 'episode')} of {name} {was} violated {BY_END}, although "
                 f"the samples satisfy the requirement: {its} robustness covers only the samples"
             )
-        if (reuse := each.record.provenance.reuse) is not None:
+        if (reuse := evaluation.record.provenance.reuse) is not None:
             yield from (f"{name}: {mixture.line('episode')}" for mixture in reuse.mixtures)
-        warnings = evidence_warnings(each.record, "episode")
+        warnings = evidence_warnings(evaluation.record, "episode")
         yield from (f"{warning.text} of {name}" for warning in warnings if warning.kind == NEVER)
-        if each.decision is not None:
+        if evaluation.decision is not None:
             yield (
                 f"{name} stopped once its answer was known, so its rate may be biased towards that "
                 "answer; compare fixed numbers of episodes"

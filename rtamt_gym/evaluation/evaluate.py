@@ -218,8 +218,8 @@ def evaluate_policy(
         begun = _repeats(runner, record)
         return made_of(record, 0 if begun is False else keep, begun=begun)
     except KeyboardInterrupt as pressed:  # all episodes are over; only replays are missing
-        whole: Any = pressed
-        whole.evaluation = made_of(record, 0)
+        is_integer: Any = pressed
+        is_integer.evaluation = made_of(record, 0)
         raise
 
 
@@ -254,8 +254,8 @@ def check_repeats(env: Any, seed: Any) -> None:  # noqa: ANN401 - as `evaluate_p
     """
     _, made = _made(env, 1 if not isinstance(env, VectorEnv) else env.num_envs)
     try:
-        whole = isinstance(seed, int | np.integer)  # else `evaluate_policy` refuses it
-        if whole and repeats(made, int(seed)) is False:
+        is_integer = isinstance(seed, int | np.integer)  # else `evaluate_policy` refuses it
+        if is_integer and repeats(made, int(seed)) is False:
             refuse_unrepeated(made.spec.id if made.spec else type(made.unwrapped).__name__)
     finally:
         if made is not env:
@@ -336,7 +336,7 @@ def _worst_runs(
     differing: dict[int, str] = {}
     failed: dict[int, Exception] = {}
     frames = {}
-    found = {}
+    result = {}
     for name in record.requirements:
         ranked = sorted(
             (row for row in record if name in row.outcomes and not row.error),
@@ -359,7 +359,7 @@ def _worst_runs(
             if pictures:
                 frames[number] = pictures
         numbers = [row.seed or 0 for row in ranked[:keep]]
-        found[name] = tuple(runs[number] for number in numbers if number in runs)
+        result[name] = tuple(runs[number] for number in numbers if number in runs)
     filming.tell()
     for number, why in failed.items():
         warnings.warn(
@@ -370,7 +370,7 @@ def _worst_runs(
         )
     for number, differs in list(differing.items())[:1]:
         warn_of_difference(record.system, number, differs)
-    return _WorstRuns(found, frames, tuple(differing))
+    return _WorstRuns(result, frames, tuple(differing))
 
 
 def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
@@ -378,7 +378,7 @@ def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
 
     It has the source of each variable of the requirements; None stands for a function.
     """
-    found = runner.evaluation_options.written()
+    result = runner.evaluation_options.written()
     monitor = runner.monitor
     signals = {
         **own_signals(runner.system),
@@ -386,12 +386,12 @@ def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
         **(runner.signals or {}),
     }
     variables = {name for spec in runner.requirements.values() for name in spec.variables}
-    found["signals"] = {
+    result["signals"] = {
         name: _signal_text(ParsedSignal.parse(name, signals[name], SOURCES))
         for name in sorted(variables)
         if name in signals
     }
-    return found
+    return result
 
 
 def _signal_text(signal: ParsedSignal) -> str | None:

@@ -73,9 +73,9 @@ class Film:
         while not last and len(self.pictures.keys() - self._chosen) > _MOST:
             self._stride *= 2
             self.pictures = {
-                each: picture
-                for each, picture in self.pictures.items()
-                if each % self._stride == 0 or each in self._chosen
+                number: picture
+                for number, picture in self.pictures.items()
+                if number % self._stride == 0 or number in self._chosen
             }
 
 

@@ -33,14 +33,14 @@ def draw(
             _band(ax, steps, method.curve, name, colours[name])
         drawing.tidy(ax, f"mean {score}")
         ax.set_xlabel("steps of training", fontsize=9)
-    for place, (name, method) in enumerate(methods.items()):
+    for index, (name, method) in enumerate(methods.items()):
         scores = np.sort(np.ravel(method.scores))
         # Beside each other, so that equal runs are all seen.
-        across = place + np.linspace(-0.3, 0.3, len(scores))
+        across = index + np.linspace(-0.3, 0.3, len(scores))
         runs.plot(across, scores, ".", color=colours[name], markersize=4)
         low, high = method.mean.interval
-        runs.plot([place, place], [low, high], color=colours[name], linewidth=2)
-        runs.plot([place], [method.mean.value], "o", color=colours[name])
+        runs.plot([index, index], [low, high], color=colours[name], linewidth=2)
+        runs.plot([index], [method.mean.value], "o", color=colours[name])
     runs.set_xticks(range(len(methods)), list(methods))
     drawing.tidy(runs, f"{score} of each run")
     for name, method in methods.items():
@@ -56,6 +56,8 @@ def _band(
     ax: Axes, places: Sequence[float], estimates: Sequence[Estimate], name: str, colour: str
 ) -> None:
     """Return a curve with the intervals of its points."""
-    low, high = np.array([each.interval for each in estimates]).T
-    ax.plot(places, [each.value for each in estimates], color=colour, label=name, linewidth=1.6)
+    low, high = np.array([estimate.interval for estimate in estimates]).T
+    ax.plot(
+        places, [estimate.value for estimate in estimates], color=colour, label=name, linewidth=1.6
+    )
     ax.fill_between(places, low, high, color=colour, alpha=0.18, linewidth=0)

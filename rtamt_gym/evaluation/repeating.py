@@ -47,11 +47,11 @@ def repeats(env: Any, seed: int) -> bool | None:  # noqa: ANN401 - an environmen
     seeds: Any = [seed] * env.num_envs if isinstance(env, VectorEnv) else seed
     try:
         first, _ = env.reset(seed=seeds)
-        kept = copy.deepcopy(first)  # which an environment may write the next one into
+        stored = copy.deepcopy(first)  # which an environment may write the next one into
         second, _ = env.reset(seed=seeds)
     except (Exception, SystemExit):  # noqa: BLE001 - the episodes will say it
         return None
-    return alike(kept, second)
+    return alike(stored, second)
 
 
 def tell_unrepeated(name: str, seed: int) -> None:

@@ -71,9 +71,9 @@ class Signal(Entry):
 
     def __post_init__(self) -> None:
         _check_name("signal", self.name)
-        what = f"signal {self.name!r}"
-        _set_range(self, what, self.low, self.high)
-        _check_points(what, self.points, self.interpolation)
+        phrase = f"signal {self.name!r}"
+        _set_range(self, phrase, self.low, self.high)
+        _check_points(phrase, self.points, self.interpolation)
         if self.duration is not None:
             _set(self, "duration", check_number("duration", self.duration))
 
@@ -124,29 +124,29 @@ class Parameter(Entry):
 
     def __post_init__(self) -> None:
         _check_name("parameter", self.name)
-        what = f"parameter {self.name!r}"
+        phrase = f"parameter {self.name!r}"
         if self.default is not None:
-            _set(self, "default", _number(what, "default", self.default))
+            _set(self, "default", _number(phrase, "default", self.default))
         if self.values is None:
-            if math.isnan(_real(what, "low", self.low)) and math.isnan(
-                _real(what, "high", self.high)
+            if math.isnan(_real(phrase, "low", self.low)) and math.isnan(
+                _real(phrase, "high", self.high)
             ):
                 raise InputError(
-                    f"{what}: expected low and high, or values=, got neither; "
+                    f"{phrase}: expected low and high, or values=, got neither; "
                     f"write Parameter({self.name!r}, 0, 1)"
                 )
-            _set_range(self, what, self.low, self.high)
+            _set_range(self, phrase, self.low, self.high)
             if self.log and self.low <= 0:
-                raise InputError(f"{what}: expected low= above 0 with log=True, got {self.low:g}")
+                raise InputError(f"{phrase}: expected low= above 0 with log=True, got {self.low:g}")
             return
         if self.log:
-            raise InputError(f"{what}: log=True is for low and high, got values= as well")
-        values = _values(what, self.values)
+            raise InputError(f"{phrase}: log=True is for low and high, got values= as well")
+        values = _values(phrase, self.values)
         given, ends = (self.low, self.high), (min(values), max(values))
-        if not all(math.isnan(_real(what, "low and high", each)) for each in given) and (
+        if not all(math.isnan(_real(phrase, "low and high", value)) for value in given) and (
             given != ends  # dataclasses.replace gives the ends that were computed before
         ):
-            raise InputError(f"{what}: expected low and high, or values=, got both")
+            raise InputError(f"{phrase}: expected low and high, or values=, got both")
         _set(self, "values", values)
         _set(self, "low", ends[0])
         _set(self, "high", ends[1])

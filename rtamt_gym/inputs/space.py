@@ -63,7 +63,7 @@ class Space:
     def __init__(self, entries: SpaceLike, *, duration: float | None = None) -> None:
         self.duration = None if duration is None else check_number("duration", duration)
         self.entries: Mapping[str, Signal | Parameter] = _by_name(entries)
-        self.columns = tuple(column for each in self.entries.values() for column in each.columns)
+        self.columns = tuple(column for entry in self.entries.values() for column in entry.columns)
         for column in self.columns:
             if self.columns.count(column) > 1:
                 raise InputError(f"expected columns of different names, got {column!r} twice")
@@ -100,12 +100,12 @@ class Space:
         """
         left = iter(self._checked(point).tolist())
         case: dict[str, float | Waveform] = {}
-        for each in self.entries.values():
-            if isinstance(each, Signal):
-                values = [_between(each, next(left)) for _ in range(each.points)]
-                case[each.name] = Waveform(self._times(each), values, each.interpolation)
+        for entry in self.entries.values():
+            if isinstance(entry, Signal):
+                values = [_between(entry, next(left)) for _ in range(entry.points)]
+                case[entry.name] = Waveform(self._times(entry), values, entry.interpolation)
             else:
-                case[each.name] = _chosen(each, next(left))
+                case[entry.name] = _chosen(entry, next(left))
         return Case(case)
 
     def point(self, case: Mapping[str, float | Waveform]) -> NDArray[np.float64]:
@@ -120,8 +120,8 @@ class Space:
                 raise InputError(f"expected a case of {listing(self.entries)}, got {listing(case)}")
         point = [
             coordinate
-            for each in self.entries.values()
-            for coordinate in self._coordinates(each, case[each.name])
+            for entry in self.entries.values()
+            for coordinate in self._coordinates(entry, case[entry.name])
         ]
         return np.array(point)
 
@@ -184,8 +184,10 @@ def _by_name(entries: Any) -> dict[str, Signal | Parameter]:  # noqa: ANN401 - c
             f"expected several signals and parameters, such as [Parameter('mass', 1, 2)], got "
             f"{entries!r}"
         )
-    named = entries.items() if isinstance(entries, Mapping) else [(None, each) for each in entries]
-    found: dict[str, Signal | Parameter] = {}
+    named = (
+        entries.items() if isinstance(entries, Mapping) else [(None, entry) for entry in entries]
+    )
+    result: dict[str, Signal | Parameter] = {}
     for name, each in named:
         if not isinstance(each, Signal | Parameter):
             raise InputTypeError(
@@ -194,12 +196,12 @@ def _by_name(entries: Any) -> dict[str, Signal | Parameter]:  # noqa: ANN401 - c
             )
         if name is not None and name != each.name:
             raise InputError(f"expected {each.name!r} by its own name, got it as {name!r}")
-        if each.name in found:
+        if each.name in result:
             raise InputError(f"expected entries of different names, got {each.name!r} twice")
-        found[each.name] = each
-    if not found:
+        result[each.name] = each
+    if not result:
         raise InputError("expected one signal or parameter at least, got none")
-    return found
+    return result
 
 
 def _between(of: Signal | Parameter, share: float) -> float:

@@ -108,18 +108,18 @@ class Waveform:
         """The value at a time in seconds."""
         times = self.times
         time = min(max(time, times[0]), times[-1])
-        at = bisect_right(times, time) - 1
-        length, start, c1, c2, c3, low, high = self._pieces[at]
-        x = (time - times[at]) / length
+        index = bisect_right(times, time) - 1
+        length, start, c1, c2, c3, low, high = self._pieces[index]
+        x = (time - times[index]) / length
         return min(max(start + x * (c1 + x * (c2 + x * c3)), low), high)
 
     def at(self, times: ArrayLike) -> Floats:
         """Return the values at times in seconds, in an array of their shape, equal to calls."""
         knots = np.asarray(self.times)
         clipped = np.clip(np.asarray(times, np.float64), knots[0], knots[-1])
-        at = knots.searchsorted(clipped, "right") - 1
-        length, start, c1, c2, c3, low, high = np.array(self._pieces).T[:, at]
-        x = (clipped - knots[at]) / length
+        index = knots.searchsorted(clipped, "right") - 1
+        length, start, c1, c2, c3, low, high = np.array(self._pieces).T[:, index]
+        x = (clipped - knots[index]) / length
         values: Floats = np.clip(start + x * (c1 + x * (c2 + x * c3)), low, high)
         return values
 
@@ -167,12 +167,12 @@ def _numbers(what: str, given: object) -> list[float]:
     if isinstance(given, str) or not isinstance(given, Iterable):
         raise InputTypeError(f"expected {what} as several numbers, got {given!r}")
     numbers = []
-    for each in given:
-        if isinstance(each, bool) or not isinstance(each, Real):
-            raise InputTypeError(f"expected {what} as numbers, got {each!r} among them")
-        if not math.isfinite(each):
-            raise InputError(f"expected {what} as finite numbers, got {float(each)!r} among them")
-        numbers.append(float(each))
+    for value in given:
+        if isinstance(value, bool) or not isinstance(value, Real):
+            raise InputTypeError(f"expected {what} as numbers, got {value!r} among them")
+        if not math.isfinite(value):
+            raise InputError(f"expected {what} as finite numbers, got {float(value)!r} among them")
+        numbers.append(float(value))
     return numbers
 
 

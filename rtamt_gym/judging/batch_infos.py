@@ -71,7 +71,7 @@ def put_last(
             columns.append(_column(infos, key, value))
             continue
         groups: list[dict[str, Any]] = [{} for _ in value.names]
-        columns += [_column(groups, name, found) for name, found in value.found.items()]
+        columns += [_column(groups, name, result) for name, result in value.found.items()]
         named: dict[str, Any] = {}
         for name, group in zip(value.names, groups, strict=True):
             columns += [_column(group, *item) for item in value.more.get(name, {}).items()]

@@ -74,10 +74,10 @@ class Demand:
 def demands_of(specs: Mapping[str, Specification], reading: EvaluationOptions) -> list[Demand]:
     """Return the demands of specifications; raise SpecificationError for an unbounded future."""
     demands = []
-    for place, (name, spec) in enumerate(specs.items()):
+    for index, (name, spec) in enumerate(specs.items()):
         parts = [spec.formula] if reading.view == "step" else _conjuncts(spec.formula)
         for part in parts:
-            demand = _demand(place, bare(spec, part), reading)
+            demand = _demand(index, bare(spec, part), reading)
             if math.isinf(demand.spec.horizon):
                 raise SpecificationError(
                     f"specification {name!r}: whether an instant violates "
@@ -196,7 +196,7 @@ class CostMeter(_Costs[Monitor]):
 
         def feed(values: Sequence[float]) -> None:
             for demand, monitor, places in parts:
-                value = monitor.update(*[values[place] for place in places])
+                value = monitor.update(*[values[position] for position in places])
                 instant = monitor.samples - 1 - monitor.latency
                 if instant < demand.first or (demand.last is not None and instant > demand.last):
                     continue

@@ -113,9 +113,9 @@ def obligations_of(spec: Specification, reading: EvaluationOptions) -> list[Obli
     top = spec.formula
     while _name(top) == "not":
         (top,) = _parts(top)
-    found = dict.fromkeys(_asked_in(top, universal=True, asked=Instants.FIRST))
+    result = dict.fromkeys(_asked_in(top, universal=True, asked=Instants.FIRST))
     made = []
-    for formula, universal, asked in found:
+    for formula, universal, asked in result:
         if formula is top or any(math.isinf(bare(spec, p).horizon) for p in _parts(formula)):
             continue
         kind: ClockKind = "newest"
@@ -206,9 +206,11 @@ def _window(
         return 0, None
     # The same window over a predicate that nothing simplifies.
     text = f"eventually{formula.interval}({spec.variables[0]} > 0)"
-    alike = rtamt.parse(text, unit=spec.unit).formula
-    program = rtamt.EpisodeMonitor(bare(spec, alike), reading.period, align=reading.align).program
-    if program.sources[program.result] is not alike:  # eventually[0:0](p) is p
+    equal_formula = rtamt.parse(text, unit=spec.unit).formula
+    program = rtamt.EpisodeMonitor(
+        bare(spec, equal_formula), reading.period, align=reading.align
+    ).program
+    if program.sources[program.result] is not equal_formula:  # eventually[0:0](p) is p
         return 0, 0
     window = program.window(program.result)
     return window.lo or 0, window.hi
@@ -249,8 +251,8 @@ class _Obligations(Generic[_M]):
     ) -> None:
         self.found = [obligations_of(spec, reading) for spec in judged.values()]
         parts = {
-            (place, part): bare(spec, part)
-            for place, (spec, obligations) in enumerate(
+            (index, part): bare(spec, part)
+            for index, (spec, obligations) in enumerate(
                 zip(judged.values(), self.found, strict=True)
             )
             for obligation in obligations
@@ -260,11 +262,11 @@ class _Obligations(Generic[_M]):
         self._monitors: list[_M] = [
             make(spec, **option) for spec, option in zip(parts.values(), options, strict=True)
         ]
-        places = {key: place for place, key in enumerate(parts)}
+        places = {key: index for index, key in enumerate(parts)}
         late = [monitor.latency for monitor in self._monitors]
         clocks = [
-            _clock_of(obligation, [places[place, part] for part in obligation.parts], late)
-            for place, obligations in enumerate(self.found)
+            _clock_of(obligation, [places[index, part] for part in obligation.parts], late)
+            for index, obligations in enumerate(self.found)
             for obligation in obligations
         ]
         self._clocks = OperatorClocks(clocks, len(parts), num)
@@ -307,8 +309,8 @@ class Obligations(_Obligations[VectorMonitor]):
 
     def feed(self, table: Floats, lanes: Lanes | None = None) -> None:
         """Take a row of the table for each environment in the mask; None: for all."""
-        for place, monitor in enumerate(self._monitors):
-            self._values[place] = monitor.update(table[:, self._picks[place]], lanes)
+        for index, monitor in enumerate(self._monitors):
+            self._values[index] = monitor.update(table[:, self._picks[index]], lanes)
         self._clocks.feed(self._values, lanes)
 
     def owed(self) -> list[list[Owed]]:
@@ -340,8 +342,8 @@ class SingleObligations(_Obligations[Monitor]):
         def feed(values: Sequence[float]) -> None:
             take(
                 [
-                    [update(values[alone]) if pick is None else update(*pick(values))]
-                    for update, alone, pick in parts
+                    [update(values[only]) if pick is None else update(*pick(values))]
+                    for update, only, pick in parts
                 ]
             )
 

@@ -443,11 +443,11 @@ class Panel:
         outcomes = {}
         for name, (_, judge) in self.monitors.items():
             robustness, verdict = np.float64(judge.robustness), self._verdict(name, judge)
-            at, ended = self._settled.get(name), name in self._ended
-            decided = at is not None and not ended
+            sample, ended = self._settled.get(name), name in self._ended
+            decided = sample is not None and not ended
             by_end = verdict < 0 and not np.signbit(robustness)
             outcomes[name] = present(
-                outcome(robustness, verdict, verdict > 0, at, decided, ended, bool(by_end))
+                outcome(robustness, verdict, verdict > 0, sample, decided, ended, bool(by_end))
             )
         for name, progress in self.progress.items():
             outcomes[name]["progress"] = np.float64(progress)
@@ -458,8 +458,8 @@ class Panel:
         results: list[PanelResult] = []
         for name, (_, judge) in self.monitors.items():
             bounds = judge.robustness, judge.lower, self._upper(name, judge)
-            at = self._settled.get(name)
-            moments = (None, at) if name in self._ended else (at, None)
+            sample = self._settled.get(name)
+            moments = (None, sample) if name in self._ended else (sample, None)
             results.append((name, bounds, self._verdict(name, judge), *moments))
         return results
 
@@ -555,14 +555,14 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
             values = obs
         else:
             values = read_values
-            for place, index in elements:
-                values[place] = float(obs[index])
-            for place, read in others:
-                values[place] = read(obs, action, reward, info)
+            for position, index in elements:
+                values[position] = float(obs[index])
+            for position, read in others:
+                values[position] = read(obs, action, reward, info)
         robustness = lower = upper = math.inf
         decided = 0
-        for update, alone, pick, judge in parts:
-            value = update(values[alone]) if pick is None else update(*pick(values))
+        for update, only, pick, judge in parts:
+            value = update(values[only]) if pick is None else update(*pick(values))
             low = judge.lower
             high = judge.upper
             # Calls of min() would take as long as all the rest.

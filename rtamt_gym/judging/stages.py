@@ -372,14 +372,14 @@ class _RequirementProgress:
 
     def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
         def update_of(monitor: EpisodeMonitor) -> Callable[[Sequence[float]], float]:
-            place, several = picked([names.index(name) for name in monitor.variables])
+            index, several = picked([names.index(name) for name in monitor.variables])
             update = monitor.update
             if several is None:
-                return lambda values: update(values[place])
+                return lambda values: update(values[index])
             return lambda values: update(*several(values))
 
         deciders = [update_of(monitor) for monitor in self._monitors.deciders]
-        alone = [update_of(monitor) for monitor in self._monitors.alone]
+        singles = [update_of(monitor) for monitor in self._monitors.alone]
         judge, hold, next_stage = self._monitors.judge, self._hold, self._next_stage
 
         def feed(values: Sequence[float]) -> None:
@@ -394,7 +394,7 @@ class _RequirementProgress:
                 return
             if deciders:
                 self._decide()
-            next_stage(alone, values)
+            next_stage(singles, values)
 
         return feed
 
@@ -555,7 +555,7 @@ class _VectorRequirementProgress:
             fed = ~np.isnan(table) if lanes is None else ~np.isnan(table) & lanes[:, None]
             np.copyto(self._held, table, where=fed)
             table = self._held
-        deciders, alone = self._monitors.deciders, self._monitors.alone
+        deciders, singles = self._monitors.deciders, self._monitors.alone
         for stage, monitor in enumerate(deciders):
             needed = self._reached <= stage  # elsewhere the verdict is certain
             if lanes is not None:
@@ -564,7 +564,7 @@ class _VectorRequirementProgress:
         self._settle(lanes)
         if deciders:
             self._decide()
-        for stage, monitor in enumerate(alone):
+        for stage, monitor in enumerate(singles):
             following = (self._reached == stage) & (self.progress < 1.0)
             if lanes is not None:
                 following &= lanes

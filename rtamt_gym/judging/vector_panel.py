@@ -203,13 +203,13 @@ class VectorPanel:
 
     def cut_windows(self, lanes: Lanes) -> frozenset[str]:
         """Return the names of `Panel.cut_windows` in any environment in the mask."""
-        at, names = lanes.nonzero()[0], set()
-        would = self.undecided(at) & [holds(judge.robustness[at]) for judge in self._judges]
+        index, names = lanes.nonzero()[0], set()
+        would = self.undecided(index) & [holds(judge.robustness[index]) for judge in self._judges]
         for name, judge, rows in zip(self.monitors, self._judges, would, strict=True):
             if judge.specification.timed and rows.any():
                 another = copy.deepcopy(judge)
                 another.finish(lanes, end="cut")
-                if (rows & (another.verdict[at] == 0)).any():
+                if (rows & (another.verdict[index] == 0)).any():
                     names.add(str(name))
         return frozenset(names)
 

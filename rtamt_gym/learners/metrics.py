@@ -226,13 +226,16 @@ def ended_episodes(infos: Mapping[str, Any], ended: ArrayLike) -> list[Outcomes]
     Raises:
         InputError: If the infos have no outcomes.
     """
-    at = np.flatnonzero(ended)
-    if not len(at):
+    index = np.flatnonzero(ended)
+    if not len(index):
         return []
     last = infos.get("final_info", infos)
     if "stl_episode" not in last:
         raise InputError(no_outcomes(last))
-    return [{name: _lane(each, int(i)) for name, each in _named(last["stl_episode"])} for i in at]
+    return [
+        {name: _lane(episode, int(i)) for name, episode in _named(last["stl_episode"])}
+        for i in index
+    ]
 
 
 def no_outcomes(info: Mapping[str, Any]) -> str:
@@ -247,7 +250,7 @@ def no_outcomes(info: Mapping[str, Any]) -> str:
 
 def _named(held: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
     """Return the entries of a dictionary of arrays that are not masks."""
-    return [(name, each) for name, each in held.items() if isinstance(each, Mapping)]
+    return [(name, episode) for name, episode in held.items() if isinstance(episode, Mapping)]
 
 
 def _lane(columns: Mapping[str, Any], i: int) -> Mapping[str, Any]:

@@ -63,8 +63,8 @@ class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no ty
             self._asked = True
             period = env.unwrapped.get_attr("period")[0]
             self._period = None if period is None else float(period)
-        found = info["stl_episode"], self._period
-        metrics_logger.log_value(EPISODES, found, reduce="item_series")
+        result = info["stl_episode"], self._period
+        metrics_logger.log_value(EPISODES, result, reduce="item_series")
 
     def on_train_result(self, *, result: dict[str, Any], **_kwargs: Any) -> None:  # noqa: ANN401
         """Add the metrics of training, and of the evaluation if there was one."""
@@ -81,9 +81,9 @@ class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no ty
 
 
 def _evaluated(results: dict[str, Any]) -> None:
-    found = _taken(results)
-    if found:
-        results["stl"] = metrics_of([episode for episode, _ in found], found[0][1])
+    result = _taken(results)
+    if result:
+        results["stl"] = metrics_of([episode for episode, _ in result], result[0][1])
 
 
 def _taken(results: Mapping[str, Any]) -> list[Any]:

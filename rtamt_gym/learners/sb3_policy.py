@@ -101,8 +101,8 @@ class AsTrained:
         The state holds the stacked observations of the episodes and the memory of a recurrent
         policy. None starts new episodes.
         """
-        alone = not is_vectorized_observation(observation, self.observation_space)
-        if alone:
+        single = not is_vectorized_observation(observation, self.observation_space)
+        if single:
             observation = _parts(observation, lambda part: np.asarray(part)[None])
         num = len(
             next(iter(observation.values())) if isinstance(observation, dict) else observation
@@ -123,7 +123,7 @@ class AsTrained:
         actions, memory = self._model.predict(
             observation, memory, starts, deterministic=deterministic
         )
-        return actions[0] if alone else actions, (layers, memory)
+        return actions[0] if single else actions, (layers, memory)
 
 
 def _layer(wrapper: VecEnvWrapper) -> Layer:

@@ -87,7 +87,8 @@ def evaluate_rollouts(
             )
         columns = np.concatenate([columns, sensed], axis=2)
     data = {
-        name: columns[:, :, place] for name, place in _places(model, parsed, sensordata).items()
+        name: columns[:, :, position]
+        for name, position in _places(model, parsed, sensordata).items()
     }
     lengths = np.full(columns.shape[0], columns.shape[1])
     return {

@@ -56,7 +56,7 @@ class Option:
     def add_to(self, parser: argparse._ActionsContainer, trial: str) -> None:
         """Add the option to a parser or to a group."""
         flag, _, value = self.name.partition(" ")
-        flags = [each for each in (flag, self.alias) if each]
+        flags = [option_flag for option_flag in (flag, self.alias) if option_flag]
         keywords: dict[str, Any] = {"help": self._help(trial), "default": self.default}
         if not flag.startswith("-"):
             flags, value = [self.dest or flag.lower()], flag

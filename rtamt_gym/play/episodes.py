@@ -102,8 +102,8 @@ class Episodes(Runner):
             return self._begin(task.case, task.seed, above, None, policy, simulator, light=True)
 
         batch = SideBySide(size, begin, model, self.system.observation_space)
-        alone = self._one_by_one(above, light=True)
-        yield from self._played(batch, tasks, lambda task: play(alone, [task]))
+        one_by_one = self._one_by_one(above, light=True)
+        yield from self._played(batch, tasks, lambda task: play(one_by_one, [task]))
 
     def _simulator_of(self, env: gym.Env[Any, Any]) -> Simulator:
         """Return the simulator of an environment, made once for all its episodes."""
@@ -126,13 +126,19 @@ class Episodes(Runner):
             return self._given()
         spec = self._given.spec
         missing = (
-            [each.name for each in spec.additional_wrappers if each.kwargs is None] if spec else []
+            [
+                additional_wrapper.name
+                for additional_wrapper in spec.additional_wrappers
+                if additional_wrapper.kwargs is None
+            ]
+            if spec
+            else []
         )
         if spec is None or missing:
-            what = f"the wrapper {missing[0]} of {self.name}" if missing else self.name
+            phrase = f"the wrapper {missing[0]} of {self.name}" if missing else self.name
             raise InputError(
                 Argument("n_envs", self._n_envs),
-                f" needs as many environments, and {what} cannot be constructed again; pass a "
+                f" needs as many environments, and {phrase} cannot be constructed again; pass a "
                 "function that makes the environment",
             )
         return gym.make(spec)

@@ -64,7 +64,7 @@ class PlayBatch:
 
     def free(self, running: Collection[int]) -> Sequence[int]:
         """Return the places where a task may start now."""
-        return [place for place in range(self.size) if place not in running]
+        return [index for index in range(self.size) if index not in running]
 
     def start(self, tasks: Mapping[int, Task]) -> None:
         """Prepare places for tasks that start together."""
@@ -105,20 +105,20 @@ def play(batch: PlayBatch, tasks: Iterable[Task]) -> Iterator[Played]:
         while todo or running:
             while todo and (starting := _starting(todo, batch.free(running))):
                 batch.start(starting)
-                for place, task in starting.items():
+                for position, task in starting.items():
                     since = time.perf_counter()
                     try:
-                        running[place] = task, batch.begin(place, task)
+                        running[position] = task, batch.begin(position, task)
                     except Exception as error:  # noqa: BLE001 - the trial has it
                         wall = time.perf_counter() - since
                         yield Played(task, failed(error, task.case, task.seed, wall), None)
                     else:
-                        yield from _advanced(batch, running, place)
+                        yield from _advanced(batch, running, position)
             if running:
                 share = batch.step([*running]) / len(running)
-                for place in [*running]:
-                    running[place][1].wall += share
-                    yield from _advanced(batch, running, place)
+                for position in [*running]:
+                    running[position][1].wall += share
+                    yield from _advanced(batch, running, position)
     finally:  # also if the caller wants no more
         for _, episode in running.values():
             episode.leave()
@@ -127,7 +127,7 @@ def play(batch: PlayBatch, tasks: Iterable[Task]) -> Iterator[Played]:
 
 def _starting(todo: deque[Task], places: Sequence[int]) -> dict[int, Task]:
     """Take a task for each place, as far as there are any."""
-    return {place: todo.popleft() for place in places[: len(todo)]}
+    return {position: todo.popleft() for position in places[: len(todo)]}
 
 
 def _advanced(
@@ -188,8 +188,8 @@ class SideBySide(PlayBatch):
 
     def step(self, running: Sequence[int]) -> float:
         since = time.perf_counter()
-        shown = {place: episode.observation for place, episode in self._episodes.items()}
+        shown = {position: episode.observation for position, episode in self._episodes.items()}
         instead = shown[running[0]]
-        seen = [shown.get(place) for place in range(self.size)]
+        seen = [shown.get(position) for position in range(self.size)]
         self._actions = [*self._policies.act([instead if obs is None else obs for obs in seen])]
         return time.perf_counter() - since

@@ -162,8 +162,8 @@ class NativeRollouts:
         options: dict[str, Any] = {}
         for name in {name for task in tasks for name in task.case if name in self._parameters}:
             options[name] = self._defaults[name].copy()
-            for place, task in enumerate(tasks):
-                options[name][place] = task.case.get(name, options[name][place])
+            for index, task in enumerate(tasks):
+                options[name][index] = task.case.get(name, options[name][index])
         seeds: Any = [task.seed for task in tasks] + [None] * (env.num_envs - len(tasks))
         observations: Floats = env.reset(seed=seeds, options=options)[0]
         return observations
@@ -173,10 +173,10 @@ class NativeRollouts:
         if self.kind(tasks[0].case) == "baseline":
             return None
         actions = np.zeros((self.steps, num, len(self._actions)))
-        for place, task in enumerate(tasks):
+        for index, task in enumerate(tasks):
             for i, name in enumerate(self._actions):
                 entry = task.case[name]
-                actions[:, place, i] = (
+                actions[:, index, i] = (
                     entry.from_steps(period or 1, self.steps)
                     if isinstance(entry, Waveform)
                     else entry
@@ -265,8 +265,8 @@ class NativeBatch(PlayBatch):
         else:
             self._judge(tables, ends)
         self._wall[running] += (time.perf_counter() - since) / np.count_nonzero(running)
-        for place, result in self._outcomes(ends):
-            self._results[place] = result
+        for position, result in self._outcomes(ends):
+            self._results[position] = result
 
     def _judge(self, tables: Floats, ends: dict[int, tuple[RunEnd, int]]) -> None:
         """Feed samples to the monitors, and collect the runs that are over."""
@@ -308,8 +308,8 @@ class NativeBatch(PlayBatch):
     def _outcomes(self, ends: Mapping[int, tuple[RunEnd, int]]) -> Iterator[tuple[int, _Result]]:
         """Yield the results of runs that are over."""
         if not ends or self._above is None:
-            for place, (why, last) in ends.items():
-                yield place, _Result(why, last, {})
+            for position, (why, last) in ends.items():
+                yield position, _Result(why, last, {})
             return
         panel, places = self._panel, sorted(ends)
         columns: dict[str, list[NDArray[Any]]] = {
@@ -321,28 +321,31 @@ class NativeBatch(PlayBatch):
             for name, each in panel.outcomes(np.array(places)).by_name().items()
         }
         progress = panel.progress
-        for row, place in enumerate(places):
-            why, last = ends[place]
-            verdicts = {name: Verdict(values[-1][place].item()) for name, values in columns.items()}
+        for row, position in enumerate(places):
+            why, last = ends[position]
+            verdicts = {
+                name: Verdict(values[-1][position].item()) for name, values in columns.items()
+            }
             end = None if why in STOPPED else self._at_end
             questions = self._rollouts.questions
-            samples = self._signals(place, last) if questions else {}
+            samples = self._signals(position, last) if questions else {}
             evidence = questions.answers(samples, last + 1, end, verdicts)
             outcomes = {}
             for name, (*bounds, _) in columns.items():
                 decided, ended = (
-                    at.value[row].item() if at.there[row] else None for at in moments[name]
+                    moment.value[row].item() if moment.there[row] else None
+                    for moment in moments[name]
                 )
                 outcomes[name] = Outcome.at(
-                    [values[place].item() for values in bounds],
+                    [values[position].item() for values in bounds],
                     verdicts[name],
                     decided,
                     panel.period,
                     evidence[name],
-                    progress[name][place].item() if name in progress else None,
+                    progress[name][position].item() if name in progress else None,
                     ended=ended,
                 )
-            yield place, _Result(why, last, outcomes)
+            yield position, _Result(why, last, outcomes)
 
     def made(self, place: int, task: Task) -> Trial:
         """Return the trial of a run that is over."""

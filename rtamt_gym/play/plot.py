@@ -100,7 +100,7 @@ def _draw_course(ax: Axes, name: str, course: History, run: RunRecord, end: floa
     ax.fill_between(times, lower, upper, color=drawing.BOUNDS, alpha=0.5, linewidth=0)
     if course.decided_at is not None:
         colour = drawing.VERDICT_COLOURS[course.verdict]
-        at = float(times[max(course.decided_at - run.first_sample, 0)])
-        ax.axvspan(at, end, color=colour, alpha=0.18, linewidth=0)
-        ax.axvline(at, color=colour, linewidth=1.6)
+        time = float(times[max(course.decided_at - run.first_sample, 0)])
+        ax.axvspan(time, end, color=colour, alpha=0.18, linewidth=0)
+        ax.axvline(time, color=colour, linewidth=1.6)
     ax.plot(times, robustness, color=drawing.ROBUSTNESS, linewidth=1.6)

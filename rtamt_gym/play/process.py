@@ -213,7 +213,7 @@ def _take(setup: Setup) -> _Process:
         if setup.name in _over:
             raise InputError("the campaign is over")
         for name, waiting in _idle.items():
-            for process in [each for each in waiting if each.ended]:
+            for process in [process_state for process_state in waiting if process_state.ended]:
                 waiting.remove(process)
                 _all[name].discard(process)
                 process.free()

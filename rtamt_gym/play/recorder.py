@@ -45,8 +45,8 @@ class Recorder:
         self._variables, self._holds, self._fed = variables, nan == "hold", fed
         self._further = range(len(variables), len(self.names))
         # One monitor takes a sample completely or not at all, so nothing has to be undone.
-        alone = len(panel.monitors) == 1 and not keeps
-        self._samples: list[Sequence[float]] | None = None if alone else []
+        single = len(panel.monitors) == 1 and not keeps
+        self._samples: list[Sequence[float]] | None = None if single else []
         self._curves: dict[str, list[Assessment]] = (
             {name: [] for name in panel.monitors} if curves or fed else {}
         )

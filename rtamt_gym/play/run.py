@@ -141,7 +141,7 @@ class Run(RunRecord):
         """
         self._check_whole("rtamt.explain(formula, run.signals, run.period)")
         courses = self.histories
-        final = {each: course.final for each, course in courses.items()}
+        final = {key: course.final for key, course in courses.items()}
         name = chosen(name, final, self.violated_by)
         spec = courses[name].specification
         explanation = rtamt.explain(

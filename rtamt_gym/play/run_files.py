@@ -56,8 +56,8 @@ def run_fields(
         case = json.dumps(case)
     signals = kept["signals"]
     taken = ("wall_time", "reward", "period", "case", "signals", "histories")
-    known = {each.name for each in fields(RunRecord)} - {*taken}
-    own = {name: each for name, each in kept.items() if name in known}
+    known = {field.name for field in fields(RunRecord)} - {*taken}
+    own = {name: value for name, value in kept.items() if name in known}
     return own | {
         "wall_time": number_of(kept["wall_time"]),
         "reward": number_of(kept.get("reward")),
@@ -66,9 +66,9 @@ def run_fields(
         "signals": {name: column(name) if column else _array(signals[name]) for name in signals},
         "histories": {
             name: _course(
-                each, {c: column(f"{c}({name})") if column else _array(each[c]) for c in CURVES}
+                value, {c: column(f"{c}({name})") if column else _array(value[c]) for c in CURVES}
             )
-            for name, each in kept["courses"].items()
+            for name, value in kept["courses"].items()
         },
     }
 
@@ -96,7 +96,7 @@ def _sample(kept: Mapping[str, int] | int | None) -> int | None:
 
 
 def _array(kept: Sequence[float | str]) -> Floats:
-    return np.array([number_of(each) for each in kept], np.float64)
+    return np.array([number_of(value) for value in kept], np.float64)
 
 
 _KEY = b"rtamt.run"

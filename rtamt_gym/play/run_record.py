@@ -142,9 +142,9 @@ class History(_ComparesArrays):
 
     def __repr__(self) -> str:
         decided = self.decided_text(None)
-        at = f" at {decided}" if decided else ""
+        when = f" at {decided}" if decided else ""
         verdict = verdict_text(self.verdict, self.final)
-        return f"<Course of {self.formula}: {verdict}{at}, robustness {self.final_text('.3g')}>"
+        return f"<Course of {self.formula}: {verdict}{when}, robustness {self.final_text('.3g')}>"
 
 
 class CoursesOnDemand(Mapping[str, History]):
@@ -309,7 +309,7 @@ class RunRecord(_ComparesArrays):
         return f"{markup.plain(repr(self)[1:-1])}{markup.table(head, rows)}"
 
     def __repr__(self) -> str:
-        what = f" of {self.violated_by}" if self.ended == "violation" else ""
-        at = sample_text(self.last_sample, self.period)
+        phrase = f" of {self.violated_by}" if self.ended == "violation" else ""
+        when = sample_text(self.last_sample, self.period)
         samples = f"{self.steps + 1} samples" if self.steps else "1 sample"
-        return f"<Run of {self.system}: {self.ended}{what} at {at}, {samples}>"
+        return f"<Run of {self.system}: {self.ended}{phrase} at {when}, {samples}>"

@@ -378,12 +378,17 @@ class Runner:
         if tasks:
             self.check(tasks[0].case)
         for group, rollouts in self._groups(tasks):
-            alone = self._one_by_one(above, light=not keeps)
+            one_by_one = self._one_by_one(above, light=not keeps)
             if rollouts is None:
-                yield from play(alone, group)
+                yield from play(one_by_one, group)
             else:
                 batch = rollouts.batch(group, above, keeps=keeps)
-                yield from self._played(batch, group, lambda task: play(alone, [task]), warns=True)  # noqa: B023
+                yield from self._played(
+                    batch,
+                    group,
+                    lambda task: play(one_by_one, [task]),  # noqa: B023 - called in this turn
+                    warns=True,
+                )
 
     def _one_by_one(
         self, above: Mapping[str, float] | None, stop: Stop | None = None, *, light: bool = False

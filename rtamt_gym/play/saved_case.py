@@ -299,9 +299,9 @@ def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
     _check_keys('"requirement"', requirement, ("name", "text"), ("unit",))
     _check_keys('"expected"', expected, ("verdict", "robustness"), ("by_end",))
     _check_keys('"reading"', kept["reading"], (), _READING)
-    for key, (types, what) in _TYPES.items():
+    for key, (types, phrase) in _TYPES.items():
         if not isinstance(kept[key], types) or isinstance(kept[key], bool):
-            raise InputError(f'expected "{key}" as {what}, got {kept[key]!r}')
+            raise InputError(f'expected "{key}" as {phrase}, got {kept[key]!r}')
     if kept["seed"] is not None and kept["seed"] < 0:
         raise InputError(f'expected "seed" as {_TYPES["seed"][1]}, got {kept["seed"]}')
     if expected["verdict"] not in Verdict.__members__:
@@ -360,7 +360,10 @@ def _pairs(signals: Mapping[str, Any] | None) -> dict[str, Any] | None:
     """Return signals with pairs as tuples, which JSON stores as lists."""
     if signals is None:
         return None
-    return {name: tuple(each) if isinstance(each, list) else each for name, each in signals.items()}
+    return {
+        name: tuple(signal) if isinstance(signal, list) else signal
+        for name, signal in signals.items()
+    }
 
 
 def _listed(value: Any) -> Any:  # noqa: ANN401 - an option
@@ -369,8 +372,10 @@ def _listed(value: Any) -> Any:  # noqa: ANN401 - an option
 
 
 def _checked_signals(signals: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-    for name, each in (signals or {}).items():
-        if any(callable(part) for part in (each if isinstance(each, list | tuple) else [each])):
+    for name, signal in (signals or {}).items():
+        if any(
+            callable(part) for part in (signal if isinstance(signal, list | tuple) else [signal])
+        ):
             raise InputError(
                 f"cannot save a case in which signal {name!r} is a function; use a selector, such "
                 f"as signals={{{name!r}: 'obs[0]'}}, or an environment that has the signal in its "
@@ -384,9 +389,9 @@ def _policy_name(policy: object, given: str | None) -> str | None:
         return given
     path = import_path(policy)
     if path is None:
-        what = getattr(policy, "__qualname__", None) or f"a {type(policy).__name__}"
+        phrase = getattr(policy, "__qualname__", None) or f"a {type(policy).__name__}"
         raise InputError(
-            f"cannot save a case with the policy {what}, which no other program can import; write "
-            'save(path, policy="module:function"), or policy="sb3:FILE.zip" or "zero"'
+            f"cannot save a case with the policy {phrase}, which no other program can import; "
+            'write save(path, policy="module:function"), or policy="sb3:FILE.zip" or "zero"'
         )
     return path

@@ -159,7 +159,7 @@ class VectorEpisodes(Runner):
         duration = self._of_runs["duration"]
         read = reading.having(below=False)  # the signals of all environments are read together
         simulator = Simulator(first, self.requirements, None, read, duration=duration)
-        return [simulator, *(simulator.of(place) for place in others)]
+        return [simulator, *(simulator.of(position) for position in others)]
 
     @property
     def _acting(self) -> Sequence[object]:
@@ -349,10 +349,10 @@ class VectorBatch(PlayBatch):
         if self._tap is not None:
             actions, result = self._tap.actions, self._tap.result
         table = self._read(result, actions, begun)
-        for place in running:
-            self._places[place].take(table[place], result[1][place])
-            if ended[place]:
-                self._places[place].end = "terminated" if terminated[place] else "truncated"
+        for position in running:
+            self._places[position].take(table[position], result[1][position])
+            if ended[position]:
+                self._places[position].end = "terminated" if terminated[position] else "truncated"
         self._ended = ended
         return 0.0
 
@@ -361,7 +361,9 @@ class VectorBatch(PlayBatch):
 
     def _reset(self, mask: Mask, tasks: Mapping[int, Task], options: dict[str, Any]) -> None:
         """Reset the environments of a mask; those with tasks get their seeds."""
-        seeds = [tasks[place].seed if place in tasks else None for place in range(self.size)]
+        seeds = [
+            tasks[position].seed if position in tasks else None for position in range(self.size)
+        ]
         if tasks:
             first = next(iter(tasks.values())).seed
             seeds = [first if seed is None else seed for seed in seeds]
@@ -371,8 +373,8 @@ class VectorBatch(PlayBatch):
         observations, infos = shown if self._tap is None else self._tap.shown
         table = self._columns.reset(observations, infos, mask)
         self._ended = np.zeros(self.size, np.bool_)
-        for place in tasks:
-            self._places[place].take(table[place], None)
+        for position in tasks:
+            self._places[position].take(table[position], None)
 
     def _read(self, result: Any, actions: Any, begun: Mask | None) -> Any:  # noqa: ANN401
         """Return the signals after a step, also of the episodes that the step has ended."""
@@ -454,8 +456,8 @@ class _Acting:
             return self._batch.of(observations)
         shown = list(iterate(self._observations, observations))
         policies: Any = self._policies
-        own = {place: policies[place](shown[place]) for place in running}
-        actions = [own.get(place, own[running[0]]) for place in range(len(shown))]
+        own = {position: policies[position](shown[position]) for position in running}
+        actions = [own.get(position, own[running[0]]) for position in range(len(shown))]
         room: Any = create_empty_array(self._space, len(actions))
         return concatenate(self._space, actions, room)
 

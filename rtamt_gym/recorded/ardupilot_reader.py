@@ -84,7 +84,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     data = Path(path).read_bytes()
     if not data.startswith(_HEAD + bytes([_FORMAT])):
         raise InputError(f"{shown(path)}: expected a dataflash log of ArduPilot")
-    types, places, rest = _messages(path, data)
+    types, places, remainder = _messages(path, data)
     raw = np.frombuffer(data, np.uint8)
     arrays = {number: _array(raw, types[number], offsets) for number, offsets in places.items()}
     instances = _instances(types, arrays)
@@ -100,7 +100,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
         topics[kind.name] = _by_instance(kind, array, micros, instances.get(number))
     if not lines:
         raise InputError(f"{shown(path)}: expected messages with TimeUS or TimeMS, got none")
-    notes = [cut_note(max(int(times.max()) for times in lines) / 1e6)] if rest else []
+    notes = [cut_note(max(int(times.max()) for times in lines) / 1e6)] if remainder else []
     yield TopicRecording(path, named_fields(topics), lines, notes, columns.same_time)
 
 
@@ -110,36 +110,36 @@ def _messages(path: str, data: bytes) -> tuple[dict[int, _Type], dict[int, list[
     lengths = [0] * 256
     lengths[_FORMAT] = _OWN.length
     places: list[list[int]] = [[] for _ in range(256)]
-    at, size, head = 0, len(data), _HEAD
-    while at < size:
-        if data[at : at + 2] != head[: size - at]:
-            if not any(data[at:]):  # the autopilot reserves space, which it fills with zeros
+    offset, size, head = 0, len(data), _HEAD
+    while offset < size:
+        if data[offset : offset + 2] != head[: size - offset]:
+            if not any(data[offset:]):  # the autopilot reserves space, which it fills with zeros
                 break
             raise InputError(
-                f"{shown(path)}: expected a whole dataflash log of ArduPilot; bytes from {at} on "
-                "are no message"
+                f"{shown(path)}: expected a complete dataflash log of ArduPilot; the bytes from "
+                f"{offset} on are not a message"
             )
-        if at + 3 > size:
+        if offset + 3 > size:
             return types, _there(places), True
-        number = data[at + 2]
+        number = data[offset + 2]
         length = lengths[number]
         if not length:
             raise InputError(
                 f"{shown(path)}: expected a whole dataflash log of ArduPilot; the message at byte "
-                f"{at} has the type {number}, which no FMT message describes"
+                f"{offset} has the type {number}, which no FMT message describes"
             )
-        if at + length > size:
+        if offset + length > size:
             return types, _there(places), True
-        places[number].append(at)
+        places[number].append(offset)
         if number == _FORMAT:
-            described, kind = _described(path, data, at)
+            described, kind = _described(path, data, offset)
             if types.setdefault(described, kind) != kind:
                 raise InputError(
                     f"{shown(path)}: expected one format of the type {described}, got "
                     f"{types[described].name} and {kind.name}"
                 )
             lengths[described] = kind.length
-        at += length
+        offset += length
     return types, _there(places), False
 
 

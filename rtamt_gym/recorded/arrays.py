@@ -153,8 +153,8 @@ class ArrayRecording(Recording):
         if wanted.time is not None and times is None:
             if wanted.time in empty and empty[wanted.time].any():
                 row = int(empty[wanted.time].argmax())
-                place = f"{where(row)}, column '{wanted.time}'"
-                raise InputError(f"{place}: expected a number, got none")
+                position = f"{where(row)}, column '{wanted.time}'"
+                raise InputError(f"{position}: expected a number, got none")
             part = None if wanted.part is None else columns[wanted.part.column]
             times, unit = _times_of(columns[wanted.time], wanted, self.source, where, part)
         return Rows(

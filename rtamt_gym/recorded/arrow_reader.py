@@ -165,9 +165,9 @@ class ArrowRecording(Recording):
                 raise InputError(f"{self.source}, column '{name}': expected numbers, got {kind}")
         for name in wanted.texts:
             if len(table[name]) and not is_text(table[name].type):
-                place = RowNumbers(self.source)(0)
+                position = RowNumbers(self.source)(0)
                 value = table[name][0].as_py()
-                raise InputError(f"{place}, column '{name}': expected a name, got {value!r}")
+                raise InputError(f"{position}, column '{name}': expected a name, got {value!r}")
         for name in times if not part else ():
             self._check_countable(name, table[name])
         arrays = {name: values_of(column) for name, column in table.items()}

@@ -207,9 +207,9 @@ def _maker(store: Typestore, kind: str) -> Callable[[int, Any], memoryview]:
     stamp, header = store.types[_TIME], store.types[_HEADER]
 
     def stamped(time: int, value: float) -> memoryview:
-        at = stamp(sec=time // 10**9, nanosec=time % 10**9)
+        stamp_time = stamp(sec=time // 10**9, nanosec=time % 10**9)
         return store.serialize_cdr(
-            message_class(header=header(stamp=at, frame_id=""), value=value), kind
+            message_class(header=header(stamp=stamp_time, frame_id=""), value=value), kind
         )
 
     return stamped
@@ -277,6 +277,6 @@ def _verdicts(
     """Return the verdict so far at each time: 0 until it is certain, or until the trace ends."""
     end = trace.span[1] if isinstance(trace, EventTrace) else float(series.times[-1])
     since = judgement.certain_from
-    at = end if since is None else since
-    times = np.union1d(series.times[np.abs(series.times - at) > 1e-9], [at, end])
-    return times, np.where(times >= at, int(judgement.verdict), 0).astype(np.int8)
+    stamp_time = end if since is None else since
+    times = np.union1d(series.times[np.abs(series.times - stamp_time) > 1e-9], [stamp_time, end])
+    return times, np.where(times >= stamp_time, int(judgement.verdict), 0).astype(np.int8)

@@ -101,10 +101,12 @@ class Bag:
     def class_at(self, topic: str, path: FieldPath) -> str | None:
         """Return the class of the message at a path in a topic; None for a number."""
         kind: Any = (Nodetype.NAME, _long(self.types[topic]))
-        place = f"{topic} ({self.types[topic]})"
+        position = f"{topic} ({self.types[topic]})"
         for depth, step in enumerate(path):
             here = path_text(path[:depth])
-            where = f"{self.source}: '{here}' of {place}" if here else f"{self.source}: {place}"
+            where = (
+                f"{self.source}: '{here}' of {position}" if here else f"{self.source}: {position}"
+            )
             kind = self._within(kind, step, where)
         match kind:
             case (Nodetype.NAME, str(name)):
@@ -116,7 +118,7 @@ class Bag:
             case _:
                 got = f"a list; write an element, such as {path_text(path)}[0]"
         raise InputError(
-            f"{self.source}: expected a number in '{path_text(path)}' of {place}, got {got}"
+            f"{self.source}: expected a number in '{path_text(path)}' of {position}, got {got}"
         )
 
     def _within(self, kind: Any, step: str | int, where: str) -> Any:  # noqa: ANN401 - as rosbags
@@ -137,8 +139,10 @@ class Bag:
             case (Nodetype.ARRAY | Nodetype.SEQUENCE, _):
                 raise InputError(f"{where} is a list; write an element, such as [0].{step}")
         is_message = isinstance(step, str)
-        what, got = ("message", f"field '{step}'") if is_message else ("list", f"element [{step}]")
-        raise InputError(f"{where} is no {what}, got {got}")
+        phrase, got = (
+            ("message", f"field '{step}'") if is_message else ("list", f"element [{step}]")
+        )
+        raise InputError(f"{where} is no {phrase}, got {got}")
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
         """Yield the messages of some topics: topic, time of recording, and the message."""
@@ -172,7 +176,7 @@ class Bag:
         if kind not in known:
             return None
         # rosbags cannot name an attribute as a word of Python.
-        return {f"{name}_" if iskeyword(name) else name: what for name, what in known[kind][1]}
+        return {f"{name}_" if iskeyword(name) else name: phrase for name, phrase in known[kind][1]}
 
 
 @contextmanager

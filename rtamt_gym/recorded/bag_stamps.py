@@ -32,8 +32,8 @@ def in_line(
     by_log = np.argsort(logged, kind="stable")
     order, kept = StampOrder(), list[int]()
     largest = 0
-    for place in by_log.tolist():
-        for each in order.take(int(stamps[place]), int(logged[place]), place):
+    for position in by_log.tolist():
+        for each in order.take(int(stamps[position]), int(logged[position]), position):
             kept.append(each.message)
             largest = max(largest, each.offset)
             if each.jump:

@@ -56,11 +56,12 @@ class _Wish:
             "topic": (self.topic, other.topic),
             "class": (self.kind, other.kind),
         }
-        for what, (here, there) in wishes.items():
+        for phrase, (here, there) in wishes.items():
             if here is not None and there is not None and here != there:
                 raise InputError(
-                    f"expected one {what} for '{name}', which two specifications read, got {here} "
-                    f"and {there}; rename one variable, or judge the specifications separately"
+                    f"expected one {phrase} for '{name}', which two specifications read, got "
+                    f"{here} and {there}; rename one variable, or judge the specifications "
+                    "separately"
                 )
         return _Wish(self.topic or other.topic, self.kind or other.kind, self.default)
 
@@ -206,19 +207,19 @@ def _alike(bag: Bag, written: str) -> list[str]:
 
 def _topic(bag: Bag, written: str, variable: str, kind: str | None, *, named: bool) -> str:
     """Return the topic of a bag that a text means."""
-    alike, full_name = _alike(bag, written), f"/{written.lstrip('/')}"
-    if not alike:
+    similar, full_name = _alike(bag, written), f"/{written.lstrip('/')}"
+    if not similar:
         known = {f"/{topic.lstrip('/')}" for topic in bag.types}
         raise InputError(
             f"{bag.source}: no topic '{written}', which '{variable}' reads; the topics are "
             f"{_listed(known)}{_hint(bag, full_name, variable, kind, named=named)}"
         )
-    if len(alike) > 1:
+    if len(similar) > 1:
         raise InputError(
             f"{bag.source}: expected one topic that ends in '{full_name}', which '{variable}' "
-            f"reads, got {_listed(alike)}; give --signal {variable}=TOPIC"
+            f"reads, got {_listed(similar)}; give --signal {variable}=TOPIC"
         )
-    (topic,) = alike
+    (topic,) = similar
     if not bag.counts[topic]:
         raise InputError(
             f"{bag.source}: expected messages on {topic}, which '{variable}' reads, got none"
@@ -234,10 +235,10 @@ def _hint(bag: Bag, full_name: str, variable: str, kind: str | None, *, named: b
         return near
     last = variable.rpartition(".")[2]
     message = kind is not None and not kind.startswith("std_msgs/")
-    alike = (
+    similar = (
         [name for name, message_class in known.items() if message_class == kind] if message else []
     )
-    candidates = [name for name in known if name.endswith(f"/{last}")] or alike
+    candidates = [name for name in known if name.endswith(f"/{last}")] or similar
     source = "TOPIC" if message else "TOPIC.FIELD"
     return f"; give --signal {variable}={candidates[0] if len(candidates) == 1 else source}"
 

@@ -121,10 +121,10 @@ def read_signals(
     read = _read(bag, wanted, stamped=clock == "header", strict=columns.missing == "raise")
     notes, choice = list(bag.notes), columns.same_time or "last"
     signals: dict[str, tuple[Stamps, Floats]] = {}
-    apart: dict[str, float] = {}
+    offsets: dict[str, float] = {}
     spans: dict[str, Stamps] = {}
     for messages in read:
-        every, order = _times(bag, messages, notes, apart, stamped=clock == "header")
+        every, order = _times(bag, messages, notes, offsets, stamped=clock == "header")
         same = same_as_before(every)
         apart_from = np.append(~same, True) if choice == "last" else np.append(True, ~same)
         times, places = every[apart_from], order[apart_from]
@@ -143,13 +143,13 @@ def read_signals(
             if columns.missing != "unknown":
                 found_at = _numbers(bag, messages.topic, variable, times, numbers)
             signals[variable] = found_at
-    _check_clocks(bag, apart)
+    _check_clocks(bag, offsets)
     zero = min((int(times[0]) for times in spans.values()), default=bag.begin)
     end = max((int(times[-1]) for times in spans.values()), default=bag.end)
     if clock == "log":  # the metadata of a bag in several files may tell of the first alone
         zero, end = min(zero, bag.begin), max(end, bag.end)
     else:
-        others = [*_ends_of_others(bag, spans, apart)]
+        others = [*_ends_of_others(bag, spans, offsets)]
         zero, end = min([zero, *others]), max([end, *others])
     starts = starts_of(specs, columns)
     topics = {v: m.topic for m in read for v in m.variables}
@@ -157,7 +157,7 @@ def read_signals(
     known = replace(columns, starts=starts)
     defaults, default_notes = _started(bag.source, signals, known, zero, topics)
     notes += default_notes
-    offset = min(apart.values(), key=abs, default=0.0)
+    offset = min(offsets.values(), key=abs, default=0.0)
     epoch = zero + (round(offset * 1e9) if abs(offset) > _APART else 0)
     ordered = {v: signals[v] for spec in specs.values() for v in spec.variables}
     ends = {name: np.unique(np.append(times, end)) for name, times in recorded.items()}
@@ -201,10 +201,11 @@ def _read(
 
 def _no_number(bag: Bag, messages: _Messages, variable: str, got: str) -> InputError:
     """Return the error of a message without a number."""
-    at = (messages.logged[-1] - bag.begin) / 1e9
+    seconds = (messages.logged[-1] - bag.begin) / 1e9
     return InputError(
-        f"{bag.source}, message {len(messages.logged)} of {messages.topic}, recorded at {at:.9g} "
-        f"s: expected a number for '{variable}', got {got}; give --missing hold or --missing drop"
+        f"{bag.source}, message {len(messages.logged)} of {messages.topic}, recorded at "
+        f"{seconds:.9g} s: expected a number for '{variable}', got {got}; "
+        "give --missing hold or --missing drop"
     )
 
 
@@ -312,18 +313,18 @@ def _silences(signals: BagSignals, spans: Mapping[str, Stamps], columns: Columns
         ends = np.append(times, signals.end)
         gaps = np.diff(ends) / 1e9
         usual = float(np.median(gaps[:-1])) if len(times) > 1 else 0.0
-        at = int(gaps.argmax())
-        since = (int(times[at]) - signals.zero) / 1e9
-        if stale is not None and gaps[at] > stale:
+        index = int(gaps.argmax())
+        since = (int(times[index]) - signals.zero) / 1e9
+        if stale is not None and gaps[index] > stale:
             raise InputError(
                 f"{signals.source}: expected a message of {topic} every {stale:g} s at least, got "
-                f"none for {number(gaps[at])} s after {number(since)} s; a longer --stale lets it "
-                "hold so long"
+                f"none for {number(gaps[index])} s after {number(since)} s; a longer --stale "
+                "lets it hold so long"
             )
-        if columns.most >= gaps[at] > max(_LEAST_QUIET, _QUIET * usual):
-            until = "to the end" if at == len(times) - 1 else "until the next"
+        if columns.most >= gaps[index] > max(_LEAST_QUIET, _QUIET * usual):
+            until = "to the end" if index == len(times) - 1 else "until the next"
             notes.append(
-                f"{topic}: the message at {number(since)} s is held for {number(gaps[at])} s, "
+                f"{topic}: the message at {number(since)} s is held for {number(gaps[index])} s, "
                 f"{until}"
             )
     return notes

@@ -163,7 +163,7 @@ def _numbers_in(cells: Sequence[str], decimal: str, *, gaps: bool, nan: bool) ->
         values = np.array(read, np.float64)
         return None if not (gaps and nan) and np.isnan(values).any() else CellNumbers(values)
     values, grouped = np.empty(len(cells)), ""
-    for place, text in enumerate(cells):
+    for index, text in enumerate(cells):
         cell = text.strip()
         groups = _GROUPED[decimal].fullmatch(cell)
         if groups is not None:
@@ -172,7 +172,7 @@ def _numbers_in(cells: Sequence[str], decimal: str, *, gaps: bool, nan: bool) ->
         number = _number(cell, decimal, gaps=gaps, nan=nan)
         if number is None:
             return None
-        values[place] = number
+        values[index] = number
     return CellNumbers(values, grouped)
 
 

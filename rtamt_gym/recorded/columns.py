@@ -273,12 +273,12 @@ def read_source(text: str) -> tuple[str, FieldPath]:
         >>> read_source("/robot0/scan.ranges[0]"), read_source("/speed")
         (('/robot0/scan', ('ranges', 0)), ('/speed', ()))
     """
-    topic, dot, rest = text.partition(".")
+    topic, dot, remainder = text.partition(".")
     if not dot:
         return topic, ()
-    steps = _STEP.findall(f".{rest}")
+    steps = _STEP.findall(f".{remainder}")
     path = tuple(int(element) if element else field for field, element in steps)
-    if not (topic.strip("/") and path) or path_text(path) != rest:
+    if not (topic.strip("/") and path) or path_text(path) != remainder:
         raise InputError(
             "--signal: expected TOPIC.FIELD, such as /robot0/odom.twist.twist.linear.x, "
             f"got {text!r}"

@@ -122,9 +122,9 @@ def _counted(
     while block := list(itertools.islice(lines, _BLOCK)):
         yield from block
         if raw.seekable():
-            at = raw.tell()
-            advance(at - before)
-            before = at
+            offset = raw.tell()
+            advance(offset - before)
+            before = offset
 
 
 class CsvRecording(Recording):
@@ -231,10 +231,10 @@ class CsvRecording(Recording):
 
     def lines_above(self, name: str) -> int | None:
         """Return the number of lines above the first one that has a name as a cell, or None."""
-        for at, line in enumerate(self._top):
+        for index, line in enumerate(self._top):
             cells = line.strip().split(self.separator if self.separator != " " else None)
             if name in (cell.strip().strip('"') for cell in cells):
-                return self._skipped + at
+                return self._skipped + index
         return None
 
     @contextmanager
@@ -339,7 +339,7 @@ class CsvRecording(Recording):
             return None
         from rtamt_gym.recorded.arrow_columns import split_text
 
-        place_of = {name: place for place, name in enumerate(self.names)}
+        place_of = {name: index for index, name in enumerate(self.names)}
         places = [*map(place_of.__getitem__, names), *range(len(self.names), self._width)]
         columns = split_text(self._file, self.separator, self._width, self.last_above, places)
         if columns is None or any("".join(beyond).strip() for beyond in columns[len(names) :]):
@@ -414,5 +414,5 @@ def _is_text(cell: str) -> bool:
 def _skip_note(before: int, lines: int) -> str:
     """Return the note on lines before the names, after lines that an option skips."""
     first, last = before + 1, before + lines
-    what = f"line {first} is" if lines == 1 else f"lines {first} to {last} are"
-    return f"{what} skipped: the names of the columns are in line {last + 1}"
+    phrase = f"line {first} is" if lines == 1 else f"lines {first} to {last} are"
+    return f"{phrase} skipped: the names of the columns are in line {last + 1}"

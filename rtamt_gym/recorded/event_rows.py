@@ -171,12 +171,12 @@ def measured(trace: EventTrace, recorded: Mapping[str, Floats], columns: Columns
         recorded: When each variable was recorded, in seconds.
         columns: For how long values hold.
     """
-    alike: dict[int, Records] = {}
+    merged: dict[int, Records] = {}
     for times in recorded.values():
-        if id(times) not in alike:
-            alike[id(times)] = Records.of(times).measured()
-    records = {name: alike[id(times)] for name, times in recorded.items()}
-    usual = [record.usual for record in alike.values() if record.usual is not None]
+        if id(times) not in merged:
+            merged[id(times)] = Records.of(times).measured()
+    records = {name: merged[id(times)] for name, times in recorded.items()}
+    usual = [record.usual for record in merged.values() if record.usual is not None]
     hole = hole_note(records, columns.most)
     some = columns.missing == "unknown" or columns.max_gap is not None
     unknown = [

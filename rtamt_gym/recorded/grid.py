@@ -164,9 +164,9 @@ def resampled(times: TimeAxis, grid: Grid) -> Resampled | None:
     rows = np.searchsorted(times.since, samples + near, side="right") - 1
     places = times.since / float(period)
     off = int((np.abs(places - np.rint(places)) > grid.jitter + 1e-9).sum())
-    at = int(grid.steps.argmax())
+    index = int(grid.steps.argmax())
     held = samples - times.since[rows] > near
-    return Resampled(rows, period, held, off, float(grid.steps[at]), at)
+    return Resampled(rows, period, held, off, float(grid.steps[index]), index)
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,10 +209,10 @@ def longest_gap(records: Mapping[str, Records], start: float = 0.0) -> Gap | Non
         if not len(record.steps):
             continue
         if id(record) not in longest:
-            at = int(record.steps.argmax())
+            index = int(record.steps.argmax())
             longest[id(record)] = (
-                float(record.steps[at]),
-                float(record.times[at]) + start,
+                float(record.steps[index]),
+                float(record.times[index]) + start,
                 record,
                 [],
             )
@@ -220,11 +220,11 @@ def longest_gap(records: Mapping[str, Records], start: float = 0.0) -> Gap | Non
     if not longest:
         return None
     most = max(seconds for seconds, *_ in longest.values())
-    alike = [record for record in longest.values() if record[0] == most]
-    usuals = [_usual(record) for _, _, record, _ in alike]
+    longest_records = [record for record in longest.values() if record[0] == most]
+    usuals = [_usual(record) for _, _, record, _ in longest_records]
     best = int(np.argmin(usuals))
-    seconds, begin, _, _ = alike[best]
-    names = [name for _, other, _, names in alike if other == begin for name in names]
+    seconds, begin, _, _ = longest_records[best]
+    names = [name for _, other, _, names in longest_records if other == begin for name in names]
     variables = "" if len(names) == len(records) else ", ".join(names)
     return Gap(seconds, begin, usuals[best], variables)
 

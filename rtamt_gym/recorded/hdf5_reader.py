@@ -123,8 +123,8 @@ class DemoRecording(Recording):
         return rows
 
     def _array(self, name: str) -> NDArray[Any]:
-        place, index = self._places[name]
-        item = self._group[place]
+        position, index = self._places[name]
+        item = self._group[position]
         if h5py.check_string_dtype(item.dtype) is not None:
             return np.array(item.asstr()[()] if index is None else item.asstr()[:, index], str)
         return np.asarray(item[()] if index is None else item[:, index])

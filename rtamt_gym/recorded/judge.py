@@ -129,12 +129,12 @@ class TraceJudgement:
     @property
     def decided(self) -> Moment | None:
         """From when on no continuation could change the verdict, or None."""
-        at = self.found.decided_at
-        if at is None:
+        decided = self.found.decided_at
+        if decided is None:
             return None
         if self.dense:
-            return Moment(None, at)
-        return Moment.of(int(at), self.period, self.start)
+            return Moment(None, decided)
+        return Moment.of(int(decided), self.period, self.start)
 
     @property
     def certain_from(self) -> float | None:
@@ -191,9 +191,9 @@ class TraceJudgement:
         """Return a note if only ``--end complete`` satisfies it; otherwise an empty text."""
         if self.verdict is not Verdict.SATISFIED or self.cut is not Verdict.UNDECIDED:
             return ""
-        what = f"{name} is " if name else ""
+        phrase = f"{name} is " if name else ""
         return (
-            f"{what}SATISFIED because --end complete assumes that nothing follows; windows reach "
+            f"{phrase}SATISFIED because --end complete assumes that nothing follows; windows reach "
             "past the end, so --end cut leaves it UNDECIDED"
         )
 
@@ -230,8 +230,8 @@ def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
     if view == "step":
         return spec.always()
     named = spec.requirement is not None
-    what = f"requirement {spec.requirement!r}" if named else "the specification"
-    require_whole_episode(what, spec, "--view step")
+    phrase = f"requirement {spec.requirement!r}" if named else "the specification"
+    require_whole_episode(phrase, spec, "--view step")
     return spec
 
 
@@ -269,8 +269,8 @@ def judge(
             requirement, from_begin.columns, end=end, n=from_begin.samples, **unknown
         )
 
-    ways = from_start, with_beginning
-    judgement, known, late, cut = _by_start(ways, late, reading.end, known=recorded.start_known)
+    judges = from_start, with_beginning
+    judgement, known, late, cut = _by_start(judges, late, reading.end, known=recorded.start_known)
     times, step = _clock(trace, period)
     series = {
         name: Series(
@@ -297,7 +297,7 @@ def judge(
 
 
 def _by_start(
-    ways: tuple[Callable[[End], rtamt.Judgement], Callable[[End], rtamt.Judgement]],
+    judges: tuple[Callable[[End], rtamt.Judgement], Callable[[End], rtamt.Judgement]],
     late: LateStart | None,
     end: End,
     *,
@@ -309,7 +309,7 @@ def _by_start(
         The verdict, the verdict of the first way, the start, and the verdict on a recording that
         was cut; that is None unless the trace is all there is.
     """
-    judge_, with_beginning = ways
+    judge_, with_beginning = judges
     first = result = judge_(end)
     if late is not None:
         late = replace(late, verdict=first.verdict.name)
@@ -352,8 +352,8 @@ def noticed(
 
     def verdict(spec: rtamt.Specification) -> Verdict | None:
         try:
-            ways = _dense_ways(spec, events, late, reading)
-            return _by_start(ways, late, reading.end, known=events.start_known)[0].verdict
+            judges = _dense_ways(spec, events, late, reading)
+            return _by_start(judges, late, reading.end, known=events.start_known)[0].verdict
         except rtamt.RtamtError:  # it counts samples, for instance
             return None
 
@@ -422,8 +422,8 @@ def _judge_events(
 ) -> TraceJudgement:
     semantics, signals, requirement = reading.semantics, trace.tables, viewed(spec, reading.view)
     late = trace.late_start(requirement.variables)
-    ways = _dense_ways(requirement, trace, late, reading)
-    judgement, known, late, cut = _by_start(ways, late, reading.end, known=trace.start_known)
+    judges = _dense_ways(requirement, trace, late, reading)
+    judgement, known, late, cut = _by_start(judges, late, reading.end, known=trace.start_known)
     series = {}
     for name, part in (_parts(spec) if formulas and not known.unknown else {}).items():
         events = rtamt.dense.evaluate(part, signals, semantics=semantics)

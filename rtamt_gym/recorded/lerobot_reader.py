@@ -116,9 +116,9 @@ class LeRobotRecording(ArrowRecording):
         super().__init__(fields, self._rows, path, "s", lengths, None)
         for name, count in lengths.items():
             for i, element in enumerate(_element_names(data.features[name])[:count]):
-                place = shown(f"{name}.{element}")
-                if place not in self._places:
-                    self._places[place] = name, schema.field(name).type.value_type, i
+                position = shown(f"{name}.{element}")
+                if position not in self._places:
+                    self._places[position] = name, schema.field(name).type.value_type, i
         self.names = [*self._places]
 
     def read(self, wanted: Wanted) -> Rows:

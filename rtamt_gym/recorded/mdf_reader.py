@@ -115,20 +115,20 @@ class MdfRecording(Recording):
         read = partial(self._file.get, group=group, index=index, ignore_invalidation_bits=True)
         signal = read()
         samples, times = np.asarray(signal.samples), np.asarray(signal.timestamps, np.float64)
-        what = f"{self.source}, channel '{name}'"
+        phrase = f"{self.source}, channel '{name}'"
         if samples.dtype.kind in "SUO":
             numbers = np.asarray(read(raw=True).samples)
             if numbers.dtype.kind in "biuf":
                 notes.append(f"'{name}' names its values: the numbers behind the names are read")
                 samples = numbers
-        check_rising(times, what)
+        check_rising(times, phrase)
         if samples.dtype.kind not in "biuf":
             return _Signal(times, samples)
         values = samples.astype(np.float64)
         bits = signal.invalidation_bits
         if bits is not None:
             values[np.asarray(bits, bool)] = np.nan
-        places, note = one_record(times, values, self._same_time, what)
+        places, note = one_record(times, values, self._same_time, phrase)
         notes += filter(None, [note])
         return _Signal(times[places], values[places])
 

@@ -139,9 +139,9 @@ def needed_columns(
         if column in recording.names:
             continue
         hint = nearest(column, recording.names)
-        alike = [name for name in recording.names if column.lower() in name.lower()]
-        if column == variable and len(column) > 2 and len(alike) == 1:
-            hint = f"; give --signal {shlex.quote(f'{variable}={alike[0]}')}"
+        similar = [name for name in recording.names if column.lower() in name.lower()]
+        if column == variable and len(column) > 2 and len(similar) == 1:
+            hint = f"; give --signal {shlex.quote(f'{variable}={similar[0]}')}"
         elif column == variable and not hint:
             hint = f"; give --signal {variable}=COLUMN"
         if len(recording.names) == 1 and re.search(r"[^\w.]", recording.names[0]):

@@ -109,11 +109,11 @@ class RowTable:
             return
         source = rows.source
         if evidence.row is not None:
-            place = rows.where(evidence.row).removeprefix(f"{source}, ")
+            position = rows.where(evidence.row).removeprefix(f"{source}, ")
             raise InputError(
                 f"{source}: expected one trace, but '{evidence.column}' shows that another one "
-                f"starts in {place}. Cut the file there, or give --one-trace if all rows are one "
-                "trace."
+                f"starts in {position}. Cut the file there, or give --one-trace if all rows are "
+                "one trace."
             )
         if evidence.column:
             value = shlex.quote(f"{evidence.column}={evidence.values[0]}")
@@ -172,14 +172,14 @@ class RowTable:
             if name not in cells:
                 continue
             values = cells[name]
-            ways = _readings(name, values, self.columns, first=name == every[0])
-            if ways is None:
+            readings = _readings(name, values, self.columns, first=name == every[0])
+            if readings is None:
                 continue
             option = f"--time {shlex.quote(name)}"
-            times = [f"{option}{way}" for way in ways] or [f"{option} --time-unit UNIT"]
+            times = [f"{option}{reading}" for reading in readings] or [f"{option} --time-unit UNIT"]
             reads = "nothing reads" if name in self.unread else "a requirement reads as a value"
             several = calendar_unit(name) is not None and sum(map(_varies, parts.values())) > 1
-            if several or (not ways and (calendar_unit(name) or are_days(values))):
+            if several or (not readings and (calendar_unit(name) or are_days(values))):
                 raise InputError(
                     f"{expected} '{name}', which {reads}, is part of a date. Write one "
                     "column of dates, or give --period SECONDS, the time between two rows, or "
@@ -200,8 +200,8 @@ class RowTable:
         """Check that no constant in the file states the time between samples."""
         above = self.recording.above.items()
         singles = {name: value for name, value in above if name not in self.read}
-        alone = [name for name in self.unread if name not in cells]
-        read = self.recording.read(Wanted((), cells=alone)).cells if alone else {}
+        unread_names = [name for name in self.unread if name not in cells]
+        read = self.recording.read(Wanted((), cells=unread_names)).cells if unread_names else {}
         for name, values in read.items():
             if len(values) == 1 and values.dtype.kind in "iuf":
                 singles[name] = float(values.tolist()[0])
@@ -245,8 +245,8 @@ def _same_clock(times: NDArray[np.generic] | None, other: NDArray[np.generic] | 
     rate = float((second[-1] - second[0]) / length)
     scale = min(_SCALES, key=lambda ratio: abs(rate / ratio - 1))
     offset = abs(float(np.median(second / scale - first)))
-    apart = float(np.median(np.diff(first))) < offset <= length
-    return abs(rate / scale - 1) <= _RATE and not apart
+    staggered = float(np.median(np.diff(first))) < offset <= length
+    return abs(rate / scale - 1) <= _RATE and not staggered
 
 
 def _instants(values: NDArray[np.generic] | None) -> NDArray[np.float64] | None:

@@ -212,10 +212,10 @@ def _under(trace: Trace, period: Fraction) -> Trace:
     if grid.rises:
         if float(np.abs(grid.steps - wanted).max()) <= NEAR * wanted:
             return trace
-        at = int(grid.steps.argmax())
+        index = int(grid.steps.argmax())
         description = f"{number(grid.usual)} s apart most of the time"
-        if float(grid.steps[at]) > 2 * grid.usual:
-            description += f", {number(float(grid.steps[at]))} s after {trace.where(at)}"
+        if float(grid.steps[index]) > 2 * grid.usual:
+            description += f", {number(float(grid.steps[index]))} s after {trace.where(index)}"
     note = (
         f"--period leaves the column '{times.column}' aside, which has the rows {description}: "
         f"{number(float(times.since[-1]))} s in all, not "

@@ -141,9 +141,9 @@ def _one_row_a_time(trace: Trace, columns: Columns) -> Trace:
     merged = {}
     for name, values in trace.columns.items():
         (there,) = np.nonzero(~np.isnan(values))
-        what = f"{trace.source}, column '{columns.column(name)}'"
+        phrase = f"{trace.source}, column '{columns.column(name)}'"
         places, note = one_record(
-            trace.times.since[there], values[there], columns.same_time, what, seconds[there]
+            trace.times.since[there], values[there], columns.same_time, phrase, seconds[there]
         )
         notes += filter(None, [note])
         merged[name] = np.full(int(first.sum()), np.nan)
@@ -158,9 +158,9 @@ def _measured(trace: Trace, columns: Columns, period: float | None) -> Trace:
         return trace
     if period is not None and columns.missing == "raise":
         steps = np.diff(times.since)
-        at = int(steps.argmax())
-        if period - float(steps.min()) <= NEAR * period >= float(steps[at]) - period:
-            gap = Gap(float(steps[at]), trace.start + float(times.since[at]), period)
+        index = int(steps.argmax())
+        if period - float(steps.min()) <= NEAR * period >= float(steps[index]) - period:
+            gap = Gap(float(steps[index]), trace.start + float(times.since[index]), period)
             return replace(trace, gap=gap)
     grid = Grid(times, trace.jitter)
     if not grid.rises:
@@ -288,11 +288,13 @@ def _resampled_notes(trace: Trace, grid: Grid, new: Resampled, most: float) -> l
         )
         return [note]
     steps = np.where(grid.steps <= most, grid.steps, 0.0)
-    at = int(steps.argmax())
-    if steps[at] <= HOLE * grid.usual:
+    index = int(steps.argmax())
+    if steps[index] <= HOLE * grid.usual:
         return []
-    where = trace.where(at)
-    return [f"{every}: values hold in shorter gaps, the longest of {steps[at]:.6g} s after {where}"]
+    where = trace.where(index)
+    return [
+        f"{every}: values hold in shorter gaps, the longest of {steps[index]:.6g} s after {where}"
+    ]
 
 
 def _with_unknown(trace: Trace, columns: Columns) -> Trace:
@@ -323,8 +325,8 @@ def check_valid(rows: Rows, columns: Columns) -> None:
         return
     for name, invalid in rows.invalid.items():
         if invalid.any():
-            at, count = int(invalid.argmax()), int(invalid.sum())
-            when = "" if rows.times is None else f", at {float(rows.times[at]):.9g} s"
+            index, count = int(invalid.argmax()), int(invalid.sum())
+            when = "" if rows.times is None else f", at {float(rows.times[index]):.9g} s"
             raise InputError(
                 f"{rows.source}{when}, channel '{name}': expected a number, got a sample that is "
                 f"nan or marked as not valid ({counted(count, 'sample')} in all); give --missing "

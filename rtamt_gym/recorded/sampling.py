@@ -80,10 +80,10 @@ def sampled(
     count = int((signals.end - zero) / step) + 1 - first
     if not 0 < count <= _MOST:
         got = f"{count}, one every" if count > 0 else "none at the multiples of"
-        way = "longer --period" if count > 0 else "shorter --period"
+        advice = "longer --period" if count > 0 else "shorter --period"
         raise InputError(
             f"{signals.source}: expected 1 to {_MOST} samples, got {got} {float(period):g} s in "
-            f"{(signals.end - zero) / 1e9:.6g} s; give a {way}, or --dense"
+            f"{(signals.end - zero) / 1e9:.6g} s; give a {advice}, or --dense"
         )
     # A message at a fraction of a nanosecond there is not: rounding down loses none.
     after = np.arange(first, first + count, dtype=object) * step.numerator // step.denominator
@@ -101,7 +101,7 @@ def sampled(
     since: Floats = np.arange(float(count)) * period.numerator / period.denominator
     start = origin + float(first * period)
     times = TimeAxis(columns.time or "log", since, start, 1e-9, certain=True, step=period)
-    late = {name: at - first for name, at in known.items() if at > first}
+    late = {name: time - first for name, time in known.items() if time > first}
     return Trace(
         signals.source,
         sampled_at,
@@ -159,8 +159,8 @@ def sampled_events(
 
 def _held(times: Stamps, values: Floats, places: Stamps) -> Floats:
     """Return the last value at or before each place; nan before the first."""
-    at = np.searchsorted(times, places, side="right") - 1
-    return np.where(at >= 0, values[at], np.nan)
+    index = np.searchsorted(times, places, side="right") - 1
+    return np.where(index >= 0, values[index], np.nan)
 
 
 def _in_holes(records: Records, at: Floats, most: float, *, silent: bool) -> NDArray[np.bool_]:
@@ -171,10 +171,10 @@ def _in_holes(records: Records, at: Floats, most: float, *, silent: bool) -> NDA
     last = len(records.steps) - 1
     if last < 0:
         return np.zeros(len(at), bool)
-    place = np.clip(np.searchsorted(records.times, at, side="right") - 1, 0, last)
-    ends = records.times[place + 1]
-    inside: NDArray[np.bool_] = (at > records.times[place]) & (
-        (at < ends) | (silent & (place == last))
+    index = np.clip(np.searchsorted(records.times, at, side="right") - 1, 0, last)
+    ends = records.times[index + 1]
+    inside: NDArray[np.bool_] = (at > records.times[index]) & (
+        (at < ends) | (silent & (index == last))
     )
-    inside &= records.steps[place] > most
+    inside &= records.steps[index] > most
     return inside

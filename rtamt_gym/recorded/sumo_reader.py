@@ -178,7 +178,7 @@ def _table(path: str, names: tuple[str, ...], stamp: tuple[int, int]) -> _Table:
     return _Table(
         columns,
         {name: np.array([not text for text in cells[name]], bool)[order] for name in cells},
-        {key: (int(starts[at]), int(counts[at])) for key, at in places.items()},
+        {key: (int(starts[index]), int(counts[index])) for key, index in places.items()},
     )
 
 

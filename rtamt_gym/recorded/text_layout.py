@@ -72,7 +72,7 @@ def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
         >>> layout.at, layout.separator, layout.names, layout.units
         (1, ' ', ['time', 'x'], ['s', 'm/s'])
     """
-    full = [at for at, line in enumerate(lines) if line.strip()]
+    full = [row for row, line in enumerate(lines) if line.strip()]
     if not full:
         return TextLayout(0, separator or ",", [], 0, None)
     stated = _STATED.fullmatch(lines[full[0]])
@@ -80,15 +80,15 @@ def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
         del full[0]
         separator = separator or stated["mark"]
     first = full[0]
-    for at, below in pairwise(full):
-        if not _COMMENT.match(lines[at]) or _names_of(lines, at, below, separator):
+    for row, below in pairwise(full):
+        if not _COMMENT.match(lines[row]) or _names_of(lines, row, below, separator):
             break
         first = below
     table = _Candidate.below(lines, first, separator)
     if table.fits and (table.rows or first == full[-1]):  # a quote may take all rows in
         return table.layout
-    for at in full[full.index(first) :]:
-        other = _Candidate.below(lines, at, separator)
+    for row in full[full.index(first) :]:
+        other = _Candidate.below(lines, row, separator)
         if other.certain:
             return other.layout
         if len(other.layout.names) > 1 and _is_value(other.layout.names[0]):

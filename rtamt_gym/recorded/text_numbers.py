@@ -128,14 +128,14 @@ class ColumnMarks:
             part = cells[begin : begin + step]
             # With points only, a cell with two of them may decide for the comma; others may not.
             settled = brief and present == {"."} and not _TWO_POINTS.search("\n".join(part))
-            for at, padded in enumerate(part, row + begin):
+            for index, padded in enumerate(part, row + begin):
                 if settled and self.certain:
                     break
                 cell = padded.strip()
                 if "." in cell or "," in cell:
-                    self._add_marked(MarkedCell(at, cell))
+                    self._add_marked(MarkedCell(index, cell))
                 elif self.ungrouped is None:
-                    self._add_integer(MarkedCell(at, cell))
+                    self._add_integer(MarkedCell(index, cell))
 
     def _add_unmarked(self, cells: TextCells, row: int) -> None:
         if self.certain or self.ungrouped is not None:
@@ -145,8 +145,8 @@ class ColumnMarks:
             self.digits, max((len(m[1]) for m in matches if m is not None), default=0)
         )
         if self.digits > 4 or cells.has("e") or cells.has("E"):
-            for at, cell in enumerate(cells, row):
-                self._add_integer(MarkedCell(at, cell.strip()))
+            for index, cell in enumerate(cells, row):
+                self._add_integer(MarkedCell(index, cell.strip()))
 
     def _add_integer(self, cell: MarkedCell) -> None:
         match = _INTEGER.fullmatch(cell.text)

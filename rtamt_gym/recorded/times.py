@@ -195,10 +195,10 @@ def join_times(times: RawTimes, part: RawTimes, unit: str, where: Callable[[int]
     most = UNITS["s"] // UNITS[unit]
     wrong = (seconds != times) | (parts != part) | (parts < 0) | (parts >= most)
     if wrong.any():
-        at = int(wrong.argmax())
+        index = int(wrong.argmax())
         raise InputError(
-            f"{where(at)}: expected whole seconds and from 0 to {most - 1} {unit}, got {times[at]} "
-            f"and {part[at]}; name one column of times with --time"
+            f"{where(index)}: expected whole seconds and from 0 to {most - 1} {unit}, got "
+            f"{times[index]} and {part[index]}; name one column of times with --time"
         )
     return seconds * UNITS["s"] + parts * UNITS[unit]
 
@@ -242,9 +242,10 @@ class TimeAxis:
             raw = raw.astype(np.float64)
         wrong = np.isnat(raw) if raw.dtype.kind in "mM" else ~np.isfinite(raw)
         if wrong.any():
-            at = int(wrong.argmax())
+            index = int(wrong.argmax())
             raise InputError(
-                f"{rows.where(at)}, column '{column}': expected a finite number, got {raw[at]}"
+                f"{rows.where(index)}, column '{column}': expected a finite number, got "
+                f"{raw[index]}"
             )
         named = unit_of_times(column) or unit_of_times(re.split(r"[./]", column)[-1])
         named = named or hinted_unit(column) or ""
@@ -300,11 +301,11 @@ class TimeAxis:
         """Check that each time has a distance to the first, where it is not left aside."""
         far = ~np.isfinite(self.since)
         if far.any():
-            raw, at = rows.times, int(far.argmax())
+            raw, index = rows.times, int(far.argmax())
             assert raw is not None, "the column was read"  # noqa: S101 - for mypy
             raise InputError(
-                f"{rows.where(at)}, column '{self.column}': expected times at finite distances, "
-                f"got {raw[at]} after {raw[0]}; --period reads samples and ignores the column"
+                f"{rows.where(index)}, column '{self.column}': expected times at finite distances, "
+                f"got {raw[index]} after {raw[0]}; --period reads samples and ignores the column"
             )
 
     def check_unit(self, where: str) -> None:
@@ -342,16 +343,16 @@ class TimeAxis:
             back = (np.diff(since) < 0) & ~same_as_before(since)
         if not back.any():
             return
-        at = int(back.argmax())
-        place = f"{where(int(rows[at + 1]))}: expected times{what} that increase"
-        late, before = self.text(int(rows[at + 1])), self.text(int(rows[at]))
+        index = int(back.argmax())
+        position = f"{where(int(rows[index + 1]))}: expected times{what} that increase"
+        late, before = self.text(int(rows[index + 1])), self.text(int(rows[index]))
         if newest_first(since):
             raise InputError(
-                f"{place}, got the newest first, {before} before {late}. Sort the rows by "
+                f"{position}, got the newest first, {before} before {late}. Sort the rows by "
                 f"'{self.column}', the oldest first."
             )
         raise InputError(
-            f"{place}, got {late} after {before}. Sort the rows by '{self.column}', or cut the "
+            f"{position}, got {late} after {before}. Sort the rows by '{self.column}', or cut the "
             "file where a recording starts again."
         )
 
@@ -405,7 +406,7 @@ def newest_first(since: Floats) -> bool:
 
 def _check_no_clock(raw: RawTimes, place: str) -> None:
     """Refuse numbers that may be days or times of day, and not seconds."""
-    for what, doubtful, way in (
+    for phrase, doubtful, advice in (
         (
             "a date, as the number of days in spreadsheets and MATLAB,",
             are_days(raw),
@@ -415,8 +416,8 @@ def _check_no_clock(raw: RawTimes, place: str) -> None:
     ):
         if doubtful:
             raise InputError(
-                f"{place}: {raw[0]:.15g} may be {what} or a number of seconds. Write {way}, or "
-                "give --time-unit s."
+                f"{place}: {raw[0]:.15g} may be {phrase} or a number of seconds. Write {advice}, "
+                "or give --time-unit s."
             )
 
 
@@ -488,10 +489,10 @@ def check_rising(times: Floats, what: str) -> None:
     """
     back = (np.diff(times) < 0) & ~same_as_before(times)
     if back.any():
-        at = int(back.argmax())
+        index = int(back.argmax())
         raise InputError(
-            f"{what}: expected times that increase, got {_text(times[at + 1])} s after "
-            f"{_text(times[at])} s"
+            f"{what}: expected times that increase, got {_text(times[index + 1])} s after "
+            f"{_text(times[index])} s"
         )
 
 
@@ -532,25 +533,27 @@ def one_record(
     starts = np.append(True, ~same)
     group = np.cumsum(starts) - 1
     differing = np.unique(group[1:][same & unequal])
-    at = times if seconds is None else seconds
+    instants = times if seconds is None else seconds
     ends = np.append(~same, True)
     if not len(differing):
         return np.nonzero(starts)[0], ""
     (first,) = np.nonzero(starts)
-    place = int(first[differing[0]])
+    position = int(first[differing[0]])
     count = int((group == differing[0]).sum())
     if choice is None:
-        change = place + int((same & unequal)[place:].argmax())
+        change = position + int((same & unequal)[position:].argmax())
         more = f" (and at {counted(len(differing) - 1, 'more time')})" * (len(differing) > 1)
-        way = "; choose with --same-time first or --same-time last"
+        advice = "; choose with --same-time first or --same-time last"
         if len(differing) >= _ROUNDED and 2 * len(differing) > len(first):
-            way = ", as if times were rounded. Write times that tell the records apart."
+            advice = ", as if times were rounded. Write times that tell the records apart."
         raise InputError(
-            f"{what}: expected one value at {_text(at[place])} s, got {number(values[change])} and "
-            f"{number(values[change + 1])}{more}{way}"
+            f"{what}: expected one value at {_text(instants[position])} s, got "
+            f"{number(values[change])} and {number(values[change + 1])}{more}{advice}"
         )
     more = f" and at {counted(len(differing) - 1, 'more time')}" * (len(differing) > 1)
-    note = f"the {choice} of {count} different records at {_text(at[place])} s{more} counts"
+    note = (
+        f"the {choice} of {count} different records at {_text(instants[position])} s{more} counts"
+    )
     return np.nonzero(starts if choice == "first" else ends)[0], f"{what}: {note}"
 
 

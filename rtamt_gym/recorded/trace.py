@@ -74,8 +74,8 @@ class Trace:
         first, begin = max(firsts.values(), default=0), min(firsts.values(), default=0)
         if not 0 < first < self.samples or self.times is None:
             return None
-        late = [name for name, at in firsts.items() if at == first > begin]
-        time, since = (self.start + float(self.times.since[at]) for at in (first, begin))
+        late = [name for name, index in firsts.items() if index == first > begin]
+        time, since = (self.start + float(self.times.since[index]) for index in (first, begin))
         return LateStart(time, since, tuple(late), first - begin, "sample")
 
     def with_beginning(self, variables: Collection[str]) -> Trace:
@@ -142,15 +142,15 @@ class Trace:
         times.check_unit(self.source)
         if grid.even:
             return grid.period
-        at = grid.odd
-        ways = [f"--jitter {100 * NEAR:g}% to resample by holding values", *aside]
+        index = grid.odd
+        remedies = [f"--jitter {100 * NEAR:g}% to resample by holding values", *aside]
         if grid.even_between_holes:
-            ways.insert(0, f"--max-gap {_decimal(grid.usual)}s to take holes for unknown")
-        ways[:0] = filter(None, [self.if_events.removeprefix("give ")])
+            remedies.insert(0, f"--max-gap {_decimal(grid.usual)}s to take holes for unknown")
+        remedies[:0] = filter(None, [self.if_events.removeprefix("give ")])
         raise InputError(
-            f"{self.where(at + 1)}: expected samples at even distances, "
-            f"got time {times.text(at + 1)} after {times.text(at)}, elsewhere {grid.usual:.6g} s; "
-            f"give {_either(ways)}"
+            f"{self.where(index + 1)}: expected samples at even distances, "
+            f"got time {times.text(index + 1)} after {times.text(index)}, elsewhere "
+            f"{grid.usual:.6g} s; give {_either(remedies)}"
         )
 
     def extent(self, period: Fraction | None) -> Extent:
@@ -226,8 +226,8 @@ class EventTrace:
         if start is None:
             return tables
         for name, table in tables.items():
-            at = int(table[:, 0].searchsorted(start.time, "right")) - 1
-            cut = table[at:].copy()
+            index = int(table[:, 0].searchsorted(start.time, "right")) - 1
+            cut = table[index:].copy()
             hole = len(cut) > 1 and _longer(cut[0, 0], cut[1, 0], self.max_gap)
             if cut[0, 0] < start.time:
                 cut[0] = start.time, np.nan if hole else cut[0, 1]
@@ -293,11 +293,11 @@ def outside_ranges(spec: rtamt.Specification, trace: Trace | EventTrace) -> dict
         values = _values(trace).get(name, np.zeros(0))
         outside = (values < low) | (values > high)
         if outside.any():
-            at = int(outside.argmax())
+            index = int(outside.argmax())
             texts[name] = (
                 f"{int(outside.sum())} of {len(values)} values of {name} are outside the declared "
-                f"range [{number(low)}, {number(high)}], the first is {number(float(values[at]))} "
-                f"{_place(trace, name, at)}"
+                f"range [{number(low)}, {number(high)}], the first is "
+                f"{number(float(values[index]))} {_place(trace, name, index)}"
             )
     return texts
 
@@ -335,7 +335,7 @@ def _decimal(value: float) -> str:
     return np.format_float_positional(float(f"{value:.3g}"), trim="-")
 
 
-def _either(ways: Sequence[str]) -> str:
+def _either(remedies: Sequence[str]) -> str:
     """Return the ways out in words."""
-    *others, last = ways
+    *others, last = remedies
     return f"{', '.join(others)}{',' * (len(others) > 1)} or {last}" if others else last

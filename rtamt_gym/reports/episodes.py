@@ -65,19 +65,19 @@ class PlayedEpisode:
         decided = self._violated()
         keep += [] if decided is None else [(decided.sample or 0) - self.first]
         most = points_of(room, episodes, len(every) + 1)
-        at = shown(every.values(), len(self.times), keep, most)
-        curves = {name: rounded(values[at]) for name, values in self.curves.items()}
+        samples = shown(every.values(), len(self.times), keep, most)
+        curves = {name: rounded(values[samples]) for name, values in self.curves.items()}
         return ShownEpisode(
             label=self.label,
             verdict=word(self.outcome),
             final=six(self.outcome.robustness),
             samples=len(self.times),
-            times=rounded(self.times[at]),
-            signals={name: rounded(values[at]) for name, values in self.signals.items()},
+            times=rounded(self.times[samples]),
+            signals={name: rounded(values[samples]) for name, values in self.signals.items()},
             robustness=curves.get("robustness", ()),
             lower=curves.get("lower", ()),
             upper=curves.get("upper", ()),
-            predicates={text: rounded(values[at]) for text, values in predicates.items()},
+            predicates={text: rounded(values[samples]) for text, values in predicates.items()},
             deciding=deciding,
             decided_at=decided,
             explanation="" if explanation is None else str(explanation),
@@ -86,12 +86,14 @@ class PlayedEpisode:
 
     def _violated(self) -> Moment | None:
         """Return the moment that decided a violation, with its sample, which some files lack."""
-        at = self.outcome.decided
-        if at is None or at.time is None or self.outcome.verdict is not Verdict.VIOLATED:
+        samples = self.outcome.decided
+        if samples is None or samples.time is None or self.outcome.verdict is not Verdict.VIOLATED:
             return None
-        if at.sample is None:
-            at = Moment(int(np.abs(self.times - at.time).argmin()) + self.first, at.seconds)
-        return rounded_moment(at)
+        if samples.sample is None:
+            samples = Moment(
+                int(np.abs(self.times - samples.time).argmin()) + self.first, samples.seconds
+            )
+        return rounded_moment(samples)
 
     def _predicates(self) -> dict[str, Floats]:
         result = {}

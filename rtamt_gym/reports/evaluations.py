@@ -138,13 +138,13 @@ def _fitting(frames: Sequence[Picture], letters: int, episode: ShownEpisode) -> 
     """Return the pictures that fit into a number of letters: evenly spread, with the violation."""
     largest = max((len(frame.source) for frame in frames), default=1)
     places = np.linspace(0, len(frames) - 1, min(len(frames), letters // largest)).round()
-    at = None
+    time = None
     if episode.verdict == "violated":
-        at = episode.times[-1] if episode.decided_at is None else episode.decided_at.time
+        time = episode.times[-1] if episode.decided_at is None else episode.decided_at.time
     for i, frame in enumerate(frames):
-        if len(places) and frame.time == at:
+        if len(places) and frame.time == time:
             places[np.abs(places - i).argmin()] = i
-    return tuple(frames[int(place)] for place in places)
+    return tuple(frames[int(position)] for position in places)
 
 
 def _success(evaluation: Evaluation) -> Requirement:

@@ -189,10 +189,10 @@ def _rows(trace: ExampleTrace) -> Iterator[tuple[str, ...]]:
     runs = [(values, len([*run])) for values, run in itertools.groupby(samples)]
     columns = [aligned(column) for column in zip(*(values for values, _ in runs), strict=True)]
     begin = 0
-    for place, (_, count) in enumerate(runs):
+    for index, (_, count) in enumerate(runs):
         end = begin + count - 1
-        at = str(begin) if count == 1 else f"{begin} to {end}"
-        yield (at, *(column[place] for column in columns))
+        span = str(begin) if count == 1 else f"{begin} to {end}"
+        yield (span, *(column[index] for column in columns))
         begin = end + 1
 
 
@@ -216,7 +216,7 @@ def _band(name: str, values: Sequence[float], levels: Sequence[float]) -> Band:
         line += f"H{_WIDTH * end / count:.4g}"
         if count <= _DOTS:
             places = (_WIDTH * i / count for i in range(begin, end))
-            dots += "".join(f"M{place:.4g} {y}h0" for place in places)
+            dots += "".join(f"M{position:.4g} {y}h0" for position in places)
         begin = end
     return Band(
         name,

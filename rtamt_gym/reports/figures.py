@@ -196,9 +196,9 @@ def convergence_figure(
     ]
     summary = "No simulation came to a robustness."
     if steps:
-        place, value = steps[-1]
+        position, value = steps[-1]
         summary = (
-            f"The minimum robustness found is {number(value)}, in simulation {place} of "
+            f"The minimum robustness found is {number(value)}, in simulation {position} of "
             f"{len(least)}."
         )
     data = {

@@ -96,7 +96,7 @@ def spaced(ordered: Sequence[T], most: int) -> tuple[T, ...]:
     if len(ordered) <= most:
         return tuple(ordered)
     places = np.linspace(0, len(ordered) - 1, most).round().astype(int)
-    return tuple(ordered[int(place)] for place in places)
+    return tuple(ordered[int(position)] for position in places)
 
 
 def rounded(values: Iterable[float]) -> tuple[float, ...]:

@@ -80,9 +80,9 @@ def trials_of(
         label: Names a trial.
     """
     trials = []
-    for place, (row, outcome) in enumerate(zip(rows, outcomes, strict=True)):
+    for index, (row, outcome) in enumerate(zip(rows, outcomes, strict=True)):
         trial = TrialRow(
-            label=label(place, row),
+            label=label(index, row),
             verdict=word(outcome),
             duration=None if row.ended == "recorded" else six(row.simulated),
             reward=None if row.reward is None else six(row.reward),
@@ -96,11 +96,11 @@ def trials_of(
 
 def with_outcome(trial: TrialRow, outcome: Outcome) -> TrialRow:
     """Return a trial with the outcome of the requirement."""
-    at = outcome.violated
+    moment = outcome.violated
     return replace(
         trial,
         robustness=six(outcome.robustness),
-        violated_at=None if at is None else rounded_moment(at),
+        violated_at=None if moment is None else rounded_moment(moment),
         asked=outcome.trigger_count,
         vacuous=outcome.vacuous,
         defaults=tuple(f"{name} = {number(value)}" for name, value in outcome.defaults.items()),
@@ -337,9 +337,9 @@ def cases_of(record: Record) -> tuple[Mapping[str, Any], int] | None:
     places: Sequence[int] = range(len(rows))
     if len(rows) > _CASES:
         worst = sorted(places, key=lambda i: min(_height(rows[i], name) for name in names))
-        rest = worst[TRIALS:]
-        step = len(rest) / (_CASES - TRIALS)
-        others = [rest[int(i * step)] for i in range(_CASES - TRIALS)]
+        remainder = worst[TRIALS:]
+        step = len(remainder) / (_CASES - TRIALS)
+        others = [remainder[int(i * step)] for i in range(_CASES - TRIALS)]
         places = sorted({*worst[:TRIALS], *others})
     cases = {
         "labels": tuple(labelled(i, rows[i]) for i in places),

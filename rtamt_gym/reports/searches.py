@@ -96,8 +96,8 @@ def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Figure:
         known = [item for item in (*least[-1:], height) if item is not None]
         least.append(min(known) if known else None)
     steps = {i for i in range(len(least)) if i == 0 or least[i] != least[i - 1]}
-    apart = max(1, math.ceil(len(least) / (4 * TRIALS)))
-    places = sorted({*steps, *range(0, len(least), apart), len(least) - 1})
+    spacing = max(1, math.ceil(len(least) / (4 * TRIALS)))
+    places = sorted({*steps, *range(0, len(least), spacing), len(least) - 1})
     robustness, least_so_far = (
         tuple(None if item[i] is None else six(item[i]) for i in places)
         for item in (heights, least)

@@ -317,20 +317,20 @@ def read(
         OSError: If the file does not exist.
     """
     where, kinds = os.fspath(path), list(kinds)
-    what = f"no {kinds[0]}" if len(kinds) == 1 else "no result"
+    phrase = f"no {kinds[0]}" if len(kinds) == 1 else "no result"
     written = ", ".join(KINDS[kind] for kind in kinds)
     verb = "writes" if len(kinds) == 1 and " and " not in written else "write"
     expected = f"expected a file that {written} {verb}{others}"
     try:
         stored = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_number)
     except (ValueError, RecursionError) as error:  # no text, no JSON, or lists without end
-        raise InputError(f"{where} holds {what}: {expected}, got no JSON: {error}") from error
+        raise InputError(f"{where} holds {phrase}: {expected}, got no JSON: {error}") from error
     if not isinstance(stored, dict):
-        raise InputError(f"{where} holds {what}: {expected}")
+        raise InputError(f"{where} holds {phrase}: {expected}")
     version = 1 if _VERSION_1.fullmatch(str(stored.get("format"))) else stored.get("version")
     known = isinstance(stored.get("kind"), str) and stored.get("format") == FORMAT
     if version != 1 and not (known and isinstance(version, int)):
-        raise InputError(f"{where} holds {what}: {expected}")
+        raise InputError(f"{where} holds {phrase}: {expected}")
     if version != VERSION:
         other = "install a newer rtamt" if version > VERSION else "make it again"
         raise InputError(
@@ -339,7 +339,7 @@ def read(
         )
     if stored["kind"] not in kinds:
         raise InputError(
-            f"{where} holds {what} but a result of kind {stored['kind']!r}: {expected}"
+            f"{where} holds {phrase} but a result of kind {stored['kind']!r}: {expected}"
         )
     return stored
 

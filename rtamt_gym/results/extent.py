@@ -95,12 +95,12 @@ class LateStart:
         has_its = "has its" if len(self.of) == 1 else "have their"
         first = f"where {names} {has_its} first {self.what}"
         missing = f"the {number(self.time - self.begin)} s before it"
-        rest = counted(self.before, self.what)
+        remainder = counted(self.before, self.what)
         if not self.counted:
-            return f"evaluated {start}, {first}: {missing} are left out, with {rest}"
+            return f"evaluated {start}, {first}: {missing} are left out, with {remainder}"
         return (
-            f"{self.verdict} if evaluated {start}, {first}; {missing}, with {rest}, count with "
-            f"{names} unknown; --start known leaves them out"
+            f"{self.verdict} if evaluated {start}, {first}; {missing}, with {remainder}, count "
+            f"with {names} unknown; --start known leaves them out"
         )
 
 
@@ -192,21 +192,21 @@ class Extent:
         Args:
             source: The name of the trace.
         """
-        whole = f"{source}: {self.text}"
-        if len(whole) <= _WIDTH or not self._length:
-            return [whole]
+        text = f"{source}: {self.text}"
+        if len(text) <= _WIDTH or not self._length:
+            return [text]
         return [f"{source}: {self._times}", f"  {self._length}"]
 
     @property
     def _times(self) -> str:
-        what = counted(self.samples or 0, "sample")
+        phrase = counted(self.samples or 0, "sample")
         if self.events is not None:
-            what = counted(self.events, "event")
+            phrase = counted(self.events, "event")
         if self.begin is None or self.end is None:
-            return f"{what}, bounds count samples"
+            return f"{phrase}, bounds count samples"
         every = "" if self.period is None else f"one every {number(float(self.period))} s, "
         begin, end = (time_text(time, self.step) for time in (self.begin, self.end))
-        return f"{what}, {every}{begin} to {end}"
+        return f"{phrase}, {every}{begin} to {end}"
 
     @property
     def _length(self) -> str:

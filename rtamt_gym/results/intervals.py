@@ -118,8 +118,8 @@ def _least_rate(count: int, total: int, chance: float) -> float:
 
 def _tail(count: int, total: int, rate: float) -> tuple[float, float]:
     """Return the chance of ``count`` or more of ``total`` at a smaller rate, and of ``count``."""
-    ways = math.lgamma(total + 1) - math.lgamma(count + 1) - math.lgamma(total - count + 1)
-    first = math.exp(ways + count * math.log(rate) + (total - count) * math.log1p(-rate))
+    log_count = math.lgamma(total + 1) - math.lgamma(count + 1) - math.lgamma(total - count + 1)
+    first = math.exp(log_count + count * math.log(rate) + (total - count) * math.log1p(-rate))
     odds = rate / (1 - rate)
     terms, term = [first], first
     for successes in range(count, total):
@@ -294,8 +294,8 @@ def differences(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
     before, after = _checked(first), _checked(second)
     if len(before) != len(after):
         raise InputError(f"expected as many values in both, got {len(before)} and {len(after)}")
-    apart = before != after
-    return np.subtract(after, before, out=np.zeros(len(before)), where=apart)
+    differing = before != after
+    return np.subtract(after, before, out=np.zeros(len(before)), where=differing)
 
 
 def _check_counts(count: int, total: int, confidence: float) -> None:

@@ -59,8 +59,12 @@ def to_markdown(
     if constants:
         values = ", ".join(f"{name} = {value}" for name, value in constants.items())
         lines += ["", f"Constants set on the command line: {_escaped(values)}"]
-    for name, each in matrix.provenance.ids.items():
-        shown = f"[{_escaped(each.id)}]({each.link})" if each.link else _escaped(each.id)
+    for name, identifier in matrix.provenance.ids.items():
+        shown = (
+            f"[{_escaped(identifier.id)}]({identifier.link})"
+            if identifier.link
+            else _escaped(identifier.id)
+        )
         lines += ["", f"{_escaped(name)}: {shown}"]
     evidence = evidence_warnings(matrix)
     lines += [""] * bool(evidence) + [f"{_escaped(warning.text)}  " for warning in evidence]

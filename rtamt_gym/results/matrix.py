@@ -96,7 +96,7 @@ def _worst(
 ) -> tuple[str, list[tuple[str, int]], str] | None:
     """Return the worst row or column: name, undecided and violated verdicts, minimum."""
     best: tuple[int, int, float] | None = None
-    found = None
+    result = None
     for name, line in lines.items():
         if not line:
             continue
@@ -107,8 +107,8 @@ def _worst(
         badness = violated, open_, -values[least]
         if best is None or badness > best:
             best = badness
-            found = name, [("violated", violated), ("undecided", open_)], least
-    return found
+            result = name, [("violated", violated), ("undecided", open_)], least
+    return result
 
 
 def label(found: Word) -> str:
@@ -187,12 +187,12 @@ def summary(matrix: Matrix) -> Iterator[str]:
     ]
     traces = counted(len(matrix.rows), "trace")
     yield f"{traces}, {counted(len(matrix.requirements), 'requirement')}: {', '.join(counts)}"
-    for what, worst in (
+    for phrase, worst in (
         ("requirement", matrix.worst_requirement()),
         ("trace", matrix.worst_trace()),
     ):
         if worst:
-            yield f"worst {what}: {worst[0]}, {worst[1]}"
+            yield f"worst {phrase}: {worst[0]}, {worst[1]}"
     if triggers := trigger_line(matrix):
         yield triggers
     if gaps := gap_summary({row.name: row.extent for row in matrix.rows if row.extent}):

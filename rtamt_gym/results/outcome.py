@@ -140,7 +140,10 @@ class Outcome:
             ended: The last sample, if only the end decided it; otherwise None.
         """
         robustness, lower, upper = bounds
-        decided, last = (None if at is None else Moment.of(at, period) for at in (sample, ended))
+        decided, last = (
+            None if sample_number is None else Moment.of(sample_number, period)
+            for sample_number in (sample, ended)
+        )
         asked, vacuous = (
             (None, False) if stands_on is None else (stands_on.triggers, stands_on.vacuous)
         )

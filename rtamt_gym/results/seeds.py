@@ -159,10 +159,10 @@ def stratified_bootstrap(
     """
     rng = np.random.default_rng(seed)
     # A statistic of two methods compares pairs of runs.
-    each = math.prod(len(scores) for scores in samples) * samples[0].shape[1]
+    deals = math.prod(len(scores) for scores in samples) * samples[0].shape[1]
     statistics = [
         statistic(*(_drawn(scores, count, rng) for scores in samples))
-        for count in _batches(resamples, max(1, _AT_ONCE // each))
+        for count in _batches(resamples, max(1, _AT_ONCE // deals))
     ]
     tail = 50.0 * (1.0 - confidence)
     low, high = np.percentile(np.concatenate(statistics), [tail, 100.0 - tail], axis=0)
@@ -195,8 +195,8 @@ def permutation_p(scores: Floats, other: Floats, *, seed: int = 0) -> float:
     """
     both = np.concatenate([scores, other])
     runs, tasks = len(scores), scores.shape[1]
-    apart = abs(float(mean(scores) - mean(other)))
-    least = apart - _ROUNDING * float(np.abs(both).max())
+    distance = abs(float(mean(scores) - mean(other)))
+    least = distance - _ROUNDING * float(np.abs(both).max())
     if tasks == 1 and math.comb(len(both), runs) <= _EXACT:
         chosen = np.array(list(itertools.combinations(range(len(both)), runs)))
         return float((_gaps(both[chosen, 0].sum(axis=1)[:, None], both, runs) >= least).mean())
@@ -211,6 +211,6 @@ def permutation_p(scores: Floats, other: Floats, *, seed: int = 0) -> float:
 
 def _gaps(sums: Floats, both: Floats, runs: int) -> Floats:
     """Return the distance of the means if the first method's runs of each task have these sums."""
-    rest = both.sum(axis=0) - sums
-    gaps: Floats = np.abs((sums / runs - rest / (len(both) - runs)).mean(axis=1))
+    remainder = both.sum(axis=0) - sums
+    gaps: Floats = np.abs((sums / runs - remainder / (len(both) - runs)).mean(axis=1))
     return gaps

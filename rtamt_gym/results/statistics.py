@@ -117,9 +117,9 @@ class RequirementResult:
 
     def __repr__(self) -> str:
         others = [
-            f", {getattr(self, what)} {what}"
-            for what in ("violated", "undecided", "failed")
-            if getattr(self, what)
+            f", {getattr(self, phrase)} {phrase}"
+            for phrase in ("violated", "undecided", "failed")
+            if getattr(self, phrase)
         ]
         episodes = counted(self.episodes, "episode")
         return f"<{self.name}: {self.satisfied} of {episodes} satisfy it{''.join(others)}>"

@@ -185,8 +185,8 @@ class Results(Sequence[Trial]):
         for result in self.results(kind=kind).values():
             row = [(statistic.key, statistic.of(result)) for statistic in STATISTICS]
             low, high = result.interval
-            at = [key for key, _ in row].index("interval")
-            rows.append(dict([*row[:at], ("low", low), ("high", high), *row[at + 1 :]]))
+            index = [key for key, _ in row].index("interval")
+            rows.append(dict([*row[:index], ("low", low), ("high", high), *row[index + 1 :]]))
         return pd.DataFrame(rows, index=pd.Index(list(self.requirements), name="requirement"))
 
     def _of(self, rows: Iterable[Trial]) -> Self:

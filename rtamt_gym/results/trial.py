@@ -268,8 +268,8 @@ def open_at_stop(trials: Iterable[Trial], requirement: str) -> list[int]:
     Their robustness counts the samples until the stop: had they gone on, it could be another.
     """
     return [
-        place
-        for place, trial in enumerate(trials)
+        index
+        for index, trial in enumerate(trials)
         if trial.ended in STOPPED
         and requirement in trial.outcomes
         and trial.outcomes[requirement].verdict is Verdict.UNDECIDED

@@ -190,9 +190,9 @@ def _picker(space: spaces.Space[Any], path: tuple[Any, ...]) -> Callable[[Any], 
     """Return a function that takes the numbers at a path from a batch."""
     parts: list[Any] = []
     while isinstance(space, spaces.Dict | spaces.Tuple):
-        part, *rest = path
+        part, *remainder = path
         parts.append(part)
-        space, path = space.spaces[part], tuple(rest)
+        space, path = space.spaces[part], tuple(remainder)
     index = path[0] if path and isinstance(path[0], tuple) else path
     where = (slice(None), *index)
 
@@ -408,18 +408,18 @@ class _BatchRead:
 
         for lane in lanes:
             try:
-                alone = np.asarray(signal.call(self._singles.alone(step, lane)), np.float64)
+                single = np.asarray(signal.call(self._singles.alone(step, lane)), np.float64)
             except (RtamtError, TypeError, ValueError) as error:
                 what = str(error).removeprefix(f"signal {signal.name!r}: ")
                 refuse(lane, f"for it alone: {what}", error)
             # A function that reads the vector environment itself still reads all of them.
-            if alone.shape == (num,) and num > 1:
-                alone = alone[lane : lane + 1]
-            if alone.shape != (1,):
-                refuse(lane, f"for it alone an array of shape {alone.shape}")
+            if single.shape == (num,) and num > 1:
+                single = single[lane : lane + 1]
+            if single.shape != (1,):
+                refuse(lane, f"for it alone an array of shape {single.shape}")
             # Sums of a batch are rounded in another order than sums of one environment.
-            if not np.allclose(alone, column[lane], rtol=1e-4, atol=1e-6, equal_nan=True):
-                refuse(lane, f"{alone[0]:.6g} for it alone")
+            if not np.allclose(single, column[lane], rtol=1e-4, atol=1e-6, equal_nan=True):
+                refuse(lane, f"{single[0]:.6g} for it alone")
 
 
 class _Hidden:

@@ -131,8 +131,8 @@ def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:
             f"{Selector('contact', selector.names)}, which is 1 or 0, or "
             f"{Selector('contact', selector.names, 'force')}"
         )
-    first, *rest = (_geoms(what, selector, name, model) for name in selector.names)
-    second = rest[0] if rest else frozenset(range(model.ngeom))
+    first, *remainder = (_geoms(what, selector, name, model) for name in selector.names)
+    second = remainder[0] if remainder else frozenset(range(model.ngeom))
     pairs = {pair for a in first for b in second for pair in ((a, b), (b, a))}
 
     def touching() -> list[int]:

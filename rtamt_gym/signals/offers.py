@@ -50,7 +50,7 @@ def offers(env: Env, info: Mapping[str, Any]) -> dict[str, Offer]:
         offer |= _in_mujoco(simulation.model, simulation.data)
     if hasattr(simulation, "vehicle"):
         offer["vehicle"] = _of_vehicle(simulation.vehicle)
-    return {word: each for word, each in offer.items() if each.common or each.others}
+    return {word: entry for word, entry in offer.items() if entry.common or entry.others}
 
 
 def _in_space(space: spaces.Space[Any]) -> Iterator[Path]:
@@ -126,10 +126,10 @@ def _named(model: Any, data: Any, kind: str) -> Offer:
     for i in range(getattr(model, _COUNTS.get(kind, f"n{kind}"))):
         named = getattr(data, kind)(i)
         for name in fields_of(named) if named.name else ():
-            whole = Selector(kind, (named.name,), "" if kind == "sensor" else name)
+            container = Selector(kind, (named.name,), "" if kind == "sensor" else name)
             world = kind == "body" and i == 0  # it does not move
             held = offer.common if name in _FIELDS[kind] and not world else offer.others
-            held += _elements(whole, getattr(named, name))
+            held += _elements(container, getattr(named, name))
     return offer
 
 

@@ -336,9 +336,9 @@ def _times(simulation: Any, config: Mapping[str, Any], kind: _Kind) -> list[Stat
         values = {spelling: _attribute(simulation, spelling) for spelling in _spellings(name)}
         if kind != "step":
             values[f"config[{name!r}]"] = _positive(config.get(name))
-        for place, number in values.items():
+        for position, number in values.items():
             if number is not None:
-                times.append(StatedTime(place, 1.0 / number if is_rate else number))
+                times.append(StatedTime(position, 1.0 / number if is_rate else number))
     return times
 
 

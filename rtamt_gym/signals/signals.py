@@ -313,8 +313,8 @@ class ParsedSignal:
         selector = parse_selector(f"signal {name!r}", value, sources, agents)
         row = sources[selector.source]
         if default is None and not row.at_reset:
-            what = f"signal {name!r}: {value} has no value at reset"
-            raise InputError(*_asks_for_default(name, value, what))
+            phrase = f"signal {name!r}: {value} has no value at reset"
+            raise InputError(*_asks_for_default(name, value, phrase))
         if default is not None and row.at_reset is True:
             raise InputError(
                 f"signal {name!r}: {value} has a value at reset, which "
@@ -434,8 +434,8 @@ class ParsedSignal:
         """Return the error of a function, with the name of the signal."""
         if isinstance(error, RtamtError) and str(error).startswith(f"signal {self.name!r}"):
             return error
-        what = ": ".join(filter(None, (type(error).__name__, str(error))))
-        return InputError(f"signal {self.name!r}: {self} raised {what}")
+        phrase = ": ".join(filter(None, (type(error).__name__, str(error))))
+        return InputError(f"signal {self.name!r}: {self} raised {phrase}")
 
     def number(self, value: object, way_out: str = "") -> float:
         """Return the value as a float.

@@ -179,8 +179,8 @@ def agent_sources(agents: Mapping[str, Hashable], *, hold: bool) -> dict[str, So
     """
     first = next(iter(agents))
     sources = {}
-    for place, (word, row) in enumerate(STEP.items()):
-        bind = partial(_bind_agent, row, place, agents, hold=hold)
+    for index, (word, row) in enumerate(STEP.items()):
+        bind = partial(_bind_agent, row, index, agents, hold=hold)
         sources[word] = replace(row, example=f"{first}: {row.example.split(', ')[0]}", bind=bind)
     return sources
 

@@ -133,15 +133,15 @@ def rescaling(env: Any, signals: Sequence[ParsedSignal], *, below: bool, rescale
     signal = next((each for each in signals if each.source in {"obs", None}), None)
     if name is None or signal is None:
         return None
-    what = f"{signal} is given" if signal.source is None else f"{signal} reads"
+    phrase = f"{signal} is given" if signal.source is None else f"{signal} reads"
     below_it = Argument("below", value=True)
-    ways: tuple[object, ...] = ("pass ", below_it, " to read beneath it, ")
+    advice: tuple[object, ...] = ("pass ", below_it, " to read beneath it, ")
     if inside is not None:
-        ways = ("wrap each environment inside of it with StlMonitor, or pass ",)
+        advice = ("wrap each environment inside of it with StlMonitor, or pass ",)
     raise InputError(
-        f"signal {signal.name!r}: {what} observations that a {name} inside of the monitor has "
+        f"signal {signal.name!r}: {phrase} observations that a {name} inside of the monitor has "
         "rescaled, and formulas mean other numbers there; ",
-        *ways,
+        *advice,
         Argument("rescaled", value=True),
         " to mean these",
         "" if inside is not None else ", or put the monitor inside of it",
@@ -170,4 +170,4 @@ def _in_each(env: Any) -> str | None:
     base = getattr(env, "unwrapped", env)
     inside: Collection[Any] = base.envs if isinstance(base, SyncVectorEnv) else ()
     rescalers = (_innermost(single) for single in inside)
-    return next((type(each).__name__ for each in rescalers if each is not None), None)
+    return next((type(rescaler).__name__ for rescaler in rescalers if rescaler is not None), None)

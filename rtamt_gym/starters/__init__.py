@@ -88,8 +88,8 @@ def write_starter(name: str, folder: Path) -> list[str]:
             f"{folder / there[0]}{more} would be overwritten: give another folder, "
             f"rtamt init {name} FOLDER"
         )
-    for place in (folder, *((folder / file).parent for file in files)):
-        above = next((path for path in (place, *place.parents) if path.exists()), place)
+    for position in (folder, *((folder / file).parent for file in files)):
+        above = next((path for path in (position, *position.parents) if path.exists()), position)
         if above.exists() and not above.is_dir():
             raise InputError(f"{above} is a file: give another folder, rtamt init {name} FOLDER")
     for file, text in files.items():

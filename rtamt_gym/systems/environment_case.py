@@ -117,9 +117,9 @@ class EnvironmentCase:
 
     def policy(self, policy: _Policy | None, baseline: _Policy | None, period: Fraction) -> _Policy:
         """Return the policy that drives the actions of the case and calls another for the rest."""
-        drives = [(at, wave.stepper(period)) for at, wave in self._drives.values()]
-        driven = {at for at, _ in drives}
-        left = [name for name, at in self._actions.items() if at not in driven]
+        drives = [(element, wave.stepper(period)) for element, wave in self._drives.values()]
+        driven = {element for element, _ in drives}
+        left = [name for name, element in self._actions.items() if element not in driven]
         if not left:
             if policy is not None:
                 raise InputError(
@@ -143,8 +143,8 @@ class EnvironmentCase:
             action: Any = np.zeros(space.shape or (), space.dtype)
             if others is not None:
                 action[...] = others(obs)
-            for at, value in drives:
-                action[at] = value(step)
+            for element, value in drives:
+                action[element] = value(step)
             step += 1
             return int(action) if isinstance(space, spaces.Discrete) else action
 
@@ -189,7 +189,7 @@ def _action_names(env: gym.Env[Any, Any]) -> dict[str, tuple[int, ...]]:
     if isinstance(names, Sequence) and shape == (len(names),):
         return {str(name): (i,) for i, name in enumerate(names)}
     places = list(np.ndindex(shape))
-    return {"action" + "".join(f"[{i}]" for i in at): at for at in places}
+    return {"action" + "".join(f"[{i}]" for i in element): element for element in places}
 
 
 def _check_fits(
@@ -202,8 +202,8 @@ def _check_fits(
         least, most = space.dtype.type(low), space.dtype.type(high)
         bounds = space.low[at], space.high[at]
     else:
-        whole = all(value.is_integer() for value in waveform.values)
-        if not whole or waveform.interpolation != "hold":
+        integral = all(value.is_integer() for value in waveform.values)
+        if not integral or waveform.interpolation != "hold":
             raise InputError(
                 f"expected {name!r} of the case as whole numbers with interpolation='hold', for "
                 f"the actions {described(space)}, got {waveform!r}"

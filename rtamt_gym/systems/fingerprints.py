@@ -187,8 +187,8 @@ class _Collector:
         ordered = sorted(thing, key=repr) if isinstance(thing, set | frozenset) else thing
         pairs = thing.items() if isinstance(thing, Mapping) else enumerate(ordered)
         plain = name in self._values
-        for _, (key, each) in zip(range(_ELEMENTS), pairs, strict=False):
-            self.add(each, f"{name}[{key!r}]" if name and not plain else "", values=values)
+        for _, (key, part) in zip(range(_ELEMENTS), pairs, strict=False):
+            self.add(part, f"{name}[{key!r}]" if name and not plain else "", values=values)
 
     def _add_partial(self, thing: partial[Any]) -> None:
         for key, argument in [*enumerate(thing.args), *thing.keywords.items()]:
@@ -272,21 +272,21 @@ class _Collector:
         others = top in HOUSE or top in sys.stdlib_module_names
         others = not ours and (others or is_installed(_file_of(kind.__module__)))
         network = _attribute(thing, "policy") if others else thing
-        for each in (thing, network):
-            if callable(_attribute(each, "state_dict")):
+        for part in (thing, network):
+            if callable(_attribute(part, "state_dict")):
                 with suppress(Exception):  # of a class that only looks like a network
-                    weights = Model(SimpleNamespace(policy=each)).fingerprint
+                    weights = Model(SimpleNamespace(policy=part)).fingerprint
                     self._values[f"the weights of {kind.__name__}"] = f"SHA-256 {weights}"
                     return
         if others:
             return
-        slots = [name for each in kind.__mro__ for name in getattr(each, "__slots__", ())]
+        slots = [name for part in kind.__mro__ for name in getattr(part, "__slots__", ())]
         held = {name: _attribute(thing, name) for name in slots if isinstance(name, str)}
-        for key, each in {**held, **getattr(thing, "__dict__", {})}.items():
+        for key, part in {**held, **getattr(thing, "__dict__", {})}.items():
             if ours or not values:
-                self.add(each, values=False)
+                self.add(part, values=False)
             else:
-                self._add_held(each, f"{key} of {kind.__name__}")
+                self._add_held(part, f"{key} of {kind.__name__}")
 
     def _add_held(self, thing: object, name: str) -> None:
         """Add a value of a function or an object; a run may change its lists."""
@@ -312,8 +312,8 @@ class _Collector:
         if env.spec is not None:
             self._add_spec(env.spec)
         elif isinstance(layer, gym.Env) and kind.__init__ is not object.__init__:
-            what = f"the arguments of {kind.__name__}, which gymnasium.make has not made"
-            self._unseen[what] = None
+            phrase = f"the arguments of {kind.__name__}, which gymnasium.make has not made"
+            self._unseen[phrase] = None
         for part in [*getattr(layer, "env_fns", ()), *getattr(layer, "envs", ())][:_ELEMENTS]:
             self.add(part)
         self._add_model_of(layer)
@@ -350,8 +350,10 @@ class _Collector:
         buffer = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
         mujoco.mj_saveModel(model, None, buffer)
         name = model.names.partition(b"\0")[0].decode()
-        what = f"the MuJoCo model {name} (its XML, an included file, a mesh, a texture or a value)"
-        self._values[what] = f"SHA-256 {hashlib.sha256(buffer.tobytes()).hexdigest()}"
+        phrase = (
+            f"the MuJoCo model {name} (its XML, an included file, a mesh, a texture or a value)"
+        )
+        self._values[phrase] = f"SHA-256 {hashlib.sha256(buffer.tobytes()).hexdigest()}"
 
     def _add_state(self, data: Any) -> None:  # noqa: ANN401
         """Add the state that a simulation of MuJoCo starts from."""

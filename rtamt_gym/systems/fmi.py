@@ -100,7 +100,11 @@ class Fmus(System):
         self._step = None if step is None else check_number("step", step)
         self._described = [_describe(path, validate=validate) for path in self.paths.values()]
         experiments = [described.defaultExperiment for described in self._described]
-        sizes = {float(each.stepSize) for each in experiments if each and each.stepSize}
+        sizes = {
+            float(experiment.stepSize)
+            for experiment in experiments
+            if experiment and experiment.stepSize
+        }
         if len(sizes) > 1:
             *others, last = (f"{size:g}" for size in sorted(sizes))
             self.needs_period = f"suggest steps of {', '.join(others)} and {last} s"
@@ -227,16 +231,16 @@ class Fmus(System):
         """Return the function that reads variables of one or several FMUs."""
         parts = []
         for i, instance in enumerate(self._instances):
-            at = [k for k, variable in enumerate(variables) if variable.fmu == i]
-            if at:
-                parts.append((at, instance.reader([variables[k] for k in at])))
+            indices = [k for k, variable in enumerate(variables) if variable.fmu == i]
+            if indices:
+                parts.append((indices, instance.reader([variables[k] for k in indices])))
         if len(parts) == 1:
             return parts[0][1]
 
         def read() -> list[float]:
             values = [0.0] * len(variables)
-            for at, part in parts:
-                for k, value in zip(at, part(), strict=True):
+            for indices, part in parts:
+                for k, value in zip(indices, part(), strict=True):
                     values[k] = value
             return values
 
@@ -262,8 +266,8 @@ class Fmus(System):
 
     def _stepped(self, target: Variable, waveform: Waveform) -> Callable[[float], float]:
         """Return the function that computes the value of an input for the present step."""
-        value, whole = waveform.stepper(self._h), kind_of(target.entry) is int
-        return lambda _: int(value(self._count)) if whole else value(self._count)
+        value, integral = waveform.stepper(self._h), kind_of(target.entry) is int
+        return lambda _: int(value(self._count)) if integral else value(self._count)
 
     def _exchange(self) -> None:
         """Copy outputs to their connected inputs."""

@@ -145,10 +145,10 @@ class Instance:
 
         def read() -> Sequence[float]:
             result = [0.0] * len(variables)
-            for call, arguments, values, at, places in groups:
+            for call, arguments, values, indices, places in groups:
                 self._call(call, *arguments)
-                for k, place in zip(at, places, strict=True):
-                    result[k] = values[place]
+                for k, position in zip(indices, places, strict=True):
+                    result[k] = values[position]
             return result
 
         return read
@@ -161,9 +161,9 @@ class Instance:
         groups = self._groups("Set", variables)
 
         def write(given: Sequence[float]) -> None:
-            for call, arguments, values, at, places in groups:
-                for k, place in zip(at, places, strict=True):
-                    values[place] = given[k]
+            for call, arguments, values, indices, places in groups:
+                for k, position in zip(indices, places, strict=True):
+                    values[position] = given[k]
                 self._call(call, *arguments)
 
         return write
@@ -183,21 +183,23 @@ class Instance:
         for k, variable in enumerate(variables):
             chosen.setdefault(types[variable.entry.type], []).append(k)
         groups = []
-        for (name, kind), at in chosen.items():
+        for (name, kind), indices in chosen.items():
             begins: dict[int, int] = {}  # the place of the first number, by value reference
             held: list[float] = []
-            for variable in (variables[k] for k in at):
+            for variable in (variables[k] for k in indices):
                 if variable.entry.valueReference not in begins:
                     begins[variable.entry.valueReference] = len(held)
                     sets = verb == "Set" and variable.entry.shape
                     held += self._array(variable) if sets else [0] * size_of(variable.entry)
             references = (ctypes.c_uint * len(begins))(*begins)
             values = (kind * len(held))(*held)
-            places = [begins[variables[k].entry.valueReference] + variables[k].element for k in at]
+            places = [
+                begins[variables[k].entry.valueReference] + variables[k].element for k in indices
+            ]
             call = getattr(self._fmu, f"fmi{self._version}{verb}{name}")
             arguments: tuple[Any, ...] = (self._fmu.component, references, len(begins), values)
             arguments += (len(held),) * (self._version == 3)
-            groups.append(_Group(call, arguments, values, at, places))
+            groups.append(_Group(call, arguments, values, indices, places))
         return groups
 
     def _array(self, variable: Variable) -> list[float]:

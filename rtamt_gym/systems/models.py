@@ -177,8 +177,8 @@ def _numbers(statistics: Any) -> bytes:  # noqa: ANN401 - of another package
     if statistics is None:
         return b""
     if isinstance(statistics, Mapping):
-        return b"".join(key.encode() + _numbers(each) for key, each in statistics.items())
-    return b"".join(np.asarray(each).tobytes() for each in (statistics.mean, statistics.var))
+        return b"".join(key.encode() + _numbers(moment) for key, moment in statistics.items())
+    return b"".join(np.asarray(moment).tobytes() for moment in (statistics.mean, statistics.var))
 
 
 class _File:

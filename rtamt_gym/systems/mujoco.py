@@ -58,8 +58,8 @@ class MujocoModel(System):
         parsed = parse_signals(signals or {}, variables, MUJOCO, extra=True)
         self._reads = [bind_signal(signal, self._model, self._data) for signal in parsed]
         self._derives = not all(signal.source in _STATE for signal in parsed)
-        timestep, what = exact(self._model.opt.timestep), f"timestep of {self.name},"
-        self._steps = whole_steps(period or timestep, timestep, "period", what)
+        timestep, phrase = exact(self._model.opt.timestep), f"timestep of {self.name},"
+        self._steps = whole_steps(period or timestep, timestep, "period", phrase)
 
     def start(self) -> list[float]:
         """Derive everything that depends on the state; return the first sample."""

@@ -64,13 +64,15 @@ class Driven(NamedTuple):
     def setter(self) -> Callable[[], None]:
         """Return a function that sets the inputs of the next step, starting with the first."""
         period = self.model.opt.timestep
-        drives = [(array, at, waveform.stepper(period)) for array, at, waveform in self.inputs]
+        drives = [
+            (array, element, waveform.stepper(period)) for array, element, waveform in self.inputs
+        ]
         step = 0
 
         def set_inputs() -> None:
             nonlocal step
-            for array, at, value in drives:
-                array[at] = value(step)
+            for array, element, value in drives:
+                array[element] = value(step)
             step += 1
 
         return set_inputs
@@ -93,11 +95,11 @@ def drive(model: Any, data: Any, case: Case, name: str) -> Driven:  # noqa: ANN4
     copy_data(data, model, present)
     places = _find(model, data, case)
     inputs = []
-    for key, place in places.items():
-        if place.kind == "input":
-            inputs.append((place.array, place.at, as_waveform(key, case[key])))
-        elif place.kind == "state":
-            place.array[place.at] = _number(key, case[key])
+    for key, position in places.items():
+        if position.kind == "input":
+            inputs.append((position.array, position.at, as_waveform(key, case[key])))
+        elif position.kind == "state":
+            position.array[position.at] = _number(key, case[key])
     _set_constants(model, case, places, name)
     return Driven(model, data, inputs)
 
@@ -106,12 +108,14 @@ def changed(model: Any, case: Case, name: str) -> Any:  # noqa: ANN401
     """Return a copy of an environment's model with the constants of a case."""
     model = copy.copy(model)
     places = _find(model, mujoco.MjData(model), case)
-    for key, place in places.items():
+    for key, position in places.items():
         as_number(key, case[key], "its actions")
-        if place.kind in {"input", "state"}:
-            what = "resets its state" if place.kind == "state" else "has actions for what drives it"
+        if position.kind in {"input", "state"}:
+            phrase = (
+                "resets its state" if position.kind == "state" else "has actions for what drives it"
+            )
             raise InputError(
-                f"{name} takes no {key!r} of a case: it {what}; of its model a case sets "
+                f"{name} takes no {key!r} of a case: it {phrase}; of its model a case sets "
                 "constants, such as body:torso.mass or opt.gravity[2]"
             )
     _set_constants(model, case, places, name)
@@ -136,8 +140,10 @@ def _find(model: Any, data: Any, case: Case) -> dict[str, _Place]:  # noqa: ANN4
     places: dict[str, _Place] = {}
     taken: dict[object, str] = {}
     for key in case:
-        place = places[key] = _place(model, data, key)
-        held = place.at if place.kind == "option" else place.array[place.at :].ctypes.data
+        position = places[key] = _place(model, data, key)
+        held = (
+            position.at if position.kind == "option" else position.array[position.at :].ctypes.data
+        )
         if held in taken:
             raise InputError(
                 f"expected one entry of the case for a number, got {taken[held]!r} and {key!r}"
@@ -147,10 +153,10 @@ def _find(model: Any, data: Any, case: Case) -> dict[str, _Place]:  # noqa: ANN4
 
 
 def _place(model: Any, data: Any, key: str) -> _Place:  # noqa: ANN401
-    what = f"{key!r} of the case"
-    selector = parse_selector(what, key, _WRITES)
+    phrase = f"{key!r} of the case"
+    selector = parse_selector(phrase, key, _WRITES)
     if selector.source == "opt":
-        return _option(what, model, selector)
+        return _option(phrase, model, selector)
     field = selector.field or ("ctrl" if selector.source == "actuator" else "")
     selected = Selector(selector.source, selector.names, field, selector.path)
     kind: Literal["input", "state", "constant"] = "constant"
@@ -158,14 +164,14 @@ def _place(model: Any, data: Any, key: str) -> _Place:  # noqa: ANN401
         kind = "input" if selector.source in {"ctrl", "qfrc_applied"} else "state"
         array = getattr(data, selector.source)
     elif (selector.source, field) in _STATE:
-        kind, array = "state", field_of(what, selected, data)
+        kind, array = "state", field_of(phrase, selected, data)
     elif (selector.source, field) in _DRIVES:
-        kind, array = "input", field_of(what, selected, data)
+        kind, array = "input", field_of(phrase, selected, data)
     else:
-        array = field_of(what, selected, model)
+        array = field_of(phrase, selected, model)
     if array.dtype.kind != "f":  # whole numbers are indices and kinds
-        raise InputError(f"{what}: {selector} holds whole numbers, which no case sets")
-    return _Place(kind, array.reshape(-1), index_in(what, selected, array.size))
+        raise InputError(f"{phrase}: {selector} holds whole numbers, which no case sets")
+    return _Place(kind, array.reshape(-1), index_in(phrase, selected, array.size))
 
 
 def _option(what: str, model: Any, selector: Selector) -> _Place:  # noqa: ANN401
@@ -185,18 +191,18 @@ def _option(what: str, model: Any, selector: Selector) -> _Place:  # noqa: ANN40
 def _set_constants(model: Any, case: Case, places: Mapping[str, _Place], name: str) -> None:  # noqa: ANN401
     """Set options and constants; MuJoCo derives others from them, as when it compiles a model."""
     constants: list[tuple[str, _Place, float]] = []
-    for key, place in places.items():
-        if place.kind == "constant":
+    for key, position in places.items():
+        if position.kind == "constant":
             number = _number(key, case[key])
-            place.array[place.at] = number
-            constants.append((key, place, number))
-        elif place.kind == "option":
-            present = getattr(place.array, place.at)
-            setattr(place.array, place.at, like(present, key, _number(key, case[key])))
+            position.array[position.at] = number
+            constants.append((key, position, number))
+        elif position.kind == "option":
+            present = getattr(position.array, position.at)
+            setattr(position.array, position.at, like(present, key, _number(key, case[key])))
     if constants:
         mujoco.mj_setConst(model, mujoco.MjData(model))
-    for key, place, number in constants:
-        if place.array[place.at] != number:
+    for key, position, number in constants:
+        if position.array[position.at] != number:
             raise InputError(
                 f"{key!r} of the case cannot be chosen: MuJoCo derives it from others of {name}"
             )

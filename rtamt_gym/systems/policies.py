@@ -52,8 +52,8 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> S
         if not callable(baseline):
             raise InputError(f"{what} baseline: expected a scenario, which has one, got {env}")
         return lambda _seed: baseline
-    kind, colon, rest = text.partition(":")
-    if not (kind and colon and rest):
+    kind, colon, remainder = text.partition(":")
+    if not (kind and colon and remainder):
         raise InputError(
             f"{what}: expected random, zero, baseline, sb3:FILE.zip or module:function, got "
             f"{text!r}{_meant(text)}"
@@ -61,13 +61,13 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> S
     if kind == "sb3":
         from rtamt_gym.systems.models import load_policy
 
-        return load_policy(rest, env)
+        return load_policy(remainder, env)
     if kind.endswith(".py"):
         raise InputError(
             f"{what}: expected module:function, got the name of a file; write "
-            f"{kind.removesuffix('.py').replace('/', '.')}:{rest}"
+            f"{kind.removesuffix('.py').replace('/', '.')}:{remainder}"
         )
-    target = find_object(kind, rest)
+    target = find_object(kind, remainder)
     if isinstance(target, type):
         make = PolicyClass.of(target, f"{what} {text}")
         return lambda seed: _checked(text, make(seed), env.action_space)

@@ -42,11 +42,11 @@ def system_name(system: Any, folder: Path) -> dict[str, Any]:  # noqa: ANN401
         return _fmus_name(system, folder)
     path = import_path(system)
     if path is None:
-        what = getattr(system, "__qualname__", None) or f"a {type(system).__name__}"
+        phrase = getattr(system, "__qualname__", None) or f"a {type(system).__name__}"
         if isinstance(system, tuple | list):  # no other pair can run
-            what = "a pair (model, data)"
+            phrase = "a pair (model, data)"
         raise InputError(
-            f"cannot save a case of {what}, which no other program can import; {_WAY_OUT}"
+            f"cannot save a case of {phrase}, which no other program can import; {_WAY_OUT}"
         )
     return {"object": path}
 
@@ -64,7 +64,7 @@ def named_system(name: Mapping[str, Any], folder: Path) -> Any:  # noqa: ANN401
         case {"environment": str(env_id), **rest} if set(rest) <= {"arguments", "steps"}:
             return make(env_id, rest.get("steps"), rest.get("arguments"))
         case {"fmus": dict(paths), **rest}:
-            return Fmus({each: folder / path for each, path in paths.items()}, **rest)
+            return Fmus({key: folder / path for key, path in paths.items()}, **rest)
         case {"object": str(path), **rest} if not rest:
             return named_object(path)
     raise InputError(
@@ -118,10 +118,10 @@ def policy_text(policy: str) -> str:
         >>> policy_text("pilot:steer"), policy_text("zero"), policy_text("sb3:PPO:model.zip")
         ('pilot', '', 'PPO:model.zip, which is unpickled')
     """
-    kind, _, rest = policy.partition(":")
-    if not rest:
+    kind, _, remainder = policy.partition(":")
+    if not remainder:
         return ""
-    return f"{rest}, which is unpickled" if kind == "sb3" else kind
+    return f"{remainder}, which is unpickled" if kind == "sb3" else kind
 
 
 def import_path(thing: object) -> str | None:

@@ -63,9 +63,9 @@ def make(
         # An environment may raise any error for its arguments.
         arguments = ", ".join(f"{key}={value!r}" for key, value in options.items())
         # Gymnasium adds the id and the arguments to a TypeError.
-        what = str(error).partition(" was raised from the environment creator")[0]
+        phrase = str(error).partition(" was raised from the environment creator")[0]
         raise InputError(
-            f"cannot make {env_id} with {arguments}: {type(error).__name__}: {what}"
+            f"cannot make {env_id} with {arguments}: {type(error).__name__}: {phrase}"
         ) from error
 
 

@@ -151,7 +151,7 @@ class ModuleFiles:
 
     def _follow(self, name: str, root: Path) -> None:
         """Add a module that a module below ``root`` imports."""
-        top, *rest = name.split(".")
+        top, *remainder = name.split(".")
         if top in HOUSE:
             self.packages.add("rtamt")
             return
@@ -165,7 +165,7 @@ class ModuleFiles:
                 return
             root = outside or root
         folder, known = root, ""
-        for part in [top, *rest]:
+        for part in [top, *remainder]:
             spec = _found(folder, part)
             if spec is None:
                 return  # a name in a module
@@ -271,7 +271,7 @@ def model_files(path: Path) -> list[Path]:
     Files that do not exist are left out; so are references of a file that is not XML.
     """
     first = path.resolve()
-    found, waiting = {first: None}, [first]
+    result, waiting = {first: None}, [first]
     folders, names = [first.parent], []
     while waiting:
         current = waiting.pop()
@@ -281,10 +281,10 @@ def model_files(path: Path) -> list[Path]:
         # An included file may set the folders of names that came before.
         for parent, name in names:
             for file in _candidates([parent, *folders], name):
-                if file not in found:
-                    found[file] = None
+                if file not in result:
+                    result[file] = None
                     waiting.append(file)
-    return list(found)
+    return list(result)
 
 
 def _references(path: Path) -> tuple[list[str], list[str]]:

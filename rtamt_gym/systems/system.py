@@ -112,10 +112,10 @@ def whole_steps(whole: Fraction, step: Fraction, what: str, of: str) -> int:
     near = round(count)
     if abs(count - near) > near * _ROUNDING:
         less, more = math.floor(count) * step, math.ceil(count) * step
-        ways = f"{float(less):g} s or {float(more):g} s" if less else f"{float(more):g} s"
+        durations = f"{float(less):g} s or {float(more):g} s" if less else f"{float(more):g} s"
         raise InputError(
             f"the {what} {float(whole):g} s is not a multiple of the {of} {float(step):g} s "
-            f"({float(count):g} steps); use {ways}"
+            f"({float(count):g} steps); use {durations}"
         )
     return near
 

@@ -133,8 +133,8 @@ def _fields(value: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
         if isinstance(field, dict):
             yield from _fields(field, f"{name}.")
         elif isinstance(field, list):
-            for place, element in enumerate(field):
+            for index, element in enumerate(field):
                 if isinstance(element, int | float) or element is None:
-                    yield f"{name}[{place}]", element
+                    yield f"{name}[{index}]", element
         else:
             yield shown(name), field

@@ -242,17 +242,17 @@ class SampledGroup:
         held = self._held
         if empty.any():
             for row, (cells, gaps) in enumerate(zip(values, empty, strict=True)):
-                for place in np.nonzero(gaps)[0].tolist():
-                    name = self._rules.variables[place]
+                for index in np.nonzero(gaps)[0].tolist():
+                    name = self._rules.variables[index]
                     start = self._columns.starts.get(name)
-                    value = start if held is None else held[place]
+                    value = start if held is None else held[index]
                     if value is None:
                         raise RowFault(
                             row,
                             f"column '{self._columns.column(name)}': expected a number to hold, "
                             "got an empty cell; give --missing unknown",
                         )
-                    cells[place] = value
+                    cells[index] = value
                 held = cells.tolist()
         last: RowValues = values[-1].tolist()
         return last

@@ -68,8 +68,8 @@ class StreamRules:
         if places == [*range(len(self.variables))]:
             return _all_values
         if len(places) == 1:
-            (place,) = places
-            return lambda row: (row[place],)
+            (position,) = places
+            return lambda row: (row[position],)
         return itemgetter(*places) if places else lambda _: ()
 
     def values_text(self, variables: Sequence[str], row: RowValues) -> str:
@@ -116,7 +116,7 @@ class SampledState:
         """Yield the robustness after each sample, of which the next call takes one more."""
         if not self._places:
             return (self.update() for _ in range(len(values)))
-        return map(self.update, *(values[:, place].tolist() for place in self._places))
+        return map(self.update, *(values[:, position].tolist() for position in self._places))
 
     def decide(self, sample: int, row: RowValues) -> bool:
         """Note a decision; return whether the last sample has decided the verdict."""

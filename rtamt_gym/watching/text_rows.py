@@ -54,8 +54,8 @@ class TextRows:
 
     def choose(self, names: Sequence[str]) -> None:
         """Set the columns of all further blocks."""
-        place = {name: at for at, name in reversed([*enumerate(self.names)])}
-        self._wanted = [(name, place[name]) for name in names]
+        position = {name: index for index, name in reversed([*enumerate(self.names)])}
+        self._wanted = [(name, position[name]) for name in names]
 
     def finish(self) -> None:
         """Raise InputError if the names of the columns never came."""

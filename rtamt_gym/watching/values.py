@@ -211,9 +211,9 @@ class StreamColumns:
                 cells = block.columns[name]
                 read[name] = self._floats(cells, kinds[name], name, gaps=gaps, nan=nan)
         values = np.empty((count, len(self.variables)))
-        for place, name in enumerate(self.variables):
+        for index, name in enumerate(self.variables):
             column = columns.column(name)
-            values[:, place] = read[column] if name in self.there else columns.starts[name]
+            values[:, index] = read[column] if name in self.there else columns.starts[name]
         groups = None
         if self._by is not None:
             groups = [cell_text(cell).strip() for cell in block.columns[self._by]]
@@ -374,6 +374,6 @@ def _is_number(cell: str) -> bool:
 def without_place(error: InputError) -> str:
     """Return the text of an error without the line, which the caller adds."""
     text = str(error)
-    _, comma, rest = text.partition(", line ")
-    _, colon, fault = rest.partition(": ")
+    _, comma, remainder = text.partition(", line ")
+    _, colon, fault = remainder.partition(": ")
     return fault if comma and colon else text

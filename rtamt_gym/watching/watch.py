@@ -340,9 +340,9 @@ class StreamWatch:
         try:
             lines = trace.finish(end)
         except (InputError, RowFault) as error:
-            place = "" if trace.group is None else f"group {shown(trace.group)!r}: "
+            position = "" if trace.group is None else f"group {shown(trace.group)!r}: "
             source = "" if str(error).startswith(self._source) else f"{self._source}: "
-            self.failures.append(f"{place}{source}{error}")
+            self.failures.append(f"{position}{source}{error}")
             self._words.add("failed")
             return
         for line in lines:

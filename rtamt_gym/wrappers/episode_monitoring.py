@@ -55,8 +55,8 @@ class EpisodeMonitoring(Monitoring):
     @property
     def first_violation(self) -> tuple[str, int] | None:
         """The specification that was violated first, and the sample that showed it."""
-        name, at = self._panel.violated_by, self._panel.violated_at
-        return None if name is None or at is None else (name, at)
+        name, sample = self._panel.violated_by, self._panel.violated_at
+        return None if name is None or sample is None else (name, sample)
 
     @property
     def samples(self) -> int:
@@ -102,7 +102,7 @@ class EpisodeMonitoring(Monitoring):
             0.12 s   -0.122779  theta
         """
         pairs = self._panel.monitors
-        robustness = {each: judge.robustness for each, (_, judge) in pairs.items()}
+        robustness = {key: judge.robustness for key, (_, judge) in pairs.items()}
         name = chosen(name, robustness, self._panel.violated_by)
         source, judge = pairs[name]
         root = judge.specification.formula
@@ -162,8 +162,10 @@ class EpisodeMonitoring(Monitoring):
         if newest is None:
             return self._signals
         return [
-            _Recorded(each.name, each.reads, each.default, each.row, each.refuses_nan, newest)
-            for each in self._signals
+            _Recorded(
+                signal.name, signal.reads, signal.default, signal.row, signal.refuses_nan, newest
+            )
+            for signal in self._signals
         ]
 
     def _resume(self) -> None:

@@ -209,8 +209,8 @@ class Monitoring(Observing):
         if options is None or "constants" not in options:
             self._refuse_constants_around()
             return options, self._next
-        rest = {name: value for name, value in options.items() if name != "constants"}
-        return rest or None, self._change(options["constants"])
+        remainder = {name: value for name, value in options.items() if name != "constants"}
+        return remainder or None, self._change(options["constants"])
 
     def _refuse_constants_around(self) -> None:
         """Refuse other values of constants in an attribute of an outer wrapper.
@@ -239,7 +239,7 @@ class Monitoring(Observing):
         """
         if not unended or self._warned_of_unseen_end:
             return
-        around = next((each for each in wrappers_around(self) if _can_end(each)), None)
+        around = next((item for item in wrappers_around(self) if _can_end(item)), None)
         if around is not None:
             self._warned_of_unseen_end = True
             warning = UnseenEndWarning(type(self).__name__, type(around).__name__)
@@ -455,11 +455,11 @@ def _differs(values: Mapping[Any, Any], held: Constants) -> bool:
 
 def _sizes(operators: list[list[Obligation]]) -> list[list[int]]:
     """Return the number of operands of each operator, which sets the length of observations."""
-    return [[len(each.operands) for each in of_spec] for of_spec in operators]
+    return [[len(item.operands) for item in of_spec] for of_spec in operators]
 
 
 def _listed(operators: list[list[Obligation]]) -> str:
-    return ", ".join(str(each.formula) for of_spec in operators for each in of_spec) or "none"
+    return ", ".join(str(item.formula) for of_spec in operators for item in of_spec) or "none"
 
 
 def _refuse_monitored(env: Any) -> None:

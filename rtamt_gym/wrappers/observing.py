@@ -268,10 +268,10 @@ class StateFeatures:
         left = [time_left(sample, horizon) for horizon in self.horizons]
         owed = None if self.operators is None else values.owed
         rows: list[Any] = []
-        for place, state in enumerate(zip(*numbers, left, values.verdicts, strict=True)):
+        for index, state in enumerate(zip(*numbers, left, values.verdicts, strict=True)):
             rows += state
-            weight = self.weights[place]
-            for clock, margins in () if owed is None else owed[place]:
+            weight = self.weights[index]
+            for clock, margins in () if owed is None else owed[index]:
                 rows += [clock, *scaled(margins, [weight] * len(margins), self.clip)]
         return rows
 
@@ -281,13 +281,13 @@ class StateFeatures:
         owed: Sequence[Iterable[Owed]] | None = None if self.operators is None else values.owed
         robustness = values.judged if self.whole else values.robustness
         shown = (robustness, values.lower, values.upper)
-        for place, weight in enumerate(self.weights):
+        for index, weight in enumerate(self.weights):
             for column in shown:
-                number = weight * column[place]
+                number = weight * column[index]
                 numbers.append(low if number < low else high if number > high else number)  # noqa: FURB136
-            numbers.append(time_left(values.samples - 1.0, self.horizons[place]))
-            numbers.append(values.verdicts[place])
-            for clock, margins in () if owed is None else owed[place]:
+            numbers.append(time_left(values.samples - 1.0, self.horizons[index]))
+            numbers.append(values.verdicts[index])
+            for clock, margins in () if owed is None else owed[index]:
                 numbers.append(clock)
                 for margin in margins:
                     number = weight * margin

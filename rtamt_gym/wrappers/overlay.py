@@ -136,7 +136,7 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
         if not isinstance(frames, list):
             return self._drawn(frames, sights) if sights else frames
         # The last frame shows the newest sample.
-        counts = [len(sights) - len(frames) + at + 1 for at in range(len(frames))]
+        counts = [len(sights) - len(frames) + index + 1 for index in range(len(frames))]
         return [
             self._drawn(frame, sights[max(count - _PAST, 0) : count]) if count > 0 else frame
             for frame, count in zip(frames, counts, strict=True)
@@ -148,7 +148,7 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
             specs = list(self._scales)
             panel = OverlayPanel(specs, self._shown, width, height, self._place)
             self._panel = (height, width), panel
-        start = max(at for at, sight in enumerate(sights) if at == 0 or sight.sample == 0)
+        start = max(index for index, sight in enumerate(sights) if index == 0 or sight.sample == 0)
         return self._panel[1].draw(frame, sights[start:])
 
     def _record(self) -> None:
@@ -156,7 +156,7 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
         monitor, gauges, of_instant = self._monitor, [], False
         for name, state in monitor.describe().items():
             robustness, lower, upper = state["robustness"], state["lower"], state["upper"]
-            sizes = [abs(each) for each in (robustness, lower, upper) if math.isfinite(each)]
+            sizes = [abs(number) for number in (robustness, lower, upper) if math.isfinite(number)]
             if (most := max(sizes, default=0.0)) > self._scales[name]:
                 self._scales[name] = _rounded(most)
             scale = self._scales[name] or 1.0
@@ -362,11 +362,11 @@ class OverlayPanel:
             self._text(draw, right, y, shown or _number(gauge.robustness), colour, "r")
         cell = (self._width - gap) / self._columns
         names = min(0.35 * cell, max(map(self._font.getlength, self._signals), default=0.0))
-        for at, name in enumerate(self._signals):
-            y += self._row if at % self._columns == 0 else 0
-            x = left + cell * (at % self._columns)
+        for index, name in enumerate(self._signals):
+            y += self._row if index % self._columns == 0 else 0
+            x = left + cell * (index % self._columns)
             self._text(draw, x, y, self._fitted(name, names), _GREY)
-            values = [sight.values[at] for sight in sights[-int(cell) :]]
+            values = [sight.values[index] for sight in sights[-int(cell) :]]
             self._curve(draw, x + names, y, cell - names - 2 * gap, values)
 
     def _bar(
@@ -410,8 +410,8 @@ class OverlayPanel:
         base = y + (0.85 if high > low else 0.5) * self._row
         step = min(room / (len(recent) - 1), 4.0)
         line = [
-            (left + step * at, base - tall * (value - low) / span)
-            for at, value in recent
+            (left + step * sample, base - tall * (value - low) / span)
+            for sample, value in recent
             if math.isfinite(value)
         ]
         draw.line(line, fill=_BOUNDS)

@@ -230,10 +230,10 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
             for spec, state in states.items()
             if not of_instant and violated_by_end(Verdict[state["verdict"]], state["robustness"])
         ]
-        at = None if sample is None or monitor.period is None else float(sample * monitor.period)
+        time = None if sample is None or monitor.period is None else float(sample * monitor.period)
         return {
             "violated_by": name,
-            "violated_at": at,
+            "violated_at": time,
             "sample": sample,
             "robustness": {spec: _strict(state["robustness"]) for spec, state in states.items()},
             "verdict": {spec: state["verdict"] for spec, state in states.items()},

@@ -172,7 +172,7 @@ def find_or_make(
         InputError: If the environment has no monitor and the arguments describe none, or if it has
             one and the arguments describe another.
     """
-    what = f"{'a' if kind.__name__.startswith('V') else 'an'} {kind.__name__}"
+    phrase = f"{'a' if kind.__name__.startswith('V') else 'an'} {kind.__name__}"
     required = {"specs": specs, "signals": signals}
     within = env
     while isinstance(within, gym.Wrapper | VectorWrapper) or hasattr(within, "possible_agents"):
@@ -187,14 +187,14 @@ def find_or_make(
             if names:
                 raise InputError(
                     f"{', '.join(f'{name}=' for name in names)} would describe a second "
-                    f"monitor, but the environment has {what}; give them to that one"
+                    f"monitor, but the environment has {phrase}; give them to that one"
                 )
             return env, within
         within = getattr(within, "env", None)
     for name, value in required.items():
         if value is None and not (name == "signals" and own_signals(env)):
             raise InputError(
-                f"expected {name}=, or an environment with {what}, got neither; such as "
+                f"expected {name}=, or an environment with {phrase}, got neither; such as "
                 'specs="always(x > 0)", signals={"x": "obs[0]"}'
             )
     make: Any = kind

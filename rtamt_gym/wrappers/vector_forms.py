@@ -317,4 +317,4 @@ def _last_infos(infos: dict[str, Any], ended: Any) -> list[dict[str, list[float]
     for name, outcome in last["stl_episode"].items():
         if not name.startswith("_"):
             columns |= {f"{name}/{key}": outcome[key] for key in ("satisfied", "robustness")}
-    return [{f"stl/{key}": each[ended].astype(float).tolist() for key, each in columns.items()}]
+    return [{f"stl/{key}": column[ended].astype(float).tolist() for key, column in columns.items()}]

@@ -410,10 +410,10 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
     def _finish(self, terminated: Lanes, truncated: Lanes) -> None:
         """Evaluate the environments' own ends."""
         panel, names = self._panel, list(self._panel.monitors)
-        at, undecided = terminated.nonzero()[0], None
+        index, undecided = terminated.nonzero()[0], None
         windows: frozenset[str] = frozenset()
-        if self._warns_of_open_end and len(at):
-            undecided = panel.undecided(at)
+        if self._warns_of_open_end and len(index):
+            undecided = panel.undecided(index)
             if np.count_nonzero(undecided):
                 windows = panel.cut_windows(terminated)
             else:
@@ -422,27 +422,27 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         if np.count_nonzero(truncated):
             panel.finish(truncated & ~terminated, self._at_truncation)
         if undecided is not None:
-            held = np.flatnonzero((undecided & panel.satisfied(at)).any(axis=1))
-            self._assumed = assumed([names[place] for place in held], windows)
+            held = np.flatnonzero((undecided & panel.satisfied(index)).any(axis=1))
+            self._assumed = assumed([names[position] for position in held], windows)
 
     def _conclude(
         self, infos: dict[str, Any], ended: Lanes, terminated: Any, truncated: Any
     ) -> None:
         """Add the keys of last infos, and record the episodes."""
-        panel, at = self._panel, ended.nonzero()[0]
-        outcomes, success, undecided = panel.ends(at)
-        violated = panel.any_violated(at)
-        violation = outcomes, violated, panel.violated_by(at), panel.violated_at.take(at)
+        panel, index = self._panel, ended.nonzero()[0]
+        outcomes, success, undecided = panel.ends(index)
+        violated = panel.any_violated(index)
+        violation = outcomes, violated, panel.violated_by(index), panel.violated_at.take(index)
         own: Lanes | None = None
-        has_own = np.zeros(len(at), np.bool_)
+        has_own = np.zeros(len(index), np.bool_)
         if "is_success" in infos:
             own = key_mask(infos, "is_success", self.num_envs)
-            has_own = own.take(at)
+            has_own = own.take(index)
             self._seen_success |= bool(has_own.any())
         last = last_info(*violation, success, undecided, has_own)
-        put_last(infos, last, at, ended, own, panel.spread)
-        flags = np.asarray(terminated).take(at), np.asarray(truncated).take(at)
-        self._episodes.append(at, record(*violation, panel.samples.take(at), *flags))
+        put_last(infos, last, index, ended, own, panel.spread)
+        flags = np.asarray(terminated).take(index), np.asarray(truncated).take(index)
+        self._episodes.append(index, record(*violation, panel.samples.take(index), *flags))
 
     def _abandon(self, lanes: Lanes) -> bool:
         """Record running episodes in these environments as truncated; return if there are any."""
@@ -453,13 +453,13 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         cut = lanes & (panel.samples > 1)
         if self._done is not None:
             cut &= ~self._done
-        at = cut.nonzero()[0]
-        if len(at) == 0:
+        index = cut.nonzero()[0]
+        if len(index) == 0:
             return False
         panel.finish(cut, self._at_truncation)
-        violated = panel.any_violated(at)
-        ends = panel.outcomes(at), violated, panel.violated_by(at), panel.violated_at[at]
-        self._episodes.append(at, record(*ends, panel.samples[at], ~cut[at], cut[at]))
+        violated = panel.any_violated(index)
+        ends = panel.outcomes(index), violated, panel.violated_by(index), panel.violated_at[index]
+        self._episodes.append(index, record(*ends, panel.samples[index], ~cut[index], cut[index]))
         return True
 
 

@@ -113,22 +113,22 @@ def diagnose(
         if StlParser.OPEN_INTERVAL not in expected or before.text == "in":
             return _in_range(text, token, expected)
         token, expected, rule = before, frozenset({StlParser.END}), "declaration"
-    at = token.tokenIndex
-    first = max((i + 1 for i in range(at) if tokens[i].type == StlParser.END), default=0)
-    if at == first:
+    index = token.tokenIndex
+    first = max((i + 1 for i in range(index) if tokens[i].type == StlParser.END), default=0)
+    if index == first:
         return _at_start(text, token)
-    before = tokens[at - 1]
+    before = tokens[index - 1]
     head = tokens[first]
-    if head.type == StlParser.AT and at > first + 1 and tokens[first + 1].text == "id":
+    if head.type == StlParser.AT and index > first + 1 and tokens[first + 1].text == "id":
         return _in_id(text, tokens[first:], token, expected)
-    pair = at - first >= 2 and head.type == tokens[first + 1].type == StlParser.NAME
+    pair = index - first >= 2 and head.type == tokens[first + 1].type == StlParser.NAME
     typed = head.text in PRIMITIVES or (pair and any(t.type == StlParser.FROM for t in tokens))
-    if head.type in _HEADS or (typed and (pair or at == first + 1)):
-        reason, hint = _in_declaration(token, expected, named=at == first + 1)
+    if head.type in _HEADS or (typed and (pair or index == first + 1)):
+        reason, hint = _in_declaration(token, expected, named=index == first + 1)
         return fail(text, token, reason, hint or _HEADS.get(head.type, ""))
     if pair and rule not in ("expression", "operand"):
         return _no_operator(text, head, tokens[first + 1], bracketed=False)
-    if before.type in _OPERANDS and (StlParser.NUMBER not in expected or at == first + 1):
+    if before.type in _OPERANDS and (StlParser.NUMBER not in expected or index == first + 1):
         return _no_operator(text, before, token, bracketed=rule == "operand")
     return _no_operand(text, before, token)
 

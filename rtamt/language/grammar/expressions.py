@@ -107,9 +107,9 @@ class TreeBuilder:
     def build(self, first: int, last: int) -> Node:
         """Return the tree of the tokens from first to last: a term or a formula."""
         operand_next = True
-        at = first
-        while at <= last:
-            token = self.tokens[at]
+        index = first
+        while index <= last:
+            token = self.tokens[index]
             kind = token.type
             if kind in _LEAVES:
                 self._values.append(self._leaf(token))
@@ -118,7 +118,7 @@ class TreeBuilder:
                 self._push(None, 0, token)
             elif kind == StlParser.FUNCTION:
                 self._push(OPERATORS.spellings[token.text, "call"], 0, token)
-                at += 1  # its bracket
+                index += 1  # its bracket
             elif kind == StlParser.COMMA:
                 self._reduce(1)
                 operand_next = True
@@ -131,9 +131,9 @@ class TreeBuilder:
                     self._push(row, row.precedence, token)
                 else:
                     self._infix(OPERATORS.spellings[token.text, "infix"], token)
-                at = self._interval(at)
+                index = self._interval(index)
                 operand_next = True
-            at += 1
+            index += 1
         self._reduce(1)
         return self._values.pop()
 
@@ -208,19 +208,19 @@ class TreeBuilder:
         names = " and ".join(dict.fromkeys(f"'{t.text}'" for t in tokens[:2]))
         does = "do" if tokens[0].text != tokens[1].text else "does"
         if row.operands == "term":
-            ways = f"({p} {first} {q}) and ({q} {second} {r})"
+            forms = f"({p} {first} {q}) and ({q} {second} {r})"
         else:
-            ways = f"({p} {first} {q}) {second} {r} or {p} {first} ({q} {second} {r})"
-        return self._fail(tokens[1], f"{names} {does} not chain; write {ways}")
+            forms = f"({p} {first} {q}) {second} {r} or {p} {first} ({q} {second} {r})"
+        return self._fail(tokens[1], f"{names} {does} not chain; write {forms}")
 
     def _spelled(self, token: Token) -> str:
         """Return an operator with its interval, as it stands in the text."""
         last = token
         if self.tokens[token.tokenIndex + 1].type == StlParser.OPEN_INTERVAL:
-            at = token.tokenIndex + 2
-            while self.tokens[at].type not in _CLOSING:
-                at += 1
-            last = self.tokens[at]
+            index = token.tokenIndex + 2
+            while self.tokens[index].type not in _CLOSING:
+                index += 1
+            last = self.tokens[index]
         return self.text[token.start : last.stop + 1]
 
     def _interval(self, at: int) -> int:

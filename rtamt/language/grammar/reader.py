@@ -382,9 +382,9 @@ class TextReader:
         return formula
 
     def _check_free(self, name: Token) -> None:
-        for what, names in (("formula", self._formulas), ("constant", self.constants)):
+        for phrase, names in (("formula", self._formulas), ("constant", self.constants)):
             if name.text in names:
-                reason = f"'{name.text}' already names a {what}"
+                reason = f"'{name.text}' already names a {phrase}"
                 raise self._fail(name, reason, "choose another name")
         self._check_field(name)
 
@@ -414,10 +414,12 @@ class TextReader:
         if message in self._declared and message != token.text:
             kind = self._declarations[message].type
             if kind in PRIMITIVES:
-                rest = token.text[len(message) :]
-                what = "element" if rest[0] == "[" else "field"
-                reason = f"'{message}' is a {kind} and has no {what} '{rest.removeprefix('.')}'"
-                hint = f"only variables of imported types have {what}s; '{message}' is the whole"
+                remainder = token.text[len(message) :]
+                phrase = "element" if remainder[0] == "[" else "field"
+                reason = (
+                    f"'{message}' is a {kind} and has no {phrase} '{remainder.removeprefix('.')}'"
+                )
+                hint = f"only variables of imported types have {phrase}s; '{message}' is the whole"
                 raise self._fail(token, reason, hint)
         return message
 

@@ -216,8 +216,8 @@ class _Scanner:
 
         A bracket that begins the text is refused whatever this says.
         """
-        at = next(i for i in range(len(self.tokens) - 1, -1, -1) if self.tokens[i] is opened)
-        return self.tokens[at - 1].type == StlParser.NAME
+        index = next(i for i in range(len(self.tokens) - 1, -1, -1) if self.tokens[i] is opened)
+        return self.tokens[index - 1].type == StlParser.NAME
 
     def _count(self, token: Token) -> None:
         if not self.brackets or self.brackets[-1].type != StlParser.OPEN_INTERVAL:
@@ -269,12 +269,12 @@ class _Stream:
     def LT(self, k: int) -> Token | None:  # noqa: N802 - the names are ANTLR's
         if k == 1:  # most calls; ANTLR does not consume the last token
             return self.tokens[self.index]
-        at = self.index + (k - 1 if k > 0 else k)
-        return self.tokens[min(at, len(self.tokens) - 1)] if at >= 0 else None
+        index = self.index + (k - 1 if k > 0 else k)
+        return self.tokens[min(index, len(self.tokens) - 1)] if index >= 0 else None
 
     def LA(self, k: int) -> int:  # noqa: N802
-        at = self.index if k == 1 else min(self.index + k - 1, len(self.tokens) - 1)
-        return self.tokens[at].type
+        index = self.index if k == 1 else min(self.index + k - 1, len(self.tokens) - 1)
+        return self.tokens[index].type
 
     def get(self, index: int) -> Token:
         return self.tokens[index]

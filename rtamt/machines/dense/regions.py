@@ -329,8 +329,10 @@ class RegionFuture(RegionStream):
         shape = [1] * elements[0].ndim
         shape[self.axis or 0] = 2
         u = np.broadcast_to(np.array([-INF, INF]).reshape(shape), (*self.corners, 1))
-        rest = (*(np.full_like(u, e) for e in self._fold.identity[:-1]), u)
-        both = tuple(np.concatenate([a, b], axis=-1) for a, b in zip(elements, rest, strict=True))
+        remainder = (*(np.full_like(u, e) for e in self._fold.identity[:-1]), u)
+        both = tuple(
+            np.concatenate([a, b], axis=-1) for a, b in zip(elements, remainder, strict=True)
+        )
         return Runs(starts, (suffixes(self._fold, both)[-1][..., :-1].copy(),))
 
     def _look(self, world: int, begin: int, t: int, unknowns: Array) -> Runs:

@@ -372,8 +372,8 @@ class Sliding(_Window):
         ends = world == NOW or world in self._skipping  # with the last sample
         last = min(end + self._hi, self.t if ends else self.t + operands.past)
         elements = operands.seen(world, begin + self._lo, last)
-        rest = self._fold.identity if ends else operands.tail(world)
-        return slide(self._fold, elements, rest, self._hi - self._lo + 1, end - begin + 1)
+        remainder = self._fold.identity if ends else operands.tail(world)
+        return slide(self._fold, elements, remainder, self._hi - self._lo + 1, end - begin + 1)
 
 
 class UnboundedFuture(_Window):
@@ -397,7 +397,7 @@ class UnboundedFuture(_Window):
 
     def _folds(self, world: int, begin: int, end: int) -> list[float]:
         ends = world in CUT or world in self._skipping  # with the last sample
-        rest = self._fold.identity if ends else self._operands.tail(world)
-        folds = suffixes(self._fold, self._operands.seen(world, begin, end), rest)
+        remainder = self._fold.identity if ends else self._operands.tail(world)
+        folds = suffixes(self._fold, self._operands.seen(world, begin, end), remainder)
         self.unknowns[world][self.unknown] = folds[0][-1]
         return [fold[-1] for fold in folds[:-1]]

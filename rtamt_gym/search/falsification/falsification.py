@@ -194,8 +194,8 @@ class Falsification:
                     f"cannot save the case: {listed(changes)} since the search; search again"
                 )
         # The search stops a run that cannot become the closest, once enough of it is known.
-        whole = self.row.ended != "known"
-        row = self.row if whole else self.replay().trial(self.input)
+        complete = self.row.ended != "known"
+        row = self.row if complete else self.replay().trial(self.input)
         names = {"system": system, "policy": policy}
         SavedCase.of(self._runner, self.requirement, row, Path(path).parent, **names).save(path)
 
@@ -231,9 +231,9 @@ class Falsification:
         )
 
     def __repr__(self) -> str:
-        what = f"falsified{self._how}" if self.falsified else "not falsified"
+        phrase = f"falsified{self._how}" if self.falsified else "not falsified"
         return (
-            f"<Falsification: {self.requirement} of {self.record.system} {what}, "
+            f"<Falsification: {self.requirement} of {self.record.system} {phrase}, "
             f"{counted(self.simulations, 'simulation')}"
             f"{f', {self.failed} failed' if self.failed else ''}, "
             f"robustness {number(self.robustness)}>"

@@ -174,21 +174,21 @@ def falsify(
     runner = make(requirements, "violation")
     specs = runner.requirements
     varied = space_of(runner, space, "falsify")
-    rest = Case(fixed or {})
-    if both := next((each for each in rest if each in varied.entries), None):
+    remainder = Case(fixed or {})
+    if both := next((key for key in remainder if key in varied.entries), None):
         raise InputError(f"expected {both!r} varied or fixed, got both")
-    check_columns([*varied.columns, *rest.columns()], specs)
+    check_columns([*varied.columns, *remainder.columns()], specs)
     of_optimizer, of_search = np.random.SeedSequence(seed).spawn(2)
     rng = np.random.default_rng(of_search)
     # A monitor that the system has gives its specifications, and so its signals and reading too.
     again = partial(make, signals=runner.signals, judged=runner.evaluation_options)
-    texts = {each: str(spec.standalone()) for each, spec in specs.items()}
+    texts = {key: str(spec.standalone()) for key, spec in specs.items()}
     scaling = _scales(scales, specs)
     fingerprint = runner.fingerprint()
     kept = None
     if folder is not None:
         about: dict[str, Any] = {"space": written_space(varied)}
-        about |= {"fixed": json.loads(rest.to_json()), "optimizer": name, "seed": seed}
+        about |= {"fixed": json.loads(remainder.to_json()), "optimizer": name, "seed": seed}
         identity = {
             **Recipe(runner).identity(texts),
             **about,
@@ -199,7 +199,7 @@ def falsify(
         )
         kept = KeptSearch(opened, name)
     search = Search(
-        *(again, runner, varied, rest, budget, seed, rng, scaling),
+        *(again, runner, varied, remainder, budget, seed, rng, scaling),
         elsewhere=None if here else elsewhere,
         kept=kept,
     )
@@ -233,8 +233,8 @@ def falsify(
         )
 
     try:
-        what = f"falsification of {runner.name}"
-        with shown_progress(what, budget if progress else 0, "run") as search.advance:
+        phrase = f"falsification of {runner.name}"
+        with shown_progress(phrase, budget if progress else 0, "run") as search.advance:
             try:
                 with suppress(SearchOver):
                     _optimize(chosen, name, search, np.random.default_rng(of_optimizer))

@@ -65,14 +65,14 @@ class KeptSearch:
         for numbers, rows, also in folder.parts():
             kept = also[_SEARCH]
             worth = zip(kept["least"], kept["values"], kept["violated"], strict=True)
-            for number, row, each in zip(numbers, rows, worth, strict=True):
-                self._known[number] = Valued(row, *each)
+            for number, row, valued in zip(numbers, rows, worth, strict=True):
+                self._known[number] = Valued(row, *valued)
             self.scales = kept["scales"] if self.scales is None else self.scales
         self._stored = frozenset(self._known)
 
     def forget(self) -> None:
         """Discard simulations before the scales were known, unless one ended the search."""
-        if all(each.violated is None for each in self._known.values()):
+        if all(valued.violated is None for valued in self._known.values()):
             self._known.clear()
 
     def known(self, number: int, case: Case) -> Valued | None:
@@ -81,16 +81,16 @@ class KeptSearch:
         Raises:
             InputError: If it had another case: the optimizer asks for other points than before.
         """
-        found = self._known.get(number)
-        if found is not None and found.row.case != case:
+        result = self._known.get(number)
+        if result is not None and result.row.case != case:
             raise InputError(
                 f"{self._folder.path} holds another input as simulation {number + 1}: the "
                 f"optimizer {self._optimizer} asks for other points than before with the same "
                 "seed, so that the search cannot go on; give another folder"
             )
-        if found is not None and number in self._stored:
+        if result is not None and number in self._stored:
             self.reused.add(number)
-        return found
+        return result
 
     def reuse(self, total: int) -> Reuse:
         """Return how many of all simulations were stored before, for the provenance."""
@@ -98,16 +98,16 @@ class KeptSearch:
 
     def add(self, found: Mapping[int, Valued]) -> None:
         """Keeps finished simulations, by their numbers; writes them soon."""
-        self._waiting |= {i: each for i, each in found.items() if i not in self._known}
+        self._waiting |= {i: valued for i, valued in found.items() if i not in self._known}
         if self._waiting and time.monotonic() - self._since > _SECONDS:
             self.write()
 
     def write(self) -> None:
         """Writes the simulations that wait for it."""
         if self._waiting:
-            found = sorted(self._waiting.items())
-            rows = [(number, each.row) for number, each in found]
-            self._folder.add(rows, self._also([each for _, each in found]))
+            result = sorted(self._waiting.items())
+            rows = [(number, valued.row) for number, valued in result]
+            self._folder.add(rows, self._also([valued for _, valued in result]))
             self._known |= self._waiting
             self._waiting.clear()
         self._since = time.monotonic()
@@ -132,9 +132,9 @@ class KeptSearch:
     def _also(self, found: list[Valued]) -> dict[str, Any]:
         return {
             _SEARCH: {
-                "least": [each.least for each in found],
-                "values": [each.value for each in found],
-                "violated": [each.violated for each in found],
+                "least": [valued.least for valued in found],
+                "values": [valued.value for valued in found],
+                "violated": [valued.violated for valued in found],
                 "scales": None if self.scales is None else dict(self.scales),
             }
         }

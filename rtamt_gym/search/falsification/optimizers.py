@@ -159,6 +159,6 @@ def optimizers() -> Mapping[str, Optimizer]:
 def described() -> str:
     """A sentence about each optimizer, the first line of its docstring."""
     return "; ".join(
-        f"{name}: {(inspect.getdoc(each) or 'no docstring').partition(chr(10))[0].rstrip('.')}"
-        for name, each in optimizers().items()
+        f"{name}: {(inspect.getdoc(optimizer) or 'no docstring').partition(chr(10))[0].rstrip('.')}"
+        for name, optimizer in optimizers().items()
     )

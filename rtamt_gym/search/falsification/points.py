@@ -55,7 +55,7 @@ def extremes(groups: Sequence[slice]) -> Iterator[Floats]:
     combinations equally often, then the rest. With up to 15 inputs, the first 16 corners hold every
     combination of every two.
     """
-    sizes = [_size(each) for each in groups]
+    sizes = [_size(group) for group in groups]
     count = len(groups)
     seen = set()
     first = [(0.0,) * count, (1.0,) * count]

@@ -89,7 +89,7 @@ class _Starts:
 
     def take(self) -> Floats:
         """The best point, which is taken out."""
-        at = int(self._values.argmin())
-        self._values[at] = math.inf
-        point: Floats = self._points[at]
+        index = int(self._values.argmin())
+        self._values[index] = math.inf
+        point: Floats = self._points[index]
         return point

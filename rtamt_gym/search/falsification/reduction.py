@@ -79,14 +79,14 @@ def _fewer_points(signal: Signal, budget: _Budget) -> None:
     for value in dict.fromkeys([_mean(wave), *wave.values]):
         if len(wave.values) > 1 and budget.attempt(signal.name, Waveform([0.0], [value])):
             return
-    at = len(wave.values) - 1
-    while at >= 0:
+    index = len(wave.values) - 1
+    while index >= 0:
         wave = budget.case[signal.name]
         assert isinstance(wave, Waveform)  # noqa: S101
-        fewer = _without(wave, at)
+        fewer = _without(wave, index)
         if fewer is not None:
             budget.attempt(signal.name, fewer)
-        at -= 1
+        index -= 1
 
 
 def _without(wave: Waveform, at: int) -> Waveform | None:
@@ -113,11 +113,11 @@ def _fewer_digits(entry: Signal | Parameter, budget: _Budget) -> None:
             if budget.attempt(entry.name, value):
                 return
         return
-    for at in range(len(now.values)):
+    for index in range(len(now.values)):
         wave = budget.case[entry.name]
         assert isinstance(wave, Waveform)  # noqa: S101
-        for value in _rounded(wave.values[at], entry):
-            values = [*wave.values[:at], value, *wave.values[at + 1 :]]
+        for value in _rounded(wave.values[index], entry):
+            values = [*wave.values[:index], value, *wave.values[index + 1 :]]
             if budget.attempt(entry.name, Waveform(wave.times, values, wave.interpolation)):
                 break
 
@@ -128,9 +128,9 @@ def _rounded(value: float, entry: Signal | Parameter) -> Iterator[float]:
         return
     # The range sets the first digit: 0.0031 in a range up to 100 is 0.
     size = max(abs(entry.low), abs(entry.high))
-    place = math.floor(math.log10(size)) if size else 0
+    position = math.floor(math.log10(size)) if size else 0
     for digits in _DIGITS:
-        number = round(value, digits - 1 - place) + 0.0
+        number = round(value, digits - 1 - position) + 0.0
         if number == value:
             return
         if entry.low <= number <= entry.high:

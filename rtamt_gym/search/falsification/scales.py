@@ -20,7 +20,7 @@ __all__ = ["given_scales", "in_scales", "needs_scales", "spreads"]
 
 def needs_scales(specs: Iterable[Specification]) -> bool:
     """Whether some predicates read other variables than others do, and so may have other units."""
-    return len({_variables(each) for spec in specs for each in _predicates([spec])}) > 1
+    return len({_variables(predicate) for spec in specs for predicate in _predicates([spec])}) > 1
 
 
 def given_scales(
@@ -32,8 +32,8 @@ def given_scales(
         SpecificationError: If a name is not a formula.
         InputError: If a name is not a predicate of a requirement, or a scale is not positive.
     """
-    known = [str(each) for each in _predicates(specs.values())]
-    found = {}
+    known = [str(predicate) for predicate in _predicates(specs.values())]
+    result = {}
     for text, scale in scales.items():
         name = str(rtamt.parse(text).formula)
         if name not in known:
@@ -41,8 +41,8 @@ def given_scales(
                 f"scales= names an unknown predicate {text!r}; the predicates are "
                 f"{listing(known)}{nearest(name, known)}"
             )
-        found[name] = check_number(f"scales[{text!r}]", scale)
-    return found
+        result[name] = check_number(f"scales[{text!r}]", scale)
+    return result
 
 
 def spreads(
@@ -57,18 +57,18 @@ def spreads(
     low = dict.fromkeys(predicates, math.inf)
     high = dict.fromkeys(predicates, -math.inf)
     for trace in traces:
-        for each in predicates:
-            heights = rtamt.evaluate(each, trace.signals, n=trace.samples, nan="hold")
+        for predicate in predicates:
+            heights = rtamt.evaluate(predicate, trace.signals, n=trace.samples, nan="hold")
             heights = heights[np.isfinite(heights)]
             if len(heights):
-                low[each] = min(low[each], float(heights.min()))
-                high[each] = max(high[each], float(heights.max()))
-    found: dict[tuple[str, ...], float] = {}
-    for each in predicates:
-        spread = high[each] - low[each]
+                low[predicate] = min(low[predicate], float(heights.min()))
+                high[predicate] = max(high[predicate], float(heights.max()))
+    result: dict[tuple[str, ...], float] = {}
+    for predicate in predicates:
+        spread = high[predicate] - low[predicate]
         if 0 < spread < math.inf:
-            found[_variables(each)] = max(found.get(_variables(each), 0.0), spread)
-    shared = {str(each): found.get(_variables(each)) for each in predicates}
+            result[_variables(predicate)] = max(result.get(_variables(predicate), 0.0), spread)
+    shared = {str(predicate): result.get(_variables(predicate)) for predicate in predicates}
     return {text: float(f"{scale:.3g}") for text, scale in shared.items() if scale is not None}
 
 
@@ -80,7 +80,11 @@ def in_scales(
 
 
 def _in_scales(spec: Specification, scales: Mapping[str, float]) -> Specification:
-    own = {each: scales[str(each)] for each in _predicates([spec]) if str(each) in scales}
+    own = {
+        predicate: scales[str(predicate)]
+        for predicate in _predicates([spec])
+        if str(predicate) in scales
+    }
     formula = spec.scaled(own).formula
     # Named formulas of the text are not part of the new one.
     bare = replace(
@@ -90,7 +94,7 @@ def _in_scales(spec: Specification, scales: Mapping[str, float]) -> Specificatio
 
 
 def _predicates(specs: Iterable[Specification]) -> list[Formula]:
-    return list(dict.fromkeys(each for spec in specs for each in spec.predicates()))
+    return list(dict.fromkeys(predicate for spec in specs for predicate in spec.predicates()))
 
 
 def _variables(formula: Formula) -> tuple[str, ...]:

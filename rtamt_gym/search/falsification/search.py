@@ -149,8 +149,8 @@ class Search:
     def valued(self) -> list[Valued]:
         """The simulations so far, with their values."""
         violated = [None] * len(self.rows)
-        found = zip(self.rows, self._least, self.values, violated, strict=True)
-        listed = [Valued(*each) for each in found]
+        result = zip(self.rows, self._least, self.values, violated, strict=True)
+        listed = [Valued(*entry) for entry in result]
         if self.violated is not None:
             listed[-1] = listed[-1]._replace(violated=self.violated)
         return listed
@@ -208,7 +208,7 @@ class Search:
                 seed = self.rows[bases[index]].seed
                 seeds = None if seed is None else [seed] * len(cases)
                 rows = dict(runner.run(cases, seeds))
-                return [self._result(rows[place]) for place in range(len(cases))]
+                return [self._result(rows[position]) for position in range(len(cases))]
 
             return inputs_without_effect(groups, [self.points[index] for index in bases], run)
 
@@ -255,11 +255,11 @@ class Search:
             scaled = {f"{name} in scales": spec for name, spec in in_units.items()}
             self._valued = list(scaled)
         every = {**self._specs, **scaled}
-        whole = judged_whole(every, self._whole)
+        complete = judged_whole(every, self._whole)
         if self._elsewhere is not None:
             runner = self._opened.enter_context(self._make(every, "known"))
-            self._runner = self._elsewhere(runner, whole=whole)
-        elif whole:
+            self._runner = self._elsewhere(runner, whole=complete)
+        elif complete:
             self._runner = Whole(self._make, every)
         else:
             self._runner = self._make(every, "known")
@@ -275,31 +275,31 @@ class Search:
         begin = len(self.rows)
         asked = asked[: self._budget - begin]
         cases = [Case({**self._space.case(point), **self._fixed}) for point in asked]
-        found: dict[int, Valued] = {}
+        result: dict[int, Valued] = {}
         traces: dict[int, SimulatedTrace] = {}
         last = len(cases)  # the number of cases that count
         for index, case in enumerate(cases):
             known = None if self._kept is None else self._kept.known(begin + index, case)
             if known is not None and index <= last:
-                found[index] = known
-                last = min(last, self._last(index, found))
-        self.advance(len(found))
-        left = [index for index in range(min(last, len(cases))) if index not in found]
+                result[index] = known
+                last = min(last, self._last(index, result))
+        self.advance(len(result))
+        left = [index for index in range(min(last, len(cases))) if index not in result]
         try:
             for index, row in self._rows(left, cases, begin, level, traces):
-                found[index] = self._valued_row(row)
+                result[index] = self._valued_row(row)
                 if self._kept is not None and self.scales is not None:
-                    self._kept.add({begin + index: found[index]})
+                    self._kept.add({begin + index: result[index]})
                 self.advance(1)
-                last = min(last, self._last(index, found))
-                if last < len(cases) and all(i in found for i in range(last)):
+                last = min(last, self._last(index, result))
+                if last < len(cases) and all(i in result for i in range(last)):
                     break
         finally:
-            for index in sorted(found):
+            for index in sorted(result):
                 if index <= last:
-                    if index in traces and not found[index].row.error:
+                    if index in traces and not result[index].row.error:
                         self._traces[len(self.rows)] = traces[index]
-                    self._keep(found[index], asked[index])
+                    self._keep(result[index], asked[index])
         spent = len(self.rows) >= self._budget
         if self.violated is not None or spent or self._hopeless({}):
             raise SearchOver
@@ -339,9 +339,9 @@ class Search:
         """Return whether the first simulations all failed in the same way before sample 0."""
         first = self.rows[:_FIRST]
         first += [found[i].row for i in range(_FIRST - len(first)) if i in found]
-        alike = {row.error for row in first}
+        errors = {row.error for row in first}
         began = any(row.outcomes for row in first)
-        return len(first) == _FIRST and len(alike) == 1 and "" not in alike and not began
+        return len(first) == _FIRST and len(errors) == 1 and "" not in errors and not began
 
     def _keep(self, found: Valued, point: Floats) -> None:
         self.violated = found.violated
@@ -388,8 +388,8 @@ def _height(row: Trial, name: str) -> float:
 
 def _groups(space: Space) -> Sequence[slice]:
     groups, begin = [], 0
-    for each in space:
-        end = begin + len(each.columns)
+    for entry in space:
+        end = begin + len(entry.columns)
         groups.append(slice(begin, end))
         begin = end
     return groups

@@ -144,7 +144,7 @@ class _Requirement(staliro.Specification[State, float, None]):  # type: ignore[m
                 "expected a trace of a TaliroProblem, which has the robustness, got another; "
                 "staliro.specifications.rtamt reads any"
             )
-        return staliro.Result(min(each.final for each in trace.run.histories.values()), None)
+        return staliro.Result(min(entry.final for entry in trace.run.histories.values()), None)
 
 
 class TaliroSystem(System):
@@ -196,12 +196,12 @@ class TaliroSystem(System):
         period: float,
         columns: Mapping[str, int] | None = None,
     ) -> None:
-        for what, given, kind in (
+        for phrase, given, kind in (
             ("a model", model, Model),
             ("staliro.TestOptions", options, staliro.TestOptions),
         ):
             if not isinstance(given, kind):
-                raise InputTypeError(f"expected {what} of psy-taliro, got {given!r}")
+                raise InputTypeError(f"expected {phrase} of psy-taliro, got {given!r}")
         self.name = getattr(model, "__name__", type(model).__name__)
         self.period = check_number("period", period)
         if options.signals and not np.isfinite(options.tspan.as_tuple()).all():
@@ -242,7 +242,7 @@ class TaliroSystem(System):
                 f"{self.name} needs all of its inputs, {listing(self.space.entries)}, got no "
                 f"{missing!r}; system.space.case(point) has all"
             )
-        values = [value for each in self._inputs for value in each.values(case)]
+        values = [value for entry in self._inputs for value in entry.values(case)]
         trace = self._model.simulate(self._options.parse_sample(Sample(values))).value
         self._samples: Iterator[list[float]] = iter(self._table(trace).tolist())
         return next(self._samples)
@@ -332,7 +332,7 @@ class _Driven:
         else:
             self._kind = None
             self.entries = [
-                Parameter(f"{name}[{i}]", each.start, each.end) for i, each in enumerate(ranges)
+                Parameter(f"{name}[{i}]", entry.start, entry.end) for i, entry in enumerate(ranges)
             ]
 
     def values(self, case: Case) -> list[float]:

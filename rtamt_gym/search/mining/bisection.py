@@ -79,16 +79,17 @@ class _Bisection:
 
     def check_monotone(self, trace: int) -> None:
         """Refuses a trace that satisfies the requirement, then does not, and then does; or back."""
-        places = sorted(place for each, place in self._known if each == trace)
-        held = [self.holds(trace, place) for place in places]
+        places = sorted(position for each, position in self._known if each == trace)
+        held = [self.holds(trace, position) for position in places]
         changes = [i for i in range(1, len(places)) if held[i] != held[i - 1]]
         if len(changes) < 2:
             return
         first, second = changes[:2]
-        at = [places[first - 1], places[first], places[second]]
-        verdicts = [self.judged(trace, place).verdict.name for place in at]
+        values = [places[first - 1], places[first], places[second]]
+        verdicts = [self.judged(trace, position).verdict.name for position in values]
         shown = ", ".join(
-            f"{verdict} at {self.text(place)}" for verdict, place in zip(verdicts, at, strict=True)
+            f"{verdict} at {self.text(position)}"
+            for verdict, position in zip(verdicts, values, strict=True)
         )
         raise InputError(
             f"expected a requirement that is monotone in {self.parameter!r}; {self.names[trace]} "
@@ -124,7 +125,7 @@ def tightest(
     brackets: list[tuple[int, int, int]] = []  # the last that fails, the first that holds, trace
     never = []
     for trace in range(len(names)):
-        held = [search.holds(trace, place) for place in search.probes]
+        held = [search.holds(trace, position) for position in search.probes]
         search.check_monotone(trace)
         advance(1)
         if not any(held):
@@ -171,8 +172,8 @@ def tightest(
 
 def _refuse_opposite(search: _Bisection, brackets: Sequence[tuple[int, int, int]]) -> None:
     """Raise InputError if traces need values in opposite directions."""
-    rising = next((each for each in brackets if each[0] < each[1]), None)
-    falling = next((each for each in brackets if each[0] > each[1]), None)
+    rising = next((bracket for bracket in brackets if bracket[0] < bracket[1]), None)
+    falling = next((bracket for bracket in brackets if bracket[0] > bracket[1]), None)
     if rising is None or falling is None:
         return
     raise InputError(
@@ -215,10 +216,10 @@ def _refuse_never(search: _Bisection, never: Sequence[int]) -> None:
 def _everywhere(search: _Bisection) -> InputError:
     ends = search.probes[0], search.probes[-1]
     shown = []
-    for place in ends:
-        worst = min(range(len(search.names)), key=lambda i: search.judged(i, place).robustness)
-        height = number(search.judged(worst, place).robustness)
-        shown.append(f"{height} at {search.text(place)} ({shorten(search.names[worst], 60)})")
+    for position in ends:
+        worst = min(range(len(search.names)), key=lambda i: search.judged(i, position).robustness)
+        height = number(search.judged(worst, position).robustness)
+        shown.append(f"{height} at {search.text(position)} ({shorten(search.names[worst], 60)})")
     return InputError(
         f"all {len(search.probes)} values of {search.parameter!r} that were tried from "
         f"{_span(search)} satisfy the requirement on {_whole(search)}; the least robustness is "
@@ -231,5 +232,5 @@ def _whole(search: _Bisection) -> str:
 
 
 def _span(search: _Bisection) -> str:
-    low, high = (text_of(search.values.at(place)) for place in (0, search.values.last))
+    low, high = (text_of(search.values.at(position)) for position in (0, search.values.last))
     return f"{low} to {high}"

@@ -130,15 +130,17 @@ class Mined:
         """A warning that no trace triggers the requirement at the value; otherwise empty."""
         if self.triggers != 0:
             return ""
-        what = f"{self.parameter} = {text_of(self.value)}"
-        return f"never triggered: {what} in 0 of {counted(self.traces, 'trace')}"
+        phrase = f"{self.parameter} = {text_of(self.value)}"
+        return f"never triggered: {phrase} in 0 of {counted(self.traces, 'trace')}"
 
     def to_json(self) -> str:
         """Return the value as a result of the kind ``"mined"``, with the witnesses as trials."""
         names = ("requirement", "parameter", "value", "side", "fails_at", "low", "high", "traces")
         trials = [
-            Trial.of_trace(each.name, "", {self.parameter: Outcome.of_height(each.robustness)})
-            for each in self.witnesses
+            Trial.of_trace(
+                witness.name, "", {self.parameter: Outcome.of_height(witness.robustness)}
+            )
+            for witness in self.witnesses
         ]
         about = {
             **{name: getattr(self, name) for name in names},
@@ -164,13 +166,13 @@ class Mined:
         value, fails_at, low, high = map(text_of, (self.value, self.fails_at, self.low, self.high))
         most = _SIDES[self.side]
         others = counted(len(self.witnesses) - 1, "other")
-        alike = f", nor does {others}" if len(self.witnesses) == 2 else f", nor do {others}"
-        alike *= len(self.witnesses) > 1
+        others_text = f", nor does {others}" if len(self.witnesses) == 2 else f", nor do {others}"
+        others_text *= len(self.witnesses) > 1
         checked = f"at the {self.probes} values that were tried from {low} to {high}"
         evaluations = counted(self.evaluations, "evaluation")
         texts = [
             f"{name} = {value} is the {most} for which {satisfy} {self._formula}",
-            f"at {name} = {fails_at} {witness.name} does not{alike}",
+            f"at {name} = {fails_at} {witness.name} does not{others_text}",
             f"no trace changes its verdict more than once {checked} ({evaluations})",
             *(f"note: {note}" for note in self.notes),
         ]
@@ -286,8 +288,8 @@ def mined_over(
 
     names = [trace.name for trace in traces]
     with shown_progress("mining", len(traces) if shown else 0, "trace") as advance:
-        found = tightest(names, values, wanted.parameter, judge, advance)
-    return _mined(wanted, traces, values, found, notes)
+        result = tightest(names, values, wanted.parameter, judge, advance)
+    return _mined(wanted, traces, values, result, notes)
 
 
 def _values(wanted: Template, traces: list[Samples], tolerance: float | None) -> Candidates:
@@ -305,8 +307,8 @@ def _values(wanted: Template, traces: list[Samples], tolerance: float | None) ->
     for trace in traces:
         if trace.period != first.period:
             texts = [
-                "none" if each.period is None else f"{text_of(each.period)} s"
-                for each in (first, trace)
+                "none" if item.period is None else f"{text_of(item.period)} s"
+                for item in (first, trace)
             ]
             raise InputError(
                 f"{wanted.parameter!r} bounds a time, so that all traces need one period; "
@@ -357,4 +359,4 @@ def _asked(spec: rtamt.Specification, traces: list[Samples]) -> int | None:
     if not rows[0]:
         return None
     rows += [trace.judge(spec).triggers for trace in traces[1:]]
-    return sum(any(each.count for each in asked) for asked in rows)
+    return sum(any(item.count for item in asked) for asked in rows)

@@ -117,12 +117,12 @@ class Template:
 
 def _intervals(formula: rtamt.Formula) -> Iterator[rtamt.Interval]:
     """The intervals of all operators; of one without, that which it stands for."""
-    rest: list[object] = [formula]
-    while rest:
-        node = rest.pop()
+    remainder: list[object] = [formula]
+    while remainder:
+        node = remainder.pop()
         if isinstance(node, rtamt.Formula):
             yield node.interval or rtamt.Interval(Fraction(0), None)
-            rest += node.args
+            remainder += node.args
 
 
 def template(

@@ -118,28 +118,28 @@ def samples_of(
     every = [traces] if _is_one(traces) else _listed(traces)
     read: list[Samples] = []
     notes: list[str] = []
-    for each in every:
-        if _is_a(each, "sweep", "Sweep"):
-            sweep = cast("Sweep", each)
+    for value in every:
+        if _is_a(value, "sweep", "Sweep"):
+            sweep = cast("Sweep", value)
             read += _of_sweep(sweep, spec, reading, shown=shown)
             if failed := len(sweep.record.failed()):
                 verb = "is" if failed == 1 else "are"
                 of = f"{counted(failed, 'simulation')} of {len(sweep.record)}"
                 notes.append(f"{of} failed and {verb} left out")
-        elif _is_a(each, "run", "Run"):
-            run = cast("Run", each)
+        elif _is_a(value, "run", "Run"):
+            run = cast("Run", value)
             name = run.label or f"run {len(read)}"
             read.append(_of_run(run, name, reading))
-        elif isinstance(each, str | os.PathLike):
-            read.append(_of_file(os.fspath(each), each, spec, reading))
-        elif isinstance(each, Mapping | np.ndarray) or hasattr(each, "columns"):
+        elif isinstance(value, str | os.PathLike):
+            read.append(_of_file(os.fspath(value), value, spec, reading))
+        elif isinstance(value, Mapping | np.ndarray) or hasattr(value, "columns"):
             name = f"trace {len(read)}"
-            _check_columns(name, each, spec)
-            read.append(Samples(name, each, each, reading))
+            _check_columns(name, value, spec)
+            read.append(Samples(name, value, value, reading))
         else:
             raise InputTypeError(
                 "expected a trace as columns by name, a data frame, a path, or a Run, got "
-                f"{type(each).__name__} {each!r:.60}"
+                f"{type(value).__name__} {value!r:.60}"
             )
     if not read:
         raise InputError("expected one trace at least, got none")
@@ -154,8 +154,8 @@ def notes_on(traces: Sequence[Samples]) -> tuple[str, ...]:
             having.setdefault(note, []).append(trace.name)
     notes = []
     for note, (first, *others) in having.items():
-        alike = f" (and {counted(len(others), 'other trace')})" if others else ""
-        notes.append(f"{first}: {note}{alike}")
+        suffix = f" (and {counted(len(others), 'other trace')})" if others else ""
+        notes.append(f"{first}: {note}{suffix}")
     if stopped := [trace.name for trace in traces if trace.stopped]:
         notes.append(
             f"{counted(len(stopped), 'run')} of {len(traces)} ended at a verdict or an error, such "
@@ -179,10 +179,12 @@ def _listed(traces: Any) -> list[Any]:  # noqa: ANN401
 
 def _check_columns(name: str, given: object, spec: rtamt.Specification) -> None:
     """Raise InputError for a mapping without a variable, such as traces by name."""
-    variables = {re.split(r"[.\[]", each)[0] for each in spec.variables} | {*spec.variables}
+    variables = {re.split(r"[.\[]", variable)[0] for variable in spec.variables} | {*spec.variables}
     if not isinstance(given, Mapping) or not variables or variables & given.keys():
         return
-    several = any(isinstance(each, Mapping) or hasattr(each, "columns") for each in given.values())
+    several = any(
+        isinstance(value, Mapping) or hasattr(value, "columns") for value in given.values()
+    )
     hint = "; several traces are a sequence: list(traces.values())" if several else ""
     raise InputError(
         f"{name}: expected columns by name, {listing(spec.variables)} among them, got "

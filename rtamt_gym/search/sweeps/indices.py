@@ -104,16 +104,18 @@ def indices(
     name = record.name(requirement)
     heights = _heights(record, name)
     try:
-        found = _analyzed(space, sampler, seed, heights)
+        result = _analyzed(space, sampler, seed, heights)
     except ModuleNotFoundError as error:
         raise naming_extra(error, "indices", "search") from error
     measured = _MEASURES[sampler]
-    order = np.argsort(-np.asarray(found[next(iter(measured.values()))], np.float64), kind="stable")
+    order = np.argsort(
+        -np.asarray(result[next(iter(measured.values()))], np.float64), kind="stable"
+    )
     return Indices(
         name,
         sampler,
         tuple(space.columns[i] for i in order),
-        {ours: np.asarray(found[theirs], np.float64)[order] for ours, theirs in measured.items()},
+        {ours: np.asarray(result[theirs], np.float64)[order] for ours, theirs in measured.items()},
     )
 
 

@@ -100,10 +100,10 @@ def draw_scatter(record: Record, space: Space) -> Figure:
     for number, name in enumerate(names):
         heights = record.robustness_values(name)
         verdicts = [row.outcomes[name].verdict if name in row.outcomes else None for row in record]
-        for place, column in enumerate(columns):
-            ax = panels[number * lines + place // _PANELS, place % _PANELS]
+        for index, column in enumerate(columns):
+            ax = panels[number * lines + index // _PANELS, index % _PANELS]
             ax.set_visible(True)
-            drawing.tidy(ax, shorten(name, 24) if place % _PANELS == 0 else "")
+            drawing.tidy(ax, shorten(name, 24) if index % _PANELS == 0 else "")
             ax.set_xlabel(_label(column, space), fontsize=9.5)
             ax.axhline(0.0, color=drawing.OPEN, linewidth=0.9, linestyle=(0, (4, 3)))
             _points(ax, record.numbers(column), heights, verdicts)
@@ -123,7 +123,7 @@ def draw_scatter(record: Record, space: Space) -> Figure:
 
 def _points(ax: Axes, at: Floats, heights: Floats, verdicts: list[Verdict | None]) -> None:
     for verdict in Verdict:
-        chosen = np.array([each is verdict for each in verdicts]) & np.isfinite(heights)
+        chosen = np.array([entry is verdict for entry in verdicts]) & np.isfinite(heights)
         ax.scatter(at[chosen], heights[chosen], s=9, color=_colour(verdict), alpha=0.7)
 
 
@@ -137,12 +137,12 @@ def _scale(ax: Axes, heights: RobustnessMap, space: Space) -> None:
 
 
 def _log(set_scale: object, column: str, space: Space) -> None:
-    each = space.entries.get(column)
-    if isinstance(each, Parameter) and each.log and callable(set_scale):
+    entry = space.entries.get(column)
+    if isinstance(entry, Parameter) and entry.log and callable(set_scale):
         set_scale("log")
 
 
 def _label(column: str, space: Space) -> str:
     """The name of a column, with its unit."""
-    each = space.entries.get(column)
-    return f"{column} [{each.unit}]" if isinstance(each, Parameter) and each.unit else column
+    entry = space.entries.get(column)
+    return f"{column} [{entry.unit}]" if isinstance(entry, Parameter) and entry.unit else column

@@ -113,10 +113,10 @@ def problem_of(space: Space) -> dict[str, Any]:
 
 def _grid(space: Space, samples: SampleCount) -> Points:
     axes = [
-        _shares(len(each.values))
-        if isinstance(each, Parameter) and each.values is not None
+        _shares(len(entry.values))
+        if isinstance(entry, Parameter) and entry.values is not None
         else _ticks(count)
-        for each, counts in zip(space, _counts(space, samples), strict=True)
+        for entry, counts in zip(space, _counts(space, samples), strict=True)
         for count in counts
     ]
     total = math.prod(map(len, axes))
@@ -133,9 +133,9 @@ def _counts(space: Space, samples: SampleCount) -> list[list[int]]:
     """How many values each column takes, by entry of the space."""
     if not isinstance(samples, Mapping):
         count = check_count(Argument("samples"), samples)
-        return [[count] * len(each.columns) for each in space]
+        return [[count] * len(entry.columns) for entry in space]
     for name in samples:
-        known = [each.name for each in space]
+        known = [entry.name for entry in space]
         if name not in known:
             raise InputError(
                 Argument("samples"),
@@ -143,20 +143,22 @@ def _counts(space: Space, samples: SampleCount) -> list[list[int]]:
                 f"{nearest(name, known)}",
             )
     counts = []
-    for each in space:
-        chosen = isinstance(each, Parameter) and each.values is not None
-        if chosen == (each.name in samples):
+    for entry in space:
+        chosen = isinstance(entry, Parameter) and entry.values is not None
+        if chosen == (entry.name in samples):
             few, many = (
-                f" gives no number for {each.name!r}",
-                (f" gives a number for {each.name!r}, which takes all of its values; leave it out"),
+                f" gives no number for {entry.name!r}",
+                f" gives a number for {entry.name!r}, which takes all of its values; omit it",
             )
             raise InputError(Argument("samples"), many if chosen else few)
         count = (
             1
             if chosen
-            else check_count(Message(Argument("samples"), f" of {each.name!r}"), samples[each.name])
+            else check_count(
+                Message(Argument("samples"), f" of {entry.name!r}"), samples[entry.name]
+            )
         )
-        counts.append([count] * len(each.columns))
+        counts.append([count] * len(entry.columns))
     return counts
 
 

@@ -181,8 +181,8 @@ class Sweep:
         Raises:
             InputError: If the name does not end in ``.parquet``.
         """
-        what = "Sweep.save"
-        self.record.write(path, what, _also(self.space, self.sampler, self.seed))
+        phrase = "Sweep.save"
+        self.record.write(path, phrase, _also(self.space, self.sampler, self.seed))
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Sweep:
@@ -377,9 +377,9 @@ def tell_failures(record: Record) -> None:
     if not len(failed):
         return
     if len(failed) == len(record):
-        what = "simulation" if record.has_cases else "episode"
+        phrase = "simulation" if record.has_cases else "episode"
         raise InputError(
-            f"all {counted(len(record), what)} failed, the first with {failed[0].error}"
+            f"all {counted(len(record), phrase)} failed, the first with {failed[0].error}"
         )
     told = " ".join(line.strip() for line in failures(record))
     warnings.warn(told, FailedSimulationWarning, stacklevel=caller_level())
