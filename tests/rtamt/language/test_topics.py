@@ -107,7 +107,7 @@ def test_a_message_that_holds_no_number_does_not_stand_for_one(package: str, mes
         subscriptions(f"from {package}.msg import {message}; input {message} cmd; cmd > 0")
     assert str(error.value) == (
         "expected a field of the message 'cmd', such as cmd.x, got 'cmd' as a number; "
-        f"a {package}/{message} is none"
+        f"a {package}/{message} is not a number"
     )
 
 
