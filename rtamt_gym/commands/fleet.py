@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
+from dataclasses import fields
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 from uuid import uuid4
 
 from rtamt import InputError
-from rtamt_gym.commands.fleet_folder import RESULTS, FleetFolder
+from rtamt_gym.commands.fleet_folder import FleetFolder
 from rtamt_gym.commands.fleet_worker import (
     FileRow,
     FileTask,
@@ -31,8 +32,10 @@ from rtamt_gym.commands.fleet_worker import (
 )
 from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.play.process import end_processes
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.parts import file_of
 from rtamt_gym.recorded.progress import progress
+from rtamt_gym.results.folder import RESULTS
 from rtamt_gym.results.warnings import exit_code
 from rtamt_gym.tables import counted, number, shorten
 
@@ -47,6 +50,9 @@ _FIRST: Final = 20
 
 _MOST: Final = 5000
 """The maximum number of files in a batch."""
+
+_WAIT: Final = 60
+"""The seconds until a scheduler must have a worker."""
 
 _AGAIN: Final = 3
 """How often a batch is sent whose worker is lost."""
@@ -100,9 +106,11 @@ def run_fleet(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[s
 def identity_of(asked: TracesAsked) -> dict[str, Any]:
     """Return what a row depends on other than its file."""
     reading = asked.reading
+    plain = Columns()
+    columns = {field.name: getattr(asked.columns, field.name) for field in fields(plain)}
     options = {
         **{name: str(getattr(reading, name)) for name in _READING},
-        "columns": repr(asked.columns),
+        "columns": {k: repr(v) for k, v in columns.items() if v != getattr(plain, k)},
         "min_duration": str(asked.min_duration),
         "constants": repr(dict(asked.constants)),
     }
@@ -251,7 +259,13 @@ def _dask(scheduler: str | None) -> Iterator[tuple[int, Callable[..., Any]]]:
             "dask scheduler, and give its address, such as tcp://host:8786."
         ) from error
     with client:
-        client.wait_for_workers(1, timeout=60)
+        try:
+            client.wait_for_workers(1, timeout=_WAIT)
+        except TimeoutError:
+            raise InputError(
+                f"--scheduler: no worker has come to {client.scheduler.address} in {_WAIT} s. "
+                "Start workers with dask worker ADDRESS, and run the command again."
+            ) from None
         count = sum(client.nthreads().values())
         yield count, partial(client.submit, pure=False)
 

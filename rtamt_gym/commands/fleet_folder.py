@@ -15,14 +15,11 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.fleet_worker import FileRow, KnownFile, Mark
 from rtamt_gym.play.folder import WRITING, differing, locked, short_text, to_disk
+from rtamt_gym.results.folder import IDENTITY, RESULTS
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-RESULTS: Final = "results.parquet"
-"""The file of all rows, once a run has ended."""
-
-_IDENTITY: Final = "recordings.json"
 _PARTS: Final = "part-*.parquet"
 _MERGED: Final = 200
 """The parts from which on they are merged during a run."""
@@ -61,9 +58,9 @@ class FleetFolder:
         try:
             for left in path.glob(f"{WRITING}*"):
                 left.unlink()
-            if not (path / _IDENTITY).exists():
+            if not (path / IDENTITY).exists():
                 text = json.dumps(identity, indent=1) + "\n"
-                self._write(_IDENTITY, lambda file: file.write_text(text, encoding="utf-8"))
+                self._write(IDENTITY, lambda file: file.write_text(text, encoding="utf-8"))
             numbers = [int(part.stem.partition("-")[2]) for part in path.glob(_PARTS)]
             self._number = max(numbers, default=0)
             self._parts = len(numbers)
@@ -145,7 +142,7 @@ class FleetFolder:
 
     def _check(self, identity: Mapping[str, Any]) -> None:
         """Raise InputError if the folder holds other results or other files."""
-        file = self.path / _IDENTITY
+        file = self.path / IDENTITY
         if not file.exists():
             names = [entry.name for entry in self.path.iterdir()]
             others = [n for n in names if n != "lock" and not n.startswith(WRITING)]

@@ -107,7 +107,7 @@ def render(report: Report) -> str:
         standing=standing_of(report.sections),
         requirements=list(names),
         style="\n".join(map(_read, _STYLES)),
-        plotly=get_plotlyjs(),
+        plotly=get_plotlyjs() if layout.charts else "",
         script="\n".join(map(_read, _SCRIPTS)),
         data=_json({"charts": layout.charts, "cases": layout.cases}),
     )

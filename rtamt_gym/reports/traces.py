@@ -116,7 +116,7 @@ def _blocks(matrix: Matrix) -> Iterator[Table | Text]:
     places = sorted(range(len(matrix)), key=lambda i: words.index(matrix[i].word))[:TRIALS]
     yield Table(
         (Column("trace"), Column("verdict"), *(Column(name, "n", name) for name in names)),
-        tuple(_row(matrix[i], names) for i in sorted(places)),
+        tuple(matrix_row(matrix[i], names) for i in sorted(places)),
         "Traces and requirements",
         "Robustness of each requirement on each trace",
         "matrix",
@@ -125,7 +125,8 @@ def _blocks(matrix: Matrix) -> Iterator[Table | Text]:
         yield Text(f"{counted(len(matrix) - len(places), 'trace')} more not listed.", "muted")
 
 
-def _row(row: Trial, names: Iterable[str]) -> Row:
+def matrix_row(row: Trial, names: Iterable[str]) -> Row:
+    """Return a trace as a row of the table of all requirements."""
     described = [row.described.removeprefix(f"{row.name}: ")] if row.described else []
     cells = []
     for name in names:

@@ -31,6 +31,7 @@ from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report, Section
 from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.reports.records import of_record, of_run, of_runs
+from rtamt_gym.reports.results_folder import holds_results, of_results
 from rtamt_gym.reports.searches import of_case, of_search, of_search_json
 from rtamt_gym.reports.traces import of_matrix, of_mined
 from rtamt_gym.results.codec import made, read, trials_of
@@ -264,7 +265,9 @@ def _of_file(path: Path, room: int, access: Access) -> Section:
 
 
 def _of_table(path: Path, room: int) -> Section:
-    """Return the section of a Parquet file, or of the folder of a campaign."""
+    """Return the section of a Parquet file, or of the folder of a campaign or of results."""
+    if holds_results(path):
+        return of_results(path)
     if not path.is_dir() and holds_run(path):
         return of_run(Run.load(path), room)
     record, also = Record.read(path, "a report")

@@ -1,5 +1,8 @@
 // The filter, and the part of the address after # that keeps it, with the place on the page.
 
+// The rows of a table of traces that are shown at first, and with each click on its button.
+const rowsOfPage = 100;
+
 class Filter {
   constructor() {
     this.form = document.getElementById("filter");
@@ -14,6 +17,7 @@ class Filter {
       tables: all("table.sortable", element).map((table) => new RunTable(table)),
       episodes: all("section.episode", element),
     }));
+    this.buttons = new Map();
     this.form.addEventListener("submit", (event) => event.preventDefault());
     this.form.addEventListener("input", () => this.read());
     this.form.addEventListener("reset", () => setTimeout(() => this.read()));
@@ -140,6 +144,7 @@ class Filter {
     const heads = all("thead th", table);
     const off = heads.map((head) => Boolean(requirement) && head.dataset.requirement !== undefined && head.dataset.requirement !== requirement);
     const known = !requirement || heads.some((head) => head.dataset.requirement === requirement);
+    const limit = Number(table.dataset.limit ?? rowsOfPage);
     let shown = 0;
     for (const row of all("tr", table)) {
       Array.from(row.cells).forEach((cell, i) => {
@@ -148,11 +153,28 @@ class Filter {
       if (row.parentElement.tagName === "THEAD") continue;
       const cells = Array.from(row.cells).filter((cell, i) => !off[i] && cell.dataset.verdict);
       const matches = known && (!verdict || cells.some((cell) => cell.dataset.verdict === verdict)) && plainText(row.cells[0]).includes(text);
-      row.hidden = !matches;
+      row.hidden = !matches || shown >= limit;
       shown += Number(matches);
     }
     table.parentElement.hidden = shown === 0;
+    const more = this.moreOf(table);
+    more.hidden = shown <= limit;
+    more.textContent = `Show ${Math.min(rowsOfPage, shown - limit)} more of ${shown}`;
     return shown;
+  }
+
+  // The button below a long table, which shows its next rows.
+  moreOf(table) {
+    if (!this.buttons.has(table)) {
+      const button = make("button", { type: "button", class: "more" });
+      button.addEventListener("click", () => {
+        table.dataset.limit = Number(table.dataset.limit ?? rowsOfPage) + rowsOfPage;
+        this.apply();
+      });
+      table.parentElement.after(button);
+      this.buttons.set(table, button);
+    }
+    return this.buttons.get(table);
   }
 
   hideEmpty(section) {

@@ -21,12 +21,13 @@ import pytest
 import rtamt
 from rtamt_gym.__main__ import main
 from rtamt_gym.commands import fleet_worker
-from rtamt_gym.commands.fleet_folder import RESULTS, FleetFolder
+from rtamt_gym.commands.fleet_folder import FleetFolder
 from rtamt_gym.commands.fleet_worker import FileRunner, FileTask, FleetJob, judge_batch
 from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.play.process import end_processes
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.results.folder import RESULTS
 
 Output = pytest.CaptureFixture[str]
 SPECS = ("low = always(x < 9)", "answered = always(x > 5 implies eventually[0:1](y > 0))")
