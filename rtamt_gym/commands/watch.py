@@ -40,6 +40,19 @@ _COLUMNS: Final = (
 """The options of columns that a stream has; the others need a whole file."""
 
 
+_ABOUT: Final = {
+    "--signal": "the column of a variable with another name: 'speed=Vehicle Speed [km/h]'; may be "
+    "repeated",
+    "--time": "the column of times, or two, as in secs+nsecs (default: one called time, timestamp, "
+    "t, stamp, Time [s], elapsed_time, TimeUS, Zeit ...)",
+    "--decimal": "the decimal mark of a text, . or , (default: the mark of the first number with "
+    "one reading; one with two readings before it is an error)",
+    "--missing": "the meaning of an empty cell, or nan: raise, an error; hold, the value before; "
+    "drop, its row is left out; unknown, a value within unknown bounds (default: raise)",
+}
+"""The help of options that have another meaning in a stream."""
+
+
 class _Some:
     """A group of arguments that takes only the options of a stream."""
 
@@ -48,7 +61,8 @@ class _Some:
 
     def add_argument(self, *flags: str, **keywords: Any) -> None:  # noqa: ANN401 - of argparse
         if flags[0] in _COLUMNS:
-            self._group.add_argument(*flags, **keywords)
+            about = _ABOUT.get(flags[0], keywords["help"])
+            self._group.add_argument(*flags, **{**keywords, "help": about})
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -103,7 +117,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         Option("--every", "print a line for every sample; otherwise for each change of a verdict"),
         "--only",
         "--constant",
-        "--end",
+        shared(
+            "--end",
+            about="end mode at the end of the stream: cut, bounded windows miss the values after "
+            "the end, and unbounded operators cover the time so far; complete, nothing follows; "
+            "open, the stream could have gone on",
+        ),
         shared(
             "--period",
             about="time between samples, in seconds or with a unit, such as 100ms",
@@ -114,7 +133,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             about="episode evaluates a requirement at the first sample; step evaluates it at "
             "every instant, late by its horizon, and prints each change of its verdict",
         ),
-        *("--semantics", "--align", "--dense"),
+        *("--semantics", "--align"),
+        shared("--dense", about="take rows as events at any time; a value holds until the next"),
         Option(
             "--skip-bad",
             "leave out bad lines, and take the samples that are missing for unknown",

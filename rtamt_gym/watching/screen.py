@@ -26,6 +26,9 @@ _POINTS: Final = 240
 _ROWS: Final = 20
 """The most rows; the worst are shown."""
 
+_MANY: Final = 100
+"""Rows from which on only pictures read the newest lines."""
+
 _REFRESH: Final = 0.1
 """Seconds between two pictures."""
 
@@ -159,15 +162,17 @@ class Screen:
             bad: The number of bad lines so far.
         """
         now = self._clock()
+        due = now - self._drawn >= _REFRESH
         if rows != self._rows:
             self._newest = now
-            for line in lines:
+            for line in lines if due or len(self._lines) <= _MANY else ():
                 key = line.group, line.requirement
                 self._lines[key] = line
                 self._courses.setdefault(key, Course()).add(line.robustness)
         self._rows, self._bad = rows, bad
-        if self._live is not None and now - self._drawn >= _REFRESH:
+        if due:
             self._drawn = now
+        if due and self._live is not None:
             self._live.update(self.picture(), refresh=True)
 
     def end(self, text: str) -> None:
