@@ -107,12 +107,18 @@ class EventState:
         lower = min(self.monitor.lower, other.lower)
         return counted.robustness, lower, max(self.monitor.upper, other.upper)
 
-    def finish(self, end: End) -> None:
+    def finish(self, end: End, *, early: bool) -> None:
         """End the trace.
+
+        Args:
+            end: The end mode.
+            early: Whether more rows could have come.
 
         Raises:
             InputError: If a variable never had a value.
         """
+        if not self._started and early:
+            return
         if not self._started:
             raise InputError(f"{self.name}: expected events of every variable that it reads")
         self.monitor.finish(end)

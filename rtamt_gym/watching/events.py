@@ -100,6 +100,7 @@ class EventGroup:
             raise RowFault(0, f"expected a finite time, got {raw[0]}")
         if self._gap and self.samples:
             self._forget_values(time, len(row))
+            self._held = [math.nan] * len(row)  # until the next event of each variable
         self._gap = False
         self._raw, self._time, self._fed = raw, time, False
         self._pending = row
@@ -205,8 +206,13 @@ class EventGroup:
             reason=state.reason,
         )
 
-    def finish(self, end: End) -> list[Line]:
-        """End the trace; return the final line of each requirement."""
+    def finish(self, end: End, *, early: bool = False) -> list[Line]:
+        """End the trace; return the final line of each requirement.
+
+        Args:
+            end: The end mode.
+            early: Whether more rows could have come, also of variables without a value so far.
+        """
         if not self.stopped:
             self._flush()
         self._rules.undecided -= sum(not state.verdict for state in self._states)
@@ -216,7 +222,7 @@ class EventGroup:
             end = "open"
         lines = []
         for state in self._states:
-            state.finish(end)
+            state.finish(end, early=early)
             counts: Mapping[str, int] | None = None
             if self._rules.by_step:
                 counts = {"changes": state.changes}

@@ -68,9 +68,9 @@ class SampledGroup:
 
     def lose(self) -> None:
         """Note that a line was left out: one unknown sample, or with times a gap."""
-        self._gap = True
+        self._gap = self._clock_rules is not None and not self._stated
         self._held = None if self._held is None else [math.nan] * len(self._held)
-        if self._clock_rules is None or self._stated:
+        if not self._gap:
             self._take(np.full((1, len(self._rules.variables)), math.nan))
 
     def feed(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
@@ -362,8 +362,12 @@ class SampledGroup:
             decided_at=self.samples - 1 if time is None else self._time(self.samples - 1),
         )
 
-    def finish(self, end: End) -> list[Line]:
+    def finish(self, end: End, *, early: bool = False) -> list[Line]:
         """End the trace; return the final line of each requirement.
+
+        Args:
+            end: The end mode.
+            early: Whether more rows could have come.
 
         Raises:
             InputError: If one row leaves the period of time bounds open.
@@ -371,6 +375,9 @@ class SampledGroup:
         if self._first is not None:
             row = self._first[0]
             timed = [name for name, spec in self._rules.specs.items() if spec.timed]
+            if timed and early:
+                self._rules.undecided -= len(self._rules.specs)
+                return [self._open_line(name) for name in self._rules.specs]
             if timed and self._clock_rules is not None:
                 raise InputError(
                     f"{self._clock_rules.source}: expected at least two rows to read the period "
@@ -394,6 +401,15 @@ class SampledGroup:
             counts = state.counts(self.samples)
             lines.append(line._replace(end=end, final=True, instants=counts))
         return lines
+
+    def _open_line(self, name: str) -> Line:
+        """Return the final line of a trace of one row, whose period is not known."""
+        infinite = -math.inf, math.inf
+        return Line(
+            *(name, self.group, self._start_time, 0, Verdict.UNDECIDED, math.nan, *infinite),
+            end="open",
+            final=True,
+        )
 
     def newest(self) -> list[Line]:
         """Return the newest line of each requirement; an empty list before the first."""

@@ -335,10 +335,10 @@ class StreamWatch:
             self.traces[group] = self._touched = trace
         return trace
 
-    def _finish(self, trace: Group, end: End) -> None:
+    def _finish(self, trace: Group, end: End, *, early: bool = False) -> None:
         """End a trace and emit its final lines."""
         try:
-            lines = trace.finish(end)
+            lines = trace.finish(end, early=early)
         except (InputError, RowFault) as error:
             position = "" if trace.group is None else f"group {shown(trace.group)!r}: "
             source = "" if str(error).startswith(self._source) else f"{self._source}: "
@@ -389,7 +389,7 @@ class StreamWatch:
         """
         end: End = "open" if early else self.rules.reading.end
         for trace in self.traces.values():
-            self._finish(trace, end)
+            self._finish(trace, end, early=early)
         self.traces.clear()
 
     def seconds(self) -> float | None:

@@ -141,6 +141,19 @@ def test_a_lost_row_in_dense_time_is_unknown_until_the_next(capsys: Output, stre
     assert code == 0
 
 
+def test_a_lost_row_may_have_changed_each_variable(capsys: Output, stream: Path) -> None:
+    """A value that the next row does not repeat stays unknown until its next event."""
+    text = "time,x,y\n0.0,1,1\n1.0,1,1\n1.5,?,?\n2.0,1,\n3.0,1,{}\n4.0,1,1\n"
+    for then, code in (("", 3), ("1", 0)):
+        spec = "always[3:3](y < 3)"
+        got, _, _ = watched(capsys, stream, text.format(then), spec, "--skip-bad", "--dense")
+        assert got == code
+    text = "time,x,y\n0.0,1,1\n1.0,1,1\n2.0,?,?\n3.0,1,\n4.0,1,1\n"
+    held = ["--skip-bad", "--missing", "hold"]
+    assert watched(capsys, stream, text, "always[3:3](y < 3)", *held)[0] == 3
+    assert watched(capsys, stream, text, "always[4:4](y < 3)", *held)[0] == 0
+
+
 @pytest.mark.parametrize("kind", [[], ["--period", "1"]])
 def test_without_times_a_lost_line_is_one_sample(
     kind: list[str], capsys: Output, stream: Path
@@ -149,6 +162,7 @@ def test_without_times_a_lost_line_is_one_sample(
     _, lines, _ = watched(capsys, stream, text, CALM, "--skip-bad", "--every", *kind)
     assert [line["sample"] for line in lines] == [0, 1, 2, 2]
     assert lines[1]["lower"] == "-inf"
+    assert lines[-1]["end"] == "cut"
 
 
 @pytest.mark.parametrize(
@@ -276,6 +290,22 @@ def test_an_idle_group_ends_and_may_not_come_back(capsys: Output, stream: Path) 
     assert finals == [("a", "cut"), ("b", "open")]
     code, _, _ = watched(capsys, stream, text, *arguments, "--skip-bad")
     assert code == 3
+
+
+@pytest.mark.parametrize("kind", [[], ["--dense"]])
+def test_a_stop_leaves_groups_without_a_verdict_open(
+    kind: list[str], capsys: Output, stream: Path
+) -> None:
+    text = "time,x,y,car\n0,1,1,a\n1,1,1,a\n1,1,,b\n2,9,1,a\n"
+    spec = "always(x < 3) and eventually[0:9](y < 3)"
+    arguments = [*kind, "--by", "car", "--stop", "violation", "--missing", "drop"]
+    code, lines, _ = watched(capsys, stream, text, spec, *arguments)
+    assert code == 1
+    finals = {line["group"]: line["verdict"] for line in lines if line["final"]}
+    assert finals["a"] == "VIOLATED"
+    assert finals.get("b", "UNDECIDED") == "UNDECIDED"
+    text = text.replace("1,1,,b", "1,1,1,b")
+    assert watched(capsys, stream, text, spec, *arguments)[0] == 1
 
 
 def test_groups_are_limited(capsys: Output, stream: Path) -> None:
