@@ -18,7 +18,7 @@ from rtamt.internal import groups_of
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.parts import group_name, part_of
+from rtamt_gym.recorded.parts import file_of, group_name, part_of
 from rtamt_gym.recorded.readers import FORMATS, format_of, open_recording
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
 from rtamt_gym.tables import counted
@@ -210,7 +210,7 @@ _tables: dict[tuple[object, ...], GroupTable] = {}
 def _table(file: str, columns: Columns) -> GroupTable:
     """Return a table, from memory if the file is the same as before."""
     columns = replace(columns, starts={}, defaults=())
-    stat = Path(file).stat()
+    stat = Path(file_of(file)).stat()
     key = file, stat.st_size, stat.st_mtime_ns, repr(columns)
     if key not in _tables:
         while len(_tables) >= _MOST_TABLES:
@@ -236,10 +236,15 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
     row = format_of(path)
     if path == "-":
         raise InputError("expected a file for --by, got - for standard input")
-    if row.several or not row.table:
+    if not row.table or (row.several and not row.choice):
         raise InputError(f"{shown(path)}: expected a file of one table for --by, got {row.name}")
-    if part_of(path) is not None:
+    outer = part_of(path)
+    if (outer is not None) != row.choice:  # a group by its name, or a file with several tables
         return {path: {}}
+    chosen = {} if outer is None else outer.values
+    columns = replace(
+        columns, where={name: text for name, text in columns.where.items() if name not in chosen}
+    )
     try:
         table = _table(path, _for_table(columns, columns.by))
     except (InputError, ImportError, OSError, UnicodeDecodeError):
@@ -248,7 +253,8 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
     names: dict[str, Mapping[str, object]] = {}
     for keys, values in table.values.items():
         if all(keys[at] == text for at, text in selected.items()):
-            names[group_name(path, dict(zip(columns.by, keys, strict=True)))] = values
+            own = dict(zip(columns.by, keys, strict=True))
+            names[group_name(file_of(path), {**chosen, **own})] = {**chosen, **values}
     if not names:
         for at, text in selected.items():
             known = [*dict.fromkeys(keys[at] for keys in table.values)]
@@ -277,12 +283,15 @@ def open_group(path: str, columns: Columns) -> Iterator[Recording]:
             raise InputError(f"{shown(path)}: expected the name of a group")
         GroupTable(path, _for_table(columns, columns.by))  # raises its error
         raise InputError(f"{shown(path)}: expected a file that can be read, and it changed")
-    table = _table(part.file, _for_table(columns, [*part.values]))
-    keys = tuple(part.values.values())
+    file, values = part.file, dict(part.values)
+    if format_of(file).choice:  # the first key is the table
+        file = group_name(file, {part.key: values.pop(part.key)})
+    table = _table(file, _for_table(columns, [*values]))
+    keys = tuple(values.values())
     if keys not in table.rows:
         known = [", ".join(key) for key in table.rows]
         raise InputError(
-            f"{shown(path)}: no row with {', '.join(keys)} in {', '.join(part.values)}; the values "
+            f"{shown(path)}: no row with {', '.join(keys)} in {', '.join(values)}; the values "
             f"are {listed(known, ', '.join(keys))}"
         )
     yield GroupRecording(path, table, table.rows[keys], columns.decimal)

@@ -149,7 +149,7 @@ def _checked(path: str, row: Format, columns: Columns) -> Columns:
 def _opened(path: str, columns: Columns, row: Format) -> Iterator[Recording]:
     """Open a file, the rows of a table that are a trace, or a table as a trace of objects."""
     opened: AbstractContextManager[Recording] = open_recording(path, columns, row)
-    if columns.by and row.table and not row.several:
+    if row.table and len(columns.by) > (1 if row.choice else 0):
         from rtamt_gym.recorded.groups import open_group
 
         opened = open_group(path, columns)

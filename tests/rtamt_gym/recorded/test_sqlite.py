@@ -1,5 +1,6 @@
 """Tables of SQLite: one table is read, several need a name, rows keep their order."""
 
+import json
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
@@ -73,6 +74,22 @@ def test_rows_of_several_objects_are_refused(tmp_path: Path, capsys: Output) -> 
     assert main([*command, "--where", "vehicle_id=a"]) == 0
     assert main([*command, "--where", "vehicle=a"]) == 2
     assert "no column 'vehicle', which --where names" in capsys.readouterr().err
+
+
+def test_objects_of_a_table_are_traces(tmp_path: Path, capsys: Output) -> None:
+    rows = [(k / 2, name, k + shift) for k in range(6) for shift, name in ((0, "a"), (9, "b"))]
+    path = write(tmp_path / "log.db", rows=rows, names="time, vehicle_id, speed")
+    write(path, "other", [(0.0, 1.0)])
+    command = ["monitor", "always(speed < 9)", "--by", "vehicle_id", "--json"]
+    assert main([*command, "--where", "table=samples", str(path)]) == 1
+    trials = json.loads(capsys.readouterr().out)["trials"]
+    names = [f"{path}[table=samples,vehicle_id={name}]" for name in "ab"]
+    assert [trial["name"] for trial in trials] == names
+    assert [trial["outcomes"]["spec"]["robustness"] for trial in trials] == [4, -5]
+    assert trials[1]["group"] == {"table": "samples", "vehicle_id": "b"}
+    assert main(["monitor", "always(speed < 9)", names[0]]) == 0
+    assert main([*command, str(path)]) == 2
+    assert "give --where table=NAME" in capsys.readouterr().out
 
 
 def test_empty_cells_and_texts(tmp_path: Path) -> None:
