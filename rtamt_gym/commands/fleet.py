@@ -30,6 +30,7 @@ from rtamt_gym.commands.fleet_worker import (
     pickled,
     version,
 )
+from rtamt_gym.commands.specs import identified_texts
 from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.play.process import end_processes
 from rtamt_gym.recorded.columns import Columns
@@ -64,6 +65,7 @@ _REFUSED: Final = (
     *("--json", "--junit", "--markdown", "--out", "--plot", "--write-mcap", "--mutants", "--all"),
     *("--require-triggered", "--require-answered", "--undecided", "--violated-episodes"),
     *("--occurrences", "--write-occurrences", "--clip", "--by"),
+    *("--strict-ranges", "--min-duration"),
 )
 """The options of reports that need all outcomes in memory."""
 
@@ -76,10 +78,10 @@ def run_fleet(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[s
                 f"expected --results or {option}, got both: the folder holds the outcomes as "
                 "Parquet. Leave one of them out."
             )
-    if several := next((path for path in paths if file_of(path) != path), ""):
+    if several := next((path for path in paths if path == "-" or file_of(path) != path), ""):
         raise InputError(
-            f"--results: expected files with one trace each, got {several}. Leave --results out to "
-            "judge the traces of a file."
+            f"--results: expected files with one trace each, got {several!r}. Leave --results out "
+            "to judge the traces of a file."
         )
     if any("://" in path for path in paths):
         try:
@@ -100,7 +102,7 @@ def run_fleet(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[s
                 same += sum("same" in row for row in rows)
                 advance(len(rows))
         table = folder.finish(_gone(folder, {*paths}))
-    return _summary(options.results, table, len(paths), same)
+    return _summary(asked, options.results, table, len(paths), same)
 
 
 def identity_of(asked: TracesAsked) -> dict[str, Any]:
@@ -111,7 +113,6 @@ def identity_of(asked: TracesAsked) -> dict[str, Any]:
     options = {
         **{name: str(getattr(reading, name)) for name in _READING},
         "columns": {k: repr(v) for k, v in columns.items() if v != getattr(plain, k)},
-        "min_duration": str(asked.min_duration),
         "constants": repr(dict(asked.constants)),
     }
     specification = {name: str(spec.standalone()) for name, spec in asked.specs.items()}
@@ -315,7 +316,7 @@ class _RayFuture:
         ray.cancel(self.reference, force=True)
 
 
-def _summary(folder: Path, table: pa.Table, asked: int, same: int) -> int:
+def _summary(asked: TracesAsked, folder: Path, table: pa.Table, count: int, same: int) -> int:
     """Print a summary of the rows of files that are there; return the exit code."""
     import pyarrow.compute as pc
 
@@ -324,22 +325,34 @@ def _summary(folder: Path, table: pa.Table, asked: int, same: int) -> int:
     lines = [
         f"{counted(there.num_rows, 'file')}: "
         + (", ".join(f"{words[word]} {word}" for word in _WORDS if word in words) or "no rows"),
-        f"judged {asked - same}, unchanged {same}, gone {table.num_rows - there.num_rows}",
+        f"judged {count - same}, unchanged {same}, gone {table.num_rows - there.num_rows}",
     ]
     bad = there.filter(pc.is_in(there["verdict"], value_set=_array(("violated", "failed"))))
     for row in bad.slice(0, _WORST).to_pylist():
         cells = [
-            f"{key[11:-1]} {number(value)}"
-            for key, value in row.items()
-            if key.startswith("robustness(") and value is not None and value < 0
+            f"{name} {number(row[f'robustness({name})'])}"
+            for name in asked.specs
+            if row[f"verdict({name})"] == "VIOLATED"
         ]
         text = shorten(row["error"] or ", ".join(cells), 100)
         lines.append(f"  {row['verdict']}: {row['path']}" + (f": {text}" if text else ""))
     if bad.num_rows > _WORST:
         lines.append(f"  and {bad.num_rows - _WORST} more")
+    lines += _triggered(there, [*asked.specs])
+    lines += [*identified_texts(asked.specs), *asked.ignored]
     lines.append(f"results: {folder / RESULTS}")
     print(*lines, sep="\n", flush=True)
     return exit_code(words.keys())
+
+
+def _triggered(table: pa.Table, names: Sequence[str]) -> Iterator[str]:
+    """Yield a line about each requirement that not every file triggers."""
+    for name in names:
+        counts = [count for count in table[f"triggers({name})"].to_pylist() if count is not None]
+        triggered = sum(count > 0 for count in counts)
+        if triggered < len(counts):
+            never = "" if triggered else "never "
+            yield f"{never}triggered: {name} in {triggered} of {counted(len(counts), 'file')}"
 
 
 _WORDS: Final = ("violated", "undecided", "satisfied", "failed")

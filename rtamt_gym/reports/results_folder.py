@@ -74,7 +74,7 @@ def of_results(path: Path) -> Section:
     )
 
 
-_OPTIONS: Final = ("end", "view", "semantics", "align", "period", "min_duration")
+_OPTIONS: Final = ("end", "view", "semantics", "align", "period")
 _UNSET: Final = (None, "None")
 
 

@@ -169,6 +169,19 @@ def test_options_of_results_need_the_folder(option: str, capsys: Output) -> None
     assert "expected --results DIR with" in capsys.readouterr().err
 
 
+def test_the_summary_lists_requirements_that_were_not_triggered(capsys: Output) -> None:
+    specs = ("busy = always(x > 5 implies y > -2)", "idle = always(x > 50 implies y > 5)")
+    assert main(["monitor", *specs, "--results", "results", "--", "runs"]) == 0
+    out = capsys.readouterr().out
+    assert "never triggered: idle in 0 of 30 files" in out
+    assert "busy in" not in out
+
+
+def test_standard_input_is_refused(capsys: Output) -> None:
+    assert main(["monitor", *SPECS, "--", "-", "--results", "results"]) == 2
+    assert "expected files with one trace each, got '-'" in capsys.readouterr().err
+
+
 def test_outcomes_are_written_once(capsys: Output) -> None:
     assert judge("--json") == 2
     assert "expected --results or --json, got both" in capsys.readouterr().err
