@@ -77,6 +77,7 @@ class DenseJudge:
         self._about_run = bool(outermost) and self._monitor is not None
         self._silence = not settings.stamps
         self._record = record
+        self._recorded: tuple[float | None, float | None, Verdict | None] | None = None
         self._origin: int | None = None
         self._since = 0  # older messages count from here
         self._fresh = True
@@ -191,7 +192,9 @@ class DenseJudge:
             self.stop("there was no robustness")
             return [self.account.failed(now, str(error))]
         self._keep(rows)
-        return self._without(now) if self._silent else self._judged(robustness, now)
+        reports = self._without(now) if self._silent else self._judged(robustness, now)
+        self._keep_verdicts(reports)
+        return reports
 
     def _silence_of(
         self, sources: Sequence[Input], events: _Events, now: int
@@ -223,12 +226,24 @@ class DenseJudge:
         if self._fresh:
             self._fresh = False
             self.account.begin(self._why)
+            self._recorded = None
             if self._record is not None:
                 self._record.begin()
         if self._record is not None:
             for time, row in rows:
                 for event in row.items():
                     self._record.row(time, event)
+
+    def _keep_verdicts(self, reports: Sequence[RequirementReport]) -> None:
+        """Record bounds and verdicts that changed."""
+        if self._record is None:
+            return
+        for report in reports:
+            state = report.lower, report.upper, report.verdict
+            if state != self._recorded and report.verdict is not None:
+                self._recorded = state
+                row = report.lower, report.upper, int(report.verdict)
+                self._record.verdict(report.time, row)
 
     def _extend_lasting(self, events: _Events) -> None:
         """Extend defaults and unknown values as far as the other inputs."""

@@ -14,10 +14,10 @@ from itertools import repeat, starmap
 from pathlib import Path
 from typing import Any
 
-from rtamt import Specification
+from rtamt import InputError, Specification
 from rtamt_ros.core.dense import DenseJudge
 from rtamt_ros.core.losses import Suspension
-from rtamt_ros.core.record import CsvRecord
+from rtamt_ros.core.record import VERDICTS, CsvRecord
 from rtamt_ros.core.report import RequirementReport, seconds
 from rtamt_ros.core.requirements import SubscribedRequirement, requirements_of
 from rtamt_ros.core.sampled import SampledJudge
@@ -230,6 +230,13 @@ class Judges:
         if len(self.requirements) > 1:
             path = path.with_stem(f"{path.stem}-{requirement.name}")
         if self.settings.dense:
-            return CsvRecord(path, ("variable", "value"))
-        columns = (*requirement.specification.variables, "robustness")
-        return CsvRecord(path, columns)
+            return CsvRecord(path, ("variable", "value"), VERDICTS)
+        results = "robustness", *VERDICTS
+        variables = requirement.specification.variables
+        for name in variables:
+            if name in ("time", *results):
+                raise InputError(
+                    f"record: the variable '{name}' has the name of a column of the record. Give "
+                    "the variable another name, or record nothing."
+                )
+        return CsvRecord(path, (*variables, *results))

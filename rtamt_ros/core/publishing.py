@@ -93,6 +93,9 @@ BOUNDS = {"lower": "Float64", "upper": "Float64", "verdict": "Int8"}
 """What is published of a requirement beside its robustness, and the messages of ``std_msgs``."""
 
 _SECOND = 1_000_000_000
+_MINUTE = 60 * _SECOND
+_LINES = 10
+"""The lines of a requirement in the log in a minute."""
 
 
 class Publishing:
@@ -256,6 +259,30 @@ class _Outgoing:
         self._last = None if any(map(math.isnan, values)) else time
 
 
+class LogLimit:
+    """The lines of a requirement in the log: at most 10 a minute, and every restart."""
+
+    def __init__(self) -> None:
+        self._times: list[int] = []
+        self._left_out = self._restarts = 0
+
+    def line(self, report: RequirementReport, now: int) -> str:
+        """Return the line for a changed report at a time; empty if there is none."""
+        self._times = [time for time in self._times if 0 <= now - time < _MINUTE]
+        restarted, self._restarts = report.restarts != self._restarts, report.restarts
+        if len(self._times) >= _LINES and not restarted:
+            self._left_out += 1
+            return ""
+        self._times.append(now)
+        line = f"{report.name}: {report.text}"
+        if self._left_out:
+            line += f"; {self._left_out} changes were not logged"
+            self._left_out = 0
+        elif len(self._times) == _LINES:
+            line += "; more changes in this minute are in /diagnostics only"
+        return line
+
+
 class Diagnostics:
     """The states of requirements on ``/diagnostics``: once a second, and when one changes.
 
@@ -271,6 +298,7 @@ class Diagnostics:
         self.around: tuple[Level, str] | None = None
         self._last_around: tuple[Level, str] | None = None
         self._formulas = formulas
+        self._limits: dict[str, LogLimit] = {}
         self._states: list[tuple[Any, ...]] = []
         self._last_time = 0
         self._publisher: Publisher | None = None
@@ -296,7 +324,8 @@ class Diagnostics:
         self._last_time = now
         self._states = states
         for report in changed:
-            self._middleware.log(report.level, f"{report.name}: {report.text}")
+            if line := self._limits.setdefault(report.name, LogLimit()).line(report, now):
+                self._middleware.log(report.level, line)
         if around is not None and news:
             self._last_around = around
             self._middleware.log(*around)

@@ -23,6 +23,8 @@ class CsvRecord:
     Args:
         path: The file of the first run.
         columns: The columns after the time.
+        companion: The columns after the time of a second file for each run, ``run-verdicts.csv``;
+            none without columns.
 
     Raises:
         InputError: If the folder does not exist, or the path is a folder.
@@ -31,13 +33,15 @@ class CsvRecord:
         error: Why the record has ended; empty before.
     """
 
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+    def __init__(self, path: Path, columns: Sequence[str], companion: Sequence[str] = ()) -> None:
         if not path.parent.is_dir():
             raise InputError(f"expected a folder for the record, there is no {path.parent}")
         if path.is_dir():
             raise InputError(f"expected a file for the record, {path} is a folder")
         self._path = path
         self._columns = ("time", *columns)
+        self._companion = companion
+        self._verdicts: CsvRecord | None = None
         self._file: IO[str] | None = None
         self._write: Callable[[Sequence[object]], object] = _nowhere
         self.error = ""
@@ -47,7 +51,12 @@ class CsvRecord:
         """The file of the next run."""
         numbered = (self._path.with_stem(f"{self._path.stem}-{n}") for n in itertools.count(2))
         paths = itertools.chain((self._path,), numbered)
-        return next(path for path in paths if not path.is_file())
+        files = ((path, *self._second(path)) for path in paths)
+        return next(path for path, *second in files if not any(map(Path.is_file, (path, *second))))
+
+    def _second(self, path: Path) -> list[Path]:
+        """Return the second file of a run, if there is one."""
+        return [path.with_stem(f"{path.stem}-verdicts")] if self._companion else []
 
     def begin(self) -> None:
         """Start the file of the next run."""
@@ -55,7 +64,11 @@ class CsvRecord:
         if self.error:
             return
         with self._ending():
-            self._file = self.path.open("w", encoding="utf-8", newline="")
+            path = self.path
+            self._file = path.open("w", encoding="utf-8", newline="")
+            for second in self._second(path):
+                self._verdicts = CsvRecord(second, self._companion)
+                self._verdicts.begin()
             self._write = csv.writer(self._file, lineterminator="\n").writerow
             self._write(self._columns)
 
@@ -64,14 +77,25 @@ class CsvRecord:
         with self._ending():
             self._write((f"{np.datetime64(time, 'ns')}Z", *values))
 
+    def verdict(self, time: int, values: Iterable[object]) -> None:
+        """Write a row of the second file."""
+        if self._verdicts is not None:
+            self._verdicts.row(time, values)
+            self.error = self.error or self._verdicts.error
+
     def flush(self) -> None:
         """Write the rows to disk."""
+        if self._verdicts is not None:
+            self._verdicts.flush()
         if self._file is not None:
             with self._ending():
                 self._file.flush()
 
     def close(self) -> None:
         """Close the file of this run."""
+        if self._verdicts is not None:
+            self._verdicts.close()
+            self._verdicts = None
         file, self._file, self._write = self._file, None, _nowhere
         if file is not None:
             with self._ending():
@@ -88,6 +112,10 @@ class CsvRecord:
             with suppress(OSError):  # the buffer cannot be written either
                 if file is not None:
                     file.close()
+
+
+VERDICTS = "lower", "upper", "verdict"
+"""The columns of a record about a run up to a time; the verdict is -1, 0 or 1."""
 
 
 def _nowhere(_row: Sequence[object]) -> None:

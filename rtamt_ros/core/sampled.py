@@ -283,27 +283,26 @@ class SampledJudge:
             self.account.begin(self._why)
             if self._record is not None:
                 self._record.begin()
+        bounds, verdict = self._episode.bounds(), self._episode.verdict
         if self._record is not None:
-            self._record.row(time, (*sample, robustness))
+            self._record.row(time, (*sample, robustness, *bounds, int(verdict)))
         known, about = None, time - self._latency
         if robustness == robustness:  # noqa: PLR0124 - not nan: the latency has passed
             known = robustness
             self.account.found(robustness, about)
-        if not self._decided and self._episode.verdict:
+        if not self._decided and verdict:
             self._decided = True
-            if self._episode.verdict is Verdict.VIOLATED:
+            if verdict is Verdict.VIOLATED:
                 self.account.violated(time)
         if stale:
             ages = {each.name: each.age(time) for each in stale}
-            return self.account.without_values(
-                time, ages, self._episode.bounds(), self._episode.verdict
-            )
+            return self.account.without_values(time, ages, bounds, verdict)
         return self.account.judged(
             time,
             known,
             None if known is None else about,
-            self._episode.bounds(),
-            self._episode.verdict,
+            bounds,
+            verdict,
             self._values(robustness),
             may_rise=self._may_rise,
             asked=None if self._triggers is None else self._triggers.counts,

@@ -240,9 +240,9 @@ def test_command_runs_a_node(played: Played, tmp_path: Path) -> None:
     assert played.opened == (["rtamt/x"], SECOND // 2)
     assert played.data("rtamt/out") == [1.0, 0.25]
     assert [line.split(",")[1:] for line in record.read_text().splitlines()] == [
-        ["x", "robustness"],
-        ["2.0", "1.0"],
-        ["1.25", "0.25"],
+        ["x", "robustness", "lower", "upper", "verdict"],
+        ["2.0", "1.0", "1.0", "1.0", "1"],
+        ["1.25", "0.25", "1.0", "1.0", "1"],  # bounds and verdict are about the first sample
     ]
 
 

@@ -138,3 +138,33 @@ def test_hint_excludes_own_topics(other: str) -> None:
     hint = other and f"; did you mean '{other}'?"
     until(lambda: (Level.WARN, f"nobody publishes /rtamt/oat{hint}") in ros.lines)
     node.stop()
+
+
+def test_the_log_has_ten_changes_a_minute() -> None:
+    ros, node = started("out = x > 0")
+    for n in range(1500):  # 150 s, with a change at every sample
+        send(ros, "x", 1.0 if n % 2 else -1.0)
+        ros.time += 100 * MS
+        ros.tick()
+    lines = [line for _, line in ros.lines if line.startswith("out: ")]
+    assert len(lines) == 30
+    assert sum(
+        line.endswith("more changes in this minute are in /diagnostics only") for line in lines
+    )
+    left_out = [int(line.split()[-5]) for line in lines if line.endswith("changes were not logged")]
+    assert len(left_out) == 2
+    assert 1150 < sum(left_out) < 1200
+    assert node.reports[0].restarts == 0
+
+
+def test_every_restart_is_logged() -> None:
+    ros, node = started("out = x > 0")
+    for _ in range(30):
+        ros.time += 800 * MS
+        send(ros, "x", 1.0)
+        ros.tick()
+    restarts = {
+        line.split("restarted ")[1].split()[0] for _, line in ros.lines if "restarted" in line
+    }
+    assert restarts == {str(n + 1) for n in range(node.reports[0].restarts)}
+    assert len(restarts) == 29

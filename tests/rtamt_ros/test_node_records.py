@@ -10,7 +10,7 @@ import pytest
 from memory_middleware import SECOND, MemoryMiddleware, message
 from memory_nodes import MS, send, started
 
-from rtamt import InputError, evaluate
+from rtamt import EpisodeMonitor, InputError, evaluate
 from rtamt_gym.__main__ import main
 from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode, Settings
@@ -70,6 +70,51 @@ def test_rtamt_monitor_reads_records(
         assert found[: settled - 3] == ros.data("rtamt/ok")[: settled - 3]
     else:
         assert [float(row["ok"]) for row in table][:-2] == ros.data("rtamt/ok")
+
+
+def test_record_has_bounds_and_verdict_of_every_sample(tmp_path: Path) -> None:
+    text = "ok = always(x > 0 or eventually[0:0.3](y > 1))"
+    ros, node = started(text, record=tmp_path / "run.csv")
+    for n in range(30):
+        send(ros, "x", 1.0 - n % 5)
+        send(ros, "y", 2.0 if n % 7 == 0 and n < 20 else 0.0)
+        ros.tick()
+        ros.time += 100 * MS
+    node.stop()
+    oracle = EpisodeMonitor(text, period=0.1)
+    for row in rows(tmp_path / "run.csv"):
+        oracle.update(**{name: float(row[name]) for name in ("x", "y")})
+        assert (float(row["lower"]), float(row["upper"])) == oracle.bounds()
+        assert int(row["verdict"]) == oracle.verdict
+    assert oracle.verdict == -1
+
+
+def test_dense_record_has_a_file_of_verdicts(tmp_path: Path) -> None:
+    (tmp_path / "run-verdicts.csv").write_text("precious")
+    ros, node = started("always(x > 0)", dense=True, record=tmp_path / "run.csv")
+    for x in (3.0, 1.0, -1.0, 2.0):
+        send(ros, "x", x)
+        ros.time += 100 * MS
+        ros.tick()
+    node.stop()
+    found = rows(tmp_path / "run-2-verdicts.csv")
+    assert [(row["lower"], row["upper"], row["verdict"]) for row in found] == [
+        ("-inf", "3.0", "0"),
+        ("-inf", "1.0", "0"),
+        ("-inf", "-1.0", "-1"),
+    ]
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("run-verdicts.csv", "run-2.csv", "run-2-verdicts.csv")
+    }
+    assert (tmp_path / "run-verdicts.csv").read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", ["robustness", "lower", "upper", "verdict"])
+def test_variable_with_the_name_of_a_column_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match=f"record: the variable '{name}' has the name of a col"):
+        started(f"out = {name} > 0", record=tmp_path / "run.csv")
+    started(f"out = {name} > 0")
+    started(f"out = {name} > 0", dense=True, record=tmp_path / "run.csv")
 
 
 def test_runs_and_requirements_have_files(tmp_path: Path) -> None:
@@ -158,9 +203,9 @@ def test_records_are_not_overwritten(tmp_path: Path) -> None:
     found = {path.name: path.read_text().split()[1:] for path in tmp_path.iterdir()}
     last = {name: [row.split(",", 1)[1] for row in rows] for name, rows in found.items()}
     assert last == {
-        "run.csv": ["3.0,2.0"],
-        "run-2.csv": ["4.0,3.0"],
-        "run-3.csv": ["5.0,-4.0"],
+        "run.csv": ["3.0,2.0,2.0,2.0,1"],
+        "run-2.csv": ["4.0,3.0,3.0,3.0,1"],
+        "run-3.csv": ["5.0,-4.0,-4.0,-4.0,-1"],
     }
 
 
@@ -177,7 +222,7 @@ def test_log_names_the_new_record(
     ros.tick()
     node.stop()
     kept = {path.name: path.read_text().split(",")[-1] for path in tmp_path.iterdir()}
-    assert kept == {"run.csv": "precious", "run-2.csv": "precious", "run-3.csv": "2.0\n"}
+    assert kept == {"run.csv": "precious", "run-2.csv": "precious", "run-3.csv": "1\n"}
 
 
 def test_node_before_its_clock_reports() -> None:

@@ -59,8 +59,8 @@ def play_tutorial(generation: int, folder: Path) -> Played:
         started = {"monitor": network.start(*program, *words("ros_stl_monitor.py"), name="monitor")}
         if generation == 2:
             watch = folder / "watch.py"
-            watch.write_text("\n".join(block("import rclpy")))
-            network.start(watch, name="watch")
+            watch.write_text("\n".join(block("from contextlib import suppress")))
+            started["watch"] = network.start(watch, name="watch")
         patiently(lambda: started["monitor"].output.count("nobody publishes") == 2)
         simulator = words("python -m rtamt_ros.simulator")
         started["robot"] = network.start(*simulator, name="robot")
@@ -71,7 +71,9 @@ def play_tutorial(generation: int, folder: Path) -> Played:
         ears.wait(lambda: min(numbers(NEAR), default=0.0) < -0.5, "a wheel that blocks")
         ears.wait(lambda: numbers(NEAR)[-1] > 0, "a robot that goes on")
         codes = {}
-        for name, awaited in (("robot", "stale"), ("monitor", "")):
+        for name, awaited in (("robot", "stale"), ("monitor", ""), ("watch", "")):
+            if name not in started:
+                continue
             os.kill(started[name].pid, signal.SIGINT)
             codes[name] = started[name].ended()
             patiently(lambda awaited=awaited: awaited in started["monitor"].output)  # type: ignore[misc]
@@ -83,7 +85,7 @@ def play_tutorial(generation: int, folder: Path) -> Played:
 def lines(said: str) -> list[tuple[str, str]]:
     """Levels and texts of a log, with ``#`` for numbers; a busy machine makes samples late."""
     found = re.findall(r"^\[(\w+)\] .*?\]: (.*)$", said, re.MULTILINE)
-    texts = [re.sub(r"; \d+ samples? late", "", text) for _, text in found]
+    texts = [re.sub(r"; \d+ (samples? late|messages? taken late)", "", text) for _, text in found]
     return [
         (level, re.sub(r"-?\d+(\.\d+)?(?![\w/])", "#", text))
         for (level, _), text in zip(found, texts, strict=True)
