@@ -31,6 +31,7 @@ SECTIONS = (
     "offline",
     "dense",
     "asked",
+    "occurrences",
     "many",
     "gym",
     "vector",

@@ -1,0 +1,31 @@
+"""The time of `rtamt.occurrences` against `judge` and `evaluate` of the body, and its growth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from controller import Setting, race
+from report import Row, Table
+
+KINDS = ("predicate", "response", "until", "past")
+TARGET = 3
+
+
+def measure(setting: Setting) -> Iterator[Table]:
+    """Time of all violations over the time of the verdict and of the body's robustness."""
+    for dense, sizes in ((False, (10_000, 1_000_000)), (True, (1_000, 20_000))):
+        what = "events of each variable" if dense else "samples"
+        table = Table(f"occurrences; {what}", "judge + evaluate")
+        subject = setting.project("occurrences")
+        for kind in KINDS:
+            for n in sizes[:1] if setting.quick else sizes:
+                times = max(3, min(50, 1_000_000 // n))
+                case = {"what": "occurrences", "kind": kind, "n": n, "dense": dense, "times": times}
+                found = race({"rtamt": (subject, case)}, 3, table.notes).get("rtamt")
+                if found is None:
+                    continue
+                base, every, rows = found
+                label = f"{kind} {n:,}, {rows:.0f} rows in {every:.0f} us"
+                table.rows.append(Row(label, {"occurrences": every / base}, TARGET))
+        subject.stop()
+        yield table

@@ -1,0 +1,59 @@
+"""Occurrences of a trace: the time of all violations, and of the verdict with the body."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import worker
+
+import rtamt
+
+BODIES = {
+    "predicate": "x < 1",
+    "response": "y > 2 implies eventually[0:10](x > 1)",
+    "until": "y > 2 implies (x > -2 until[0:10] x > 1)",
+    "past": "once[0:50](y > 1) or x < 1",
+}
+
+
+def signals(n: int, *, dense: bool) -> dict[str, Any]:
+    """Random values of two variables; in dense time at irregular times."""
+    noise = np.random.default_rng([11, n])
+    values = dict(zip("xy", noise.standard_normal((2, n)), strict=True))
+    if not dense:
+        return values
+    times = np.cumsum(noise.integers(1, 5, n)) / 10
+    return {name: rtamt.dense.Events(times, column) for name, column in values.items()}
+
+
+def best(function: Callable[[], object], times: int) -> float:
+    """Least time of some calls, in microseconds."""
+    found = []
+    for _ in range(times):
+        begin = time.perf_counter()
+        function()
+        found.append(time.perf_counter() - begin)
+    return 1e6 * min(found)
+
+
+def measure(case: worker.Case) -> worker.Measure:
+    """Time of verdict and body, time of occurrences, and the number of their rows."""
+    body, n, times, dense = BODIES[case["kind"]], case["n"], case["times"], case["dense"]
+    trace, spec = signals(n, dense=dense), f"always({body})"
+    api: Any = rtamt.dense if dense else rtamt
+    (found,) = api.occurrences(spec, trace).bodies
+    rows = float(len(found.violations) + len(found.responses))
+
+    def run() -> list[float]:
+        base = best(lambda: api.judge(spec, trace), times)
+        base += best(lambda: api.evaluate(body, trace), times)
+        return [base, best(lambda: api.occurrences(spec, trace), times), rows]
+
+    return run
+
+
+if __name__ == "__main__":
+    worker.serve({"occurrences": measure})
