@@ -84,7 +84,10 @@ def _worlds(program: Program, end: End) -> tuple[Sequence[int], tuple[int, int]]
     if end == "complete" or not _looks_ahead(program):
         return (NOW,), (NOW, NOW)
     if end == "cut":
-        return (*WORLDS, *CUT), (CUT_LOWER, CUT_UPPER)
+        windows = (i for i in program.instructions if isinstance(i, Window))
+        # Only windows without an end read what an open trace has.
+        bounded = all(window.hi is not None and not window.endless for window in windows)
+        return (NOW, *CUT) if bounded else (*WORLDS, *CUT), (CUT_LOWER, CUT_UPPER)
     return WORLDS, (LOWER, UPPER)
 
 
