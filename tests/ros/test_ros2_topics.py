@@ -2,9 +2,14 @@
 
 import itertools
 import math
+import os
+import signal
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import LivelinessPolicy, QoSProfile
 from ros2_client import BEST_EFFORT, LATCHED, RELIABLE, Client, Heard
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
@@ -152,3 +157,38 @@ def test_samples_follow_a_simulated_clock_that_jumps_back(tools: Client) -> None
     assert why in " ".join(messages(diagnostics.all()[-1]))
     late = tools.hear("simulated/rtamt/out", Float64, LATCHED)  # the clock stands: nothing is new
     assert [each.data for each in late.all(1)] == [-0.5]
+
+
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_monitor_that_hangs_or_is_dead_is_not_alive(
+    tools: Client, number: signal.Signals
+) -> None:
+    name = f"alive_{number.name.lower()}"
+    alive: list[int] = []
+    states = Heard()
+    profile = QoSProfile(
+        depth=1,
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=Duration(seconds=1),
+    )
+    node = tools.middleware.node
+    subscription = node.create_subscription(
+        DiagnosticArray,
+        f"{name}/rtamt/out/state",
+        states.keep,
+        profile,
+        event_callbacks=SubscriptionEventCallbacks(
+            liveliness=lambda event: alive.append(event.alive_count),
+            use_default_callbacks=False,
+        ),
+    )
+    tools.source(f"{name}/x", 3.0)
+    monitor = tools.monitor(name, spec=ABOVE, period=100)
+    states.next(lambda each: each.status[0].level == b"\0")
+    tools.until(lambda: alive[-1:] == [1])
+    os.kill(monitor.process.pid, number)
+    tools.until(lambda: alive[-1] == 0)
+    if number is signal.SIGSTOP:
+        os.kill(monitor.process.pid, signal.SIGCONT)
+        tools.until(lambda: alive[-1] == 1)
+    node.destroy_subscription(subscription)
