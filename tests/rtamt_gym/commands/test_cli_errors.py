@@ -162,8 +162,8 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
             "monitor spec.stl latin.doc",
             (
                 "latin.doc: expected a name that ends in .csv, .csv.gz, .tsv, .txt, .parquet, "
-                ".feather, .arrow, .ndjson, .jsonl, .npz, .mat, .mf4, .mdf, .ulg, .mcap, .db3 or "
-                ".bag"
+                ".feather, .arrow, .ndjson, .jsonl, .npz, .mat, .mf4, .mdf, .ulg, .bin, .hdf5, "
+                ".h5, .sqlite, .sqlite3, .db, .xml, .xml.gz, .mcap, .db3 or .bag"
             ),
         ),
         (
