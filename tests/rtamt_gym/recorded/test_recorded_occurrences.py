@@ -159,6 +159,17 @@ def test_processes_find_the_same_rows(capsys: Output) -> None:
     assert judged(capsys, "-j", "2", *words) == alone
 
 
+def test_each_group_of_a_table_has_its_own_rows(folder: Path, capsys: Output) -> None:
+    rows = [f"{i},{name},{x}" for i in range(4) for name, x in (("a", 9 * (i == 1)), ("b", i))]
+    (folder / "groups.csv").write_text("\n".join(["time,id,x", *rows]) + "\n")
+    found = judged(capsys, "always(x < 3)", "groups.csv", "--by", "id")
+    table = pd.read_csv("groups.csv")
+    for trial, (_, group) in zip(trials_of(found), table.groupby("id"), strict=True):
+        expected = rtamt.occurrences("always(x < 3)", {"x": group["x"].to_numpy()}, 1)
+        assert len(expected) == 1
+        assert trial.outcomes["spec"].occurrences == expected
+
+
 def test_infinite_robustness_is_strict_json(capsys: Output) -> None:
     found = judged(capsys, "always[20:30](false)", "drive.csv", "--end", "cut")
     (row,) = found["trials"][0]["outcomes"]["spec"]["occurrences"]["bodies"][0]["violations"]
