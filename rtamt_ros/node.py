@@ -37,8 +37,8 @@ class MonitorNode:
     topics are subscribed to once. Each requirement has a latched topic: the topic of its output
     variable (``@ topic(out, monitor/out)``), otherwise ``rtamt/NAME``; so has every named formula
     that it uses. The bounds are on ``TOPIC/lower`` and ``TOPIC/upper``, the verdict (-1, 0 or 1) is
-    on ``TOPIC/verdict``. ``/diagnostics`` has the level and the numbers of every
-    `RequirementReport`.
+    on ``TOPIC/verdict``, and ``TOPIC/state`` has level, verdict and bounds at every sample.
+    ``/diagnostics`` has the level and the numbers of every `RequirementReport`.
 
     The constructor parses, compiles and looks up all message classes, so every error of a
     specification appears here. Nothing else happens before `start`.
