@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Literal, cast, get_args
@@ -81,8 +82,13 @@ def as_period(period: Period | None, what: str = "period") -> Fraction | None:
 
 
 def _no_period(period: object, what: str) -> SpecificationError:
+    rate = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(k?)hz\s*", str(period), re.IGNORECASE)
+    hint = ""
+    if rate and (hertz := float(rate[1]) * (1000 if rate[2] else 1)):
+        hint = f"; {hertz:g} Hz is a {what} of {1000 / hertz:g}ms"
     return SpecificationError(
-        f'expected a {what} from 1e-300 to 1e300 s, or text such as "100ms", got {brief(period)}'
+        f'expected a {what} from 1e-300 to 1e300 s, or text such as "100ms", got '
+        f"{brief(period)}{hint}"
     )
 
 

@@ -70,6 +70,7 @@ COLUMN_HINT = 'write @ column(VARIABLE, "Level [mm]")'
 ID_HINT = 'write @ id(NAME, "SYS-REQ-7")'
 LINK_HINT = 'write @ id(NAME, "SYS-REQ-7", "https://reqs.example/{id}")'
 RANGE_HINT = "write in [0, 120]"
+_OR_STATEMENT = ", or ';' between two statements"
 _NEXT_STATEMENT = "write ';' or a new line between two statements"
 _BEFORE_ID = 5  # the tokens '@', 'id', '(', its name and ','
 _LONG = 60
@@ -85,7 +86,9 @@ _INSTEAD = {
 # Names of operators in other tools that are more like the name of another operator here.
 _ELSEWHERE = {"globally": "always", "finally": "eventually", "future": "eventually"}
 _LENGTH = "write abs(x) for one number, sqrt(x * x + y * y) for two"
+_IMPLICATION: Final = "write 'p implies q' for 'if p then q'"
 _COMPOSED = {
+    **dict.fromkeys(("if", "when"), _IMPLICATION),
     **dict.fromkeys(("norm", "hypot", "length", "dist", "distance"), _LENGTH),
     **dict.fromkeys(("square", "sq"), "write pow(x, 2) or x * x"),
     **dict.fromkeys(("clip", "clamp"), "write min(max(x, 0), 1)"),
@@ -289,7 +292,14 @@ def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> 
         return fail(text, token, reason, meant)
     if before.type == StlParser.NAME and (error := _misnamed(text, before, token)):
         return error
-    hint = "write an operator there" + ("" if bracketed else ", or ';' between two statements")
+    hint = _usual_form(text, before, token) or _hint_of_operator(text, before, token)
+    hint = hint or "write an operator there" + ("" if bracketed else _OR_STATEMENT)
+    return fail(text, token, reason, hint)
+
+
+def _hint_of_operator(text: str, before: Token, token: Token) -> str:
+    """Return the hint for a token after an operand, where an operator would stand; may be empty."""
+    hint = ""
     if token.type == StlParser.OPEN_INTERVAL:
         hint = _where_intervals_stand()
         if before.type in (StlParser.NAME, StlParser.ELEMENT) and _INDEX.match(text, token.start):
@@ -303,7 +313,37 @@ def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> 
     elif token.type == StlParser.NAME:
         prefix = similar(before.text, _words("prefix")) if before.type == StlParser.NAME else ""
         hint = similar(token.text, _words("infix")) or prefix or hint
-    return fail(text, token, reason, hint)
+    return hint
+
+
+_ROUND_INTERVAL: Final = re.compile(r"(\w+)\s*\(\s*$"), re.compile(r"\s*([\w.]+)\s*\)")
+_QUANTITIES: Final = frozenset(
+    re.split(
+        " ", "m km cm mm mps kmh kph mph deg rad rpm hz khz kg g n nm v mv a ma w kw k c pa bar"
+    )
+)
+"""Units of quantities that numbers in formulas do not have, in small letters."""
+
+
+def _usual_form(text: str, before: Token, token: Token) -> str:
+    """Return the hint for forms of other languages: intervals, decimals, units and conditions."""
+    separator = token.text in {":", ","}
+    if separator and before.type == StlParser.NUMBER:
+        word = _ROUND_INTERVAL[0].search(text[: before.start])
+        end = _ROUND_INTERVAL[1].match(text, token.stop + 1)
+        row = OPERATORS.words.get(word[1]) if word else None
+        if word and end and row is not None and row.timed:
+            return f"intervals stand in square brackets: {word[1]}[{before.text}:{end[1]}]"
+        digits = re.compile(r"\d+").match(text, token.stop + 1)
+        if token.text == "," and digits:
+            return f"numbers have a decimal point: {before.text}.{digits[0]}"
+    if token.text == ":" and before.type == StlParser.NAME:
+        return f"a formula is named with '=': {before.text} = ..."
+    if token.text == "then" or before.text in {"if", "when"}:
+        return _IMPLICATION
+    if before.type == StlParser.NUMBER and token.text.lower() in _QUANTITIES:
+        return f"numbers have no unit: write {before.text}, or {before.text} * {token.text}"
+    return ""
 
 
 def _misread(text: str, before: Token, token: Token) -> ParseError | None:

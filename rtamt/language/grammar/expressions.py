@@ -43,6 +43,7 @@ _UNIT_WORDS = {
         "write min": "mins minute minutes",
         "write h": "hr hrs hour hours",
         "write 24h for a day": "d day days",
+        "write a time, such as 500ms for 2 Hz": "hz khz mhz hertz",
     }.items()
     for word in words.split()
 }
