@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
@@ -150,12 +151,32 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         ]  # requirements after the first option
     elif remainder:
         # argparse leaves them to the parser of all commands.
-        near = nearest(remainder[0].partition("=")[0], options_of(command).values())
+        near = _instead(remainder, command)
         raise InputError(
             f"unrecognized arguments: {' '.join(remainder)}{near}; "
             f"see {parser.prog} {command} --help"
         )
     return options
+
+
+_SAME: Final = {
+    "--at-truncation": "--end",
+    "--at-termination": "--end",
+    "--end": "--at-truncation",
+    "--spec": "--requirement",
+    "--requirement": "--spec",
+}
+"""Options that other commands have under another name."""
+
+
+def _instead(rest: Sequence[str], command: str) -> str:
+    """Return a clause with the option that is meant; empty if none is similar."""
+    option, equals, value = rest[0].partition("=")
+    known = [*options_of(command).values()]
+    if (same := _SAME.get(option)) in known:
+        value = value if equals else (rest[1] if len(rest) > 1 else "")
+        return f"; write {same} {value}".rstrip()
+    return nearest(option, known)
 
 
 def _separated(argv: Sequence[str], command: str) -> list[str]:
@@ -180,7 +201,17 @@ def _refuse(message: str, above: str = "") -> int:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message}; see {self.prog} --help")
+        raise InputError(f"{message}{_choice_hint(message)}; see {self.prog} --help")
+
+
+def _choice_hint(message: str) -> str:
+    """Return a clause with the choice that is meant, for a message of argparse; may be empty."""
+    wrong = re.search(r"argument ([\w-]+): invalid choice: '?(.*?)'? \(choose from (.*)\)", message)
+    if wrong is None:
+        return ""
+    if wrong[1] == "--end" and wrong[2] == "failure":
+        return "; failure is for environments, --at-termination failure"
+    return nearest(wrong[2], re.findall(r"[\w.-]+", wrong[3]))
 
 
 class _Version(argparse.Action):

@@ -6,6 +6,7 @@ argument forms and for every error.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Literal, NoReturn, cast
@@ -262,6 +263,12 @@ class SampleReader:
             named = cast("Mapping[str, object]", data)
             columns, held = self.lines(named, sample, previous, extra=extra)
         else:
+            if isinstance(data, str | os.PathLike):
+                msg = (
+                    f"expected samples, got the path {brief(os.fspath(data))}; read the file "
+                    "first, as with pandas.read_csv, or run rtamt monitor SPEC FILE"
+                )
+                raise InputTypeError(msg)
             table = array_of_numbers(data, "the block")
             if table.ndim != 2 or table.shape[1] != len(self.variables):
                 raise wrong_shape(table, "n", self.variables)

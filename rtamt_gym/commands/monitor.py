@@ -152,7 +152,7 @@ def _check_expected(options: argparse.Namespace, asked: TracesAsked, paths: Sequ
     for name in options.expect:
         if name not in asked.specs:
             hint = nearest(name, asked.specs) or f"; they are {listing(asked.specs)}"
-            raise InputError(f"--expect: no requirement {name!r} is judged{hint}")
+            raise InputError(f"--expect: no requirement {name!r} is evaluated{hint}")
     if options.min_traces is not None and len(paths) < options.min_traces:
         raise InputError(
             "; ".join(

@@ -74,6 +74,18 @@ def run(options: argparse.Namespace) -> int:
     return exit_code([] if saved.gives(replayed) else ["violated"], warnings)
 
 
+_ENDED = {
+    "violation": "stopped at a violation",
+    "decided": "stopped when every verdict was certain",
+    "known": "stopped when every robustness was known",
+    "terminated": "until the system ended",
+    "truncated": "until the time limit",
+    "duration": "until the duration was over",
+    "error": "until an error",
+}
+"""How a run ended, in words."""
+
+
 def _lines(saved: SavedCase, replayed: Run) -> Iterator[str]:
     from rtamt_gym.play.summaries import case_lines
     from rtamt_gym.results.outcome import verdict_text
@@ -86,7 +98,7 @@ def _lines(saved: SavedCase, replayed: Run) -> Iterator[str]:
     yield from case_lines(saved.case)
     seed = "" if saved.seed is None else f", seed {saved.seed}"
     last = sample_text(replayed.last_sample, replayed.period)
-    yield f"{counted(replayed.steps + 1, 'sample')} to {last}, ended by {replayed.ended}{seed}"
+    yield f"{counted(replayed.steps + 1, 'sample')} to {last}, {_ENDED[replayed.ended]}{seed}"
     yield ""
     verdict = verdict_text(course.verdict, course.final)
     got = f"{verdict}, robustness {course.final_text('.6g')}"

@@ -130,6 +130,7 @@ def _entry(argument: str, known: Mapping[str, Signal | Parameter]) -> Signal | P
         return known[name]
     span, *options = (part.strip() for part in text.split(","))
     words = {option.partition("=")[0]: option.partition("=")[2] for option in options}
+    _check_words(argument, words)
     if not name:
         raise _refused(argument)
     if "|" in span or ":" not in span:
@@ -149,6 +150,16 @@ def _entry(argument: str, known: Mapping[str, Signal | Parameter]) -> Signal | P
     if not points.isdecimal() or any(words.values()) or len(rest) != 1:
         raise _refused(argument)
     return Signal(name, *ends, points=int(points), interpolation=rest[0])
+
+
+def _check_words(argument: str, words: Iterable[str]) -> None:
+    """Raise InputError for a misspelt word after a range."""
+    for word in words:
+        if word not in _WORDS and (meant := nearest(word, _WORDS)):
+            raise InputError(f"--vary {argument}: unknown option {word!r}{meant}")
+
+
+_WORDS = ("points", "hold", "linear", "pchip", "log")
 
 
 def _refused(argument: str) -> InputError:

@@ -426,6 +426,12 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
                 f"expected a trace, got the specification {word}; specifications stand first"
             )
     as_traces = [word for word in specs if word.lower().endswith(_SURE) or folder_format(word)]
+    if as_traces and len(words) > 1 and not _names_file(words[-1]):
+        spec = shorten(words[-1], 60)
+        raise InputError(
+            f"expected a specification first, got the trace {as_traces[0]}; write '{spec}' "
+            f"{' '.join(as_traces[:2])}"
+        )
     if as_traces:
         shown = " ".join(word for word in specs if word not in as_traces) or "SPEC..."
         several = [*dict.fromkeys((*as_traces, *traces))]
@@ -435,6 +441,11 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
             f"{shorten(shown, 60)} -- {' '.join(several[:2])}{more}"
         )
     return specs, traces
+
+
+def _names_file(word: str) -> bool:
+    """Return whether a word is a path, and not the text of a specification."""
+    return Path(word).exists() or re.search(r"[\s(<>]", word) is None
 
 
 def _found(words: Sequence[str], *, as_files: bool) -> tuple[list[str], list[str]]:

@@ -14,10 +14,12 @@ import argparse
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import Field, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
-from rtamt_gym.options.evaluation import ROWS, EvaluationOptions
+from rtamt import InputError, RtamtError
+from rtamt_gym.options.evaluation import ROWS, EvaluationOptions, seconds_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +99,19 @@ def positive(text: str) -> int:
     return int(text)
 
 
+def seconds(text: str) -> float:
+    """Read a number of seconds, or a time with a unit."""
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    try:
+        return float(seconds_of(text) or 0)
+    except RtamtError:
+        message = f"expected a time, such as 20, 20s or 2min, got {text!r}"
+        raise argparse.ArgumentTypeError(message) from None
+
+
 def trials(text: str) -> int | Literal["all"]:
     """Read the value of ``--require-triggered``."""
     if text == "all":
@@ -154,7 +169,12 @@ _SHARED = (
         usual="the environment's own",
         read=positive,
     ),
-    Option("--duration SECONDS", "simulated time", usual="to the end", read=float),
+    Option(
+        "--duration SECONDS",
+        "simulated time, in seconds or with a unit, such as 20s or 2min",
+        usual="to the end",
+        read=seconds,
+    ),
     Option(
         "-j N",
         "run simulations in N processes: a crash loses only its own simulation",
@@ -276,4 +296,8 @@ def with_default_count(words: Iterable[str]) -> list[str]:
     The option takes a value only in the form ``--require-triggered=N``: the word after the bare
     option is an argument of its own, such as a specification.
     """
-    return [f"{word}=1" if word == "--require-triggered" else word for word in words]
+    listed = [*words]
+    for option, value in pairwise(listed):
+        if option == "--require-triggered" and (value == "all" or value.isdecimal()):
+            raise InputError(f"{option} takes its number after '=': write {option}={value}")
+    return [f"{word}=1" if word == "--require-triggered" else word for word in listed]

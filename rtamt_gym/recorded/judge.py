@@ -112,7 +112,7 @@ class TraceJudgement:
     def _verdict_text(self) -> str:
         judgement, words = self.found, f"{self.verdict.name}, robustness {self.robustness_text}"
         if judgement.unknown and judgement.lower < judgement.upper:
-            ends = f"{number(judgement.lower)} and {number(judgement.upper)}"
+            ends = f"{self._end_text(judgement.lower)} and {self._end_text(judgement.upper)}"
             words = f"{self.verdict.name}, robustness between {ends}"
         if self.verdict == Verdict.UNDECIDED:
             return words
@@ -120,6 +120,11 @@ class TraceJudgement:
         if time is None:
             return f"{words}, at the end of the trace"
         return f"{words}, certain from {time_text(time, self.step)} on"
+
+    def _end_text(self, value: float) -> str:
+        """Return a bound of the robustness as text; a 0 states whether the formula holds."""
+        word, comma, holds = self.text_of(value).partition(", ")
+        return f"{word} ({holds})" if comma else number(value)
 
     @property
     def verdict(self) -> Verdict:

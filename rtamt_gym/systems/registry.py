@@ -44,6 +44,7 @@ def make(
         reason, hint = str(error), ""
         if isinstance(error, gym.error.NameNotFound):
             missing = _register_all()
+            hint = _function_hint(env_id)
             named = {spec.name: spec.id for spec in gym.registry.values() if spec.namespace}
             if name in named:
                 hint = f" Did you mean: `{named[name]}`?"
@@ -67,6 +68,15 @@ def make(
         raise InputError(
             f"cannot make {env_id} with {arguments}: {type(error).__name__}: {phrase}"
         ) from error
+
+
+def _function_hint(env_id: str) -> str:
+    """Return a hint if an id names a module in the working directory; empty otherwise."""
+    module, _, function = env_id.partition(".")
+    if not (module.isidentifier() and Path(f"{module}.py").is_file()):
+        return ""
+    function = "FUNCTION" if function in {"", "py"} else function
+    return f" For a function of {module}.py write {module}:{function}."
 
 
 def families() -> dict[str, list[str]]:

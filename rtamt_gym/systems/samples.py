@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import itertools
+import re
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from inspect import isgeneratorfunction
@@ -44,8 +45,24 @@ class SampleSource(System):
         known, open_ = _keywords(self._source, 1 if self.endless else 0)
         for name in case:
             if name not in known and not open_:
+                self._refuse_as_time(name)
                 refuse_unknown(self.name, name, known, "" if known else "no keyword arguments")
+        for name in _required(self._source, 1 if self.endless else 0):
+            if name not in case:
+                raise InputError(
+                    f"{self.name} needs a value of {name!r}: vary it (--vary {name}=1:2, "
+                    f"Parameter) or fix it (--set {name}=1, fixed=)"
+                )
         return SampleSource(self._source, case)
+
+    def _refuse_as_time(self, name: str) -> None:
+        """Raise InputError if a name is the first argument of a function, which is the time."""
+        first = [*_keywords(self._source, 0)[0][:1]]
+        if self.endless and first == [name]:
+            raise InputError(
+                f"{self.name} does not yield, so that its first argument, {name!r}, is the time; "
+                f"yield samples, or write {self.name}(time, {name}) to return one"
+            )
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         self._reads = named_signals(variables, signals)
@@ -66,7 +83,11 @@ class SampleSource(System):
         return first
 
     def advance(self) -> list[float] | None:
-        sample = next(self._samples, None)
+        try:
+            sample = next(self._samples, None)
+        except TypeError as error:
+            self._refuse_number(error)
+            raise
         if sample is None:
             self.ended = "terminated"
             return None
@@ -86,10 +107,33 @@ class SampleSource(System):
         self._count += 1
         return values
 
+    def _refuse_number(self, error: TypeError) -> None:
+        """Raise InputError if a function calls a number of the case as a signal over time."""
+        numbers = [name for name, value in self._case.items() if isinstance(value, int | float)]
+        if numbers and re.fullmatch("'(float|int)' object is not callable", str(error)):
+            raise InputError(
+                f"{self.name} calls a number as a function of time; a signal over time needs "
+                f"points (--vary {numbers[-1]}=0:1,points=5, Signal)"
+            ) from error
+
     def close(self) -> None:
         """Close a generator, which may hold open files."""
         if isinstance(self._samples, Generator):
             self._samples.close()
+
+
+def _required(function: Callable[..., object], skip: int) -> list[str]:
+    """Return the arguments of a function that have no default, without the first ``skip``."""
+    try:
+        parameters = [*inspect.signature(function).parameters.values()]
+    except ValueError:
+        return []
+    kinds = {inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY}
+    return [
+        parameter.name
+        for parameter in parameters[skip:]
+        if parameter.kind in kinds and parameter.default is parameter.empty
+    ]
 
 
 def _keywords(function: Callable[..., object], skip: int) -> tuple[list[str], bool]:

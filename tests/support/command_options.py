@@ -50,6 +50,8 @@ def _written(action: argparse.Action) -> str:
     if not action.option_strings:
         return f"`{value}`"
     after = "" if action.nargs == 0 else f" {value}"
+    if action.dest == "require_triggered":  # its value stands after '=' only
+        after = f"[={value}]"
     return ", ".join(f"`{flag}{after}`".replace("|", "\\|") for flag in action.option_strings)
 
 

@@ -40,8 +40,8 @@ class Coverage:
         one = self.columns == 1
         return (
             f"{self.simulations} {simulations} in {self.columns} {'column' if one else 'columns'}: "
-            f"no column has a gap wider than {self.gap:.2g} of its range; half of all cases differ "
-            f"from every simulated one by {self.distance:.2g} of a range or more in some column"
+            f"largest untested part of any range: {100 * self.gap:.0f} %; half of all possible "
+            f"inputs are {100 * self.distance:.0f} % of a range or more from every simulated input"
         )
 
 
