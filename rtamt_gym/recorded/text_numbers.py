@@ -300,8 +300,6 @@ class TextNumbers:
         )
         word = cell.strip().lower()
         advice = self._wanted.empty if not word or word in NOT_KNOWN else ""
-        if not word and not advice:  # of times
-            advice = "; write its time or remove the row"
         if word in {"on", "off", "yes", "no", "open", "closed"}:
             advice = "; write 1 and 0, or true and false"
         if self._option is not None and any(is_number(cell.strip(), mark) for mark in OTHER_MARK):

@@ -40,7 +40,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     Path("log.csv").write_text("time,speed\n0,20\n1,20\n")
     Path("flag.csv").write_text("time,speed\n0,on\n1,off\n")
-    Path("hole.csv").write_text("time,speed\n0,1\n,2\n")
     Path("hinted.py").write_text(SYSTEMS)
 
 
@@ -60,7 +59,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (f"monitor {SPEC} --require-triggered all -- log.csv", "write --require-triggered=all"),
         (f"monitor {SPEC} --require-triggered 5 -- log.csv", "write --require-triggered=5"),
         (f"monitor {SPEC} flag.csv", "write 1 and 0, or true and false"),
-        (f"monitor {SPEC} hole.csv", "write its time or remove the row"),
         (f"falsify hinted {SPEC} --vary gain=1:2", "write hinted:FUNCTION"),
         (f"falsify hinted.yields {SPEC} --vary gain=1:2", "write hinted:yields"),
         (f"falsify hinted:needs {SPEC} --vary gain=1:2", "--vary mass=1:2"),

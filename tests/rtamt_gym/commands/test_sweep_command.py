@@ -196,7 +196,7 @@ def test_functions_and_fmus_are_run_as_in_python(capsys: Output, tmp_path: Path)
                 "=1:2",
                 "height=1|x",
                 "height=1|2,log",
-                "height=1:2,lag",
+                "height=1:2,other",
                 "height=1:2,log=2",
             )
         ),
