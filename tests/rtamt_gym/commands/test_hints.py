@@ -89,7 +89,7 @@ def test_duration_with_unit(capsys: Output) -> None:
 def test_path_is_not_samples() -> None:
     for function in (rtamt.judge, rtamt.evaluate, rtamt.explain):
         with pytest.raises(InputTypeError, match=r"got the path 'log.csv'; read the file first"):
-            function("always(speed < 30)", "log.csv")  # type: ignore[operator]
+            function("always(speed < 30)", "log.csv")
 
 
 def test_case_without_argument() -> None:
