@@ -1,11 +1,10 @@
-"""Errors of the toolkit: what was expected, what came, where, and how to correct it.
+"""Errors of the toolkit: the expected and the actual value, the place, and the fix.
 
 To add an error message:
 
-- State the wrong value, what was expected and how to fix it.
-  ``tests/rtamt/language/parse_errors.txt`` lists the exact texts of the language,
-  ``tests/rtamt/program/errors.txt`` those for periods, bounds and interfaces. Other tests assert
-  the class and one key word, so that words can change.
+- State the wrong value, the expected value and the fix. ``tests/rtamt/language/parse_errors.txt``
+  lists the exact texts of the language, ``tests/rtamt/program/errors.txt`` the texts for periods,
+  bounds and interfaces. Other tests assert the class and one key word, so that words can change.
 - Pass an argument as a piece, ``InputError("give ", Argument("period"))``: a Python caller reads
   ``period=``, a command names its own option. Use `Advice` for a part that only helps callers who
   have the option. `rtamt_gym.commands.errors` lists the options with another name.
@@ -54,12 +53,12 @@ __all__ = [
 class Argument:
     """An argument that an error speaks of, by its name in Python.
 
-    Its text is what a Python caller writes, ``name=`` or ``name=value``, or the words that it has.
+    Its text is Python code, ``name=`` or ``name=value``, or its words.
 
     Attributes:
         name: The name.
         value: The value that it has or should have; ``...`` if the error speaks of none.
-        words: What a Python caller reads instead, as where the way out is another function.
+        words: The text for Python callers instead, such as another function to call.
 
     Example:
         >>> print(Argument("period"), Argument("end", "cut"))
@@ -77,7 +76,7 @@ class Argument:
 class Message(str):
     """The text of an error, which knows the arguments that it speaks of.
 
-    It is the text that a Python caller reads; a program with options of its own words it anew.
+    It is the text for Python callers; a program with its own options words it differently.
 
     Args:
         pieces: Texts, arguments, messages, and errors for their messages, as they are read.
@@ -99,7 +98,7 @@ class Message(str):
     pieces: tuple[object, ...]
 
     def __new__(cls, *pieces: object) -> Self:
-        """Joins the pieces."""
+        """Join the pieces."""
         result = tuple(
             piece.message if isinstance(piece, RtamtError) else _safe(piece) for piece in pieces
         )
@@ -122,8 +121,8 @@ class Message(str):
         """The text for a program that has options of its own.
 
         Args:
-            option: The words for an argument, or None if there is no option for it; an `Advice`
-                with such an argument is left out.
+            option: The words for an argument, or None if it has no option; then an `Advice` with
+                this argument is left out.
         """
         texts = []
         for piece in self.pieces:
@@ -145,13 +144,13 @@ class Advice(Message):
     __slots__ = ()
 
     def worded(self, option: Callable[[Argument], str | None]) -> str:
-        """The text, or none if one of its arguments has no option."""
+        """Return the text, or nothing if an argument has no option."""
         spoken = (piece for piece in self.pieces if isinstance(piece, Argument))
         return super().worded(option) if all(map(option, spoken)) else ""
 
 
 def hint_line(hint: str) -> Message:
-    """The last line of an error; nothing without a hint, or for those who cannot follow it."""
+    """Return the last line of an error; nothing without a hint, or if the caller has no option."""
     if isinstance(hint, Advice):
         return Advice("\n  hint: ", *hint.pieces)
     return Message("\n  hint: ", hint) if hint else Message()
@@ -161,7 +160,7 @@ class RtamtError(Exception):
     """Base class of every error that a user of the toolkit can cause.
 
     Args:
-        pieces: What `Message` takes; most of the time one text.
+        pieces: The arguments of `Message`; usually one text.
     """
 
     def __init__(self, *pieces: object) -> None:
@@ -183,7 +182,8 @@ class RtamtError(Exception):
 class SpecificationError(RtamtError, ValueError):
     """A specification that has no meaning, or that a monitor cannot run.
 
-    Examples are a bound that is no multiple of the period, and a future without end in `Monitor`.
+    Examples are a bound that is not a multiple of the period, and a future without end in
+    `Monitor`.
     """
 
 
@@ -267,12 +267,12 @@ def alternatives(names: Iterable[str]) -> str:
 
 
 def is_one_of(value: object, names: Iterable[str]) -> bool:
-    """Whether a value is one of the names; an array or a list, which ``in`` cannot take, is not."""
+    """Return whether a value is among the names; arrays and lists are not."""
     return isinstance(value, str) and value in names
 
 
 def brief(value: object, most: int = 60) -> str:
-    """What was given, for an error: its repr in one line, cut to a length; its type if it has none.
+    """Return a value for an error: its repr in one line, cut to a length, or its type.
 
     An integer of 5,000 digits has no repr, and an object of the caller's may raise anything in its
     own.
@@ -386,7 +386,7 @@ def _pairs(name: str) -> set[str]:
 
 
 def nearest(name: object, names: Iterable[object]) -> str:
-    """A hint with the most similar name; an empty string if none is, or if it is no text.
+    """Return a hint with the most similar name; empty without one, or if it is not a text.
 
     Example:
         >>> nearest("levle", ["level", "inflow", 3]), nearest("x", ["level"]), nearest(3, ["level"])
@@ -400,7 +400,7 @@ def no_such(what: str, name: str, names: Iterable[object]) -> str:
     """Return the text of an error for a name that is not among the known ones.
 
     Args:
-        what: The word for what has the names, such as ``"column"``.
+        what: The word for the named objects, such as ``"column"``.
         name: The name.
         names: The known names. Names of columns may be anything that a mapping takes.
 

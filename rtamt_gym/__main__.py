@@ -31,7 +31,7 @@ __all__ = ["main"]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command line; returns the exit code."""
+    """Run the command line; return the exit code."""
     given = sys.argv[1:] if argv is None else argv
     if sys.stdout is None:  # as of a program without a console
         return _run(given)
@@ -88,14 +88,14 @@ class _Output:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Writes a text."""
+        """Write a text."""
         if not self.closed_by_reader:
             with self._dropping():
                 self._stream.write(text)
         return len(text)
 
     def flush(self) -> None:
-        """Writes what was kept back."""
+        """Write the buffered text."""
         if not self.closed_by_reader:
             with self._dropping():
                 self._stream.flush()

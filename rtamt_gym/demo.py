@@ -133,7 +133,7 @@ HIGHWAY = Demo(
 
 
 def watch(scenario: Demo, seed: int = 0) -> list[Run]:
-    """Runs one episode for each driver of a scenario."""
+    """Run one episode for each driver of a scenario."""
     with closing(make(scenario.env_id)) as env:
         return [
             simulate(
@@ -150,7 +150,7 @@ def watch(scenario: Demo, seed: int = 0) -> list[Run]:
 
 
 def run(seed: int, picture: Path) -> Iterator[str]:
-    """Runs both scenarios and draws the picture; yields the lines to print as they are known."""
+    """Run both scenarios and draw the picture; yield the lines to print as they are known."""
     register("highway_env")  # fails before the first scenario, not after it
     shown: list[Run] = []
     watched: list[Run] = []

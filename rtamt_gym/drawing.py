@@ -36,7 +36,7 @@ OPEN = "#666666"
 
 
 def check_format(path: Path) -> None:
-    """Checks that a file has the extension of a picture.
+    """Check that a file has the extension of a picture.
 
     Raises:
         InputError: If it is not; names the usual ones.
@@ -46,12 +46,12 @@ def check_format(path: Path) -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Writes a figure in the format of the file's extension."""
+    """Write a figure in the format of the file's extension."""
     figure.savefig(path, dpi=110)
 
 
 def tidy(ax: Axes, name: str) -> None:
-    """Removes the decoration of a panel and writes its name on the left."""
+    """Remove the decoration of a panel and write its name on the left."""
     ax.set_ylabel(name, fontsize=9.5)
     ax.spines[["top", "right"]].set_visible(False)
     ax.grid(visible=True, color="#E5E5E5", linewidth=0.6)
@@ -62,7 +62,7 @@ def tidy(ax: Axes, name: str) -> None:
 def robustness_panel(
     ax: Axes, name: str, formula: str, width: int, curves: Sequence[NDArray[np.float64]]
 ) -> list[NDArray[np.float64]]:
-    """Names a panel, writes a formula above it in lines of a width, and draws a line at zero.
+    """Name a panel, write a formula above it in lines of a width, and draw a line at zero.
 
     Returns the curves clipped to the range of the panel, so that infinite values end at its edges.
     The range holds their finite values and zero, with room above and below.
@@ -79,6 +79,6 @@ def robustness_panel(
 
 
 def show_verdict(ax: Axes, verdict: Verdict, text: str) -> None:
-    """Writes the words about a verdict in its colour below a panel."""
+    """Write the words about a verdict in its colour below a panel."""
     colour = VERDICT_COLOURS.get(verdict, OPEN)
     ax.set_xlabel(text, color=colour, fontsize=9, loc="right", fontweight="bold")

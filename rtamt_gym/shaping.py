@@ -401,7 +401,7 @@ class Shaping:
         return self.mode != "verdict" and (unweighted or self.weight > 0.0)
 
     def robustness(self, values: Sequence[Numeric]) -> Numeric:
-        """Combines the robustness of the specifications into the number that the reward uses."""
+        """Combine the robustness of the specifications into the number that the reward uses."""
         if len(self.levels) == 1:
             bounded = scaled(values, self.weights, self.clip)
             return clip(least(bounded, self.temperature), self.clip)

@@ -68,7 +68,7 @@ Hold = int | float | str | Decimal | Fraction
 
 
 def flag(name: str = "success") -> Formula:
-    """Holds where a flag is true, that is 0.5 or more; flags are 0 or 1.
+    """Return a state that holds where a flag (0 or 1) is at least 0.5.
 
     Args:
         name: The variable that reads it, as in ``signals={"success": ("info['success']", 0.0)}``.
@@ -81,7 +81,7 @@ def flag(name: str = "success") -> Formula:
 
 
 def within(quantity: str, target: float, tolerance: float) -> Formula:
-    """Holds where a quantity is at most a tolerance away from its target, on either side.
+    """Return a state that holds where a quantity is within a tolerance of its target.
 
     Args:
         quantity: The variable, in a unit of its own.
@@ -102,7 +102,7 @@ def within(quantity: str, target: float, tolerance: float) -> Formula:
 def one_sided(
     quantity: str, *, at_least: float | None = None, at_most: float | None = None
 ) -> Formula:
-    """Holds where a quantity has reached its target or gone past it: further is no failure.
+    """Return a state that holds where a quantity has reached or passed its target.
 
     Args:
         quantity: The variable, in a unit of its own.
@@ -128,7 +128,7 @@ def one_sided(
 
 
 def hysteresis(quantity: str, *, enter: float, leave: float) -> Formula:
-    """Holds from where a quantity reaches one number until it has gone back past another.
+    """Return a state that holds from one threshold until the quantity is back past another.
 
     ``enter`` below ``leave`` is a quantity that is to be small, such as a distance; above, one
     that is to be great.
@@ -157,7 +157,7 @@ def hysteresis(quantity: str, *, enter: float, leave: float) -> Formula:
 
 
 def at_rest(speed: str, *, below: float) -> Formula:
-    """Holds where a speed is small, whatever its sign.
+    """Return a state that holds where the magnitude of a speed is small.
 
     Args:
         speed: The variable, in a unit of its own.
@@ -174,7 +174,7 @@ def at_rest(speed: str, *, below: float) -> Formula:
 
 
 def released(distance: str, *, at_least: float) -> Formula:
-    """Holds where the gripper is away from the object: it is not held in place by the hand.
+    """Return a state that holds where the gripper is away from the object.
 
     Args:
         distance: The variable, the way from gripper to object in a unit of its own.

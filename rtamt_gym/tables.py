@@ -30,7 +30,7 @@ __all__ = [
 
 
 def counted(count: int, what: str) -> str:
-    """Writes how many there are of something whose plural ends in s.
+    """Return a count with its noun, which has a plural in s.
 
     Example:
         >>> counted(1, "trace"), counted(0, "trace")
@@ -40,7 +40,7 @@ def counted(count: int, what: str) -> str:
 
 
 def number(value: float) -> str:
-    """Writes a number in six digits at most.
+    """Write a number in six digits at most.
 
     Example:
         >>> number(2.0), number(-1 / 3), number(float("inf"))
@@ -70,7 +70,7 @@ def short(value: float, digits: int = 3) -> str:
 
 
 def time_text(time: float, step: float | None) -> str:
-    """Writes a time in seconds, with enough digits to tell it from the time a step later.
+    """Write a time in seconds, with enough digits to distinguish it from the time a step later.
 
     Without a step, the time is the number of a sample.
 
@@ -85,7 +85,7 @@ def time_text(time: float, step: float | None) -> str:
 
 
 def sample_text(sample: int, period: Fraction | None, start: float = 0.0) -> str:
-    """Writes the time of a sample in seconds, or its number if there is no period.
+    """Write the time of a sample in seconds, or its number if there is no period.
 
     Example:
         >>> sample_text(3, Fraction(1, 2)), sample_text(3, None)
@@ -97,12 +97,12 @@ def sample_text(sample: int, period: Fraction | None, start: float = 0.0) -> str
 
 
 def wrapped(text: str) -> list[str]:
-    """Breaks a text into lines of 80 columns at most; all but the first are indented."""
+    """Break a text into lines of 80 columns at most; all but the first are indented."""
     return wrap(shown_lines(text), 80, subsequent_indent="    ", break_on_hyphens=False)
 
 
 def shorten(text: str, width: int) -> str:
-    """Cuts a text to a width, with three dots in place of what is cut off.
+    """Cut a text to a width, with three dots in place of what is cut off.
 
     Example:
         >>> shorten("always(x > 0)", 9)
@@ -176,7 +176,7 @@ def table(
     width: int | None = None,
     terminal: Terminal | None = None,
 ) -> list[str]:
-    r"""Arranges cells in columns, two blanks apart; a column with empty cells alone is left out.
+    r"""Arrange cells in columns, two blanks apart; a column with empty cells alone is left out.
 
     Args:
         rows: The cells; the first row holds the names of the columns.

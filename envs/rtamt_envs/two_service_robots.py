@@ -381,7 +381,7 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
 def parallel_env(
     parameters: Mapping[str, float] | None = None, render_mode: str | None = None
 ) -> ParallelRobots:
-    """Makes the two robots as a parallel environment, as modules of PettingZoo do.
+    """Make the two robots as a parallel environment, as modules of PettingZoo do.
 
     Example:
         >>> import numpy as np

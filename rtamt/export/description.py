@@ -72,7 +72,7 @@ class UnitVariable(NamedTuple):
     Attributes:
         name: Its name.
         reference: Its value reference.
-        kind: Its type, whose name depends on the version of FMI.
+        kind: Its type; the name depends on the version of FMI.
         causality: Its role in FMI; a local variable is a constant that cannot be set.
         start: Its start value; None if it is calculated.
         meaning: Its description in the model description.
@@ -257,7 +257,7 @@ def _variables_3(root: Element, description: Description) -> None:
 
 
 def _dependencies(places: Mapping[str, UnitVariable]) -> dict[str, str]:
-    """Return the variables on which each output depends, during the run and before it.
+    """Return the variables that each output depends on, during the run and before it.
 
     An output at the end of a step depends on inputs at its start, so on no input at that time.
     Before the first step it depends on the constants of the text. So importers can close a loop

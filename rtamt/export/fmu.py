@@ -62,7 +62,7 @@ def export_fmu(
     * ``robustness``, ``lower``, ``upper`` and ``verdict`` (-1 violated, 0 undecided, 1 satisfied),
       equal to the bit to `EpisodeMonitor` after the same samples;
     * every named formula, also the result, equal to the bit to `Monitor` of this formula, late by
-      its latency. A formula with an unbounded future, for which no monitor can wait, has the value
+      its latency. A formula with an unbounded future, which no monitor can wait for, has the value
       of `EpisodeMonitor`: its robustness if the run ended now.
 
     A sample is taken at each multiple of the period, the first at the start: a step from t to
@@ -85,7 +85,7 @@ def export_fmu(
         dense: Whether to monitor over dense time, without a period.
         fmi: The version of FMI, 2 or 3.
         stop_on_violation: The start value of the parameter of this name, which makes the monitor
-            end the simulation after the step in which the verdict becomes -1.
+            end the simulation after the step that turns the verdict to -1.
         semantics: As for `Monitor`.
         inputs: As for `Monitor`.
         outputs: As for `Monitor`.

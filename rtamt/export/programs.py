@@ -67,7 +67,7 @@ class Programs:
         )
 
     def _constants(self) -> frozenset[str]:
-        """Return the constants on which numbers of the program depend."""
+        """Return the constants that numbers of the program depend on."""
         numbers = [i.value for i in self.program.instructions if isinstance(i, Const)]
         traced = [number for number in numbers if isinstance(number, Traced)]
         return frozenset[str]().union(*(number.constants for number in traced))

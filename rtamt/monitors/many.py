@@ -114,7 +114,7 @@ def judge_many(
     if time is not None and period is not None:
         raise InputError("expected time= or period=, got both; the times give the period")
     if by is not None and lengths is not None:
-        raise InputError("expected by= or lengths=, got both; each of them says where traces end")
+        raise InputError("expected by= or lengths=, got both; each defines the ends of traces")
     count = _thread_count(threads)
 
     def batch(seconds: Period | None) -> TraceBatch:
@@ -212,7 +212,7 @@ class _Work:
         columns, rows = _columns(data, total, batch)
         if rows != total:
             raise InputError(
-                f"expected lengths whose sum is the {rows} samples of the columns, got {total}"
+                f"expected lengths with the sum {rows}, the samples of the columns, got {total}"
             )
         traces = TraceSet(columns, np.cumsum(sizes) - sizes, sizes)
         self._take_joined(batch, traces, np.arange(len(sizes)))
@@ -273,8 +273,8 @@ class _Work:
             raise period
         if period is None and self._specification.timed:
             raise InputError(
-                "expected two rows or more, whose times give the period, got 1; pass period= in "
-                "place of time="
+                "expected two rows or more to read the period from their times, got 1; pass "
+                "period= in place of time="
             )
         return batch_of(cast("Fraction | None", period))
 

@@ -24,12 +24,12 @@ _FLAGS = np.dtype(np.bool_)
 class VerdictBook:
     """The verdict log of several vector monitors of episodes.
 
-    A row of an array is a monitor, a column a lane; arrays of shape (num,) are about lanes. Arrays
-    belong to the log, change in place, and are to be read only. A call does for all monitors what
-    it would do for each of them.
+    A row of an array is a monitor, a column a batch entry; arrays of shape (num,) are about
+    entries. Arrays belong to the log and change in place; treat them as read-only. A call acts on
+    all monitors.
 
     Args:
-        monitors: One or more, of as many lanes. They may also be updated by themselves, before
+        monitors: One or more, with equal batch sizes. They may also be updated separately, before
             `note`.
 
     Attributes:
@@ -38,7 +38,7 @@ class VerdictBook:
         open_at_end: Whether a verdict was open when its trace ended.
         violated: Whether a specification is violated.
         failed: Whether `fail` violated it.
-        first: The number of the monitor that was violated first in a lane; -1 while none is.
+        first: The number of the first violated monitor of a batch entry; -1 without a violation.
         violated_at: The sample at which that was settled; -1 while none is.
 
     Example:
@@ -81,13 +81,13 @@ class VerdictBook:
     def feed(
         self, table: Floats, columns: Sequence[tuple[int, ...]], mask: ArrayLike | None = None
     ) -> Floats:
-        """Take in a sample in every lane of the mask, and return the minimum robustness of lanes.
+        """Update the batch entries in the mask with a sample; return their minimum robustness.
 
         Args:
-            table: Numbers of shape (num, width), a row for each lane; float64 in Fortran's order is
-                read fastest.
+            table: Numbers of shape (num, width), a row for each batch entry; float64 in Fortran
+                order is fastest.
             columns: For each monitor the columns of the table that are its variables.
-            mask: num booleans; None: all lanes.
+            mask: num booleans. Default: all batch entries.
 
         Raises:
             RtamtError: As `VectorEpisodeMonitor.update` does; monitors before the one that refuses
@@ -99,12 +99,12 @@ class VerdictBook:
         return functions.least(banks, "robustness", None)
 
     def note(self) -> None:
-        """Record new decisions of the monitors, with the last sample of each lane."""
+        """Record new decisions of the monitors, with the last sample of each batch entry."""
         banks, functions = self._found
         functions.note(banks, None, *self._arrays())
 
     def finish(self, mask: ArrayLike | None = None, *, end: End = "complete") -> None:
-        """End the traces of the lanes of the mask, as `VectorEpisodeMonitor.finish` does."""
+        """End the traces in the mask, as `VectorEpisodeMonitor.finish` does."""
         banks, functions = self._found
         chosen = self._mask(mask)
         functions.note(banks, None, *self._arrays())
@@ -114,7 +114,7 @@ class VerdictBook:
         self.open_at_end |= was_open if chosen is None else was_open & chosen
 
     def fail(self, mask: ArrayLike | None = None) -> None:
-        """Count open verdicts in the lanes of the mask as violated by the last sample, if any.
+        """Count open verdicts of batch entries in the mask as violated by the last sample, if any.
 
         Monitors stay as they are.
         """
@@ -127,7 +127,7 @@ class VerdictBook:
         self.note()
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        """Forget the lanes of the mask, here and in the monitors; without a mask, all."""
+        """Forget the batch entries in the mask, here and in the monitors; without a mask, all."""
         chosen = self._mask(mask)
         banks, functions = self._found
         functions.reset(banks, chosen)
@@ -146,7 +146,7 @@ class VerdictBook:
         )
 
     def outcomes(self, lanes: NDArray[np.int64] | None = None) -> BankOutcomes:
-        """Return the outcomes of the episodes so far in some lanes; None: all.
+        """Return the outcomes of the episodes so far in some batch entries; None: all.
 
         Fresh arrays of shape (monitors, lanes): ``robustness`` and ``verdicts`` (1, -1 or 0), both
         0 without a sample, ``settled_at``, ``settled``, ``satisfied``, and ``by_end``, whether the
@@ -157,7 +157,7 @@ class VerdictBook:
         return functions.outcomes(banks, self._numbers(lanes), self.failed, self.settled_at)
 
     def spread(self, columns: Sequence[LaneColumn], lanes: NDArray[np.int64]) -> None:
-        """Write arrays of all lanes, and masks, into dictionaries, from values of some lanes.
+        """Write arrays of the batch, and masks, into dictionaries, from values of some entries.
 
         Args:
             columns: For each key ``(place, key, mask_key, values, there)``: the dictionary, or for

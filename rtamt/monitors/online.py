@@ -145,22 +145,22 @@ class Late:
 
 
 class EpisodeValues(Generic[_Numbers, _Flags]):
-    """The robustness and the bounds of an episode; of many, arrays with a value for each lane."""
+    """The robustness and bounds of an episode; in a batch, arrays with a value for each entry."""
 
     __slots__ = ()
 
     robustness: MachineValue[_Numbers] = machine_value(
         "robustness",
-        "Robustness (of each lane) if the episode ended now; nan before the first sample.",
+        "Robustness (of each batch entry) if the episode ended now; nan before the first sample.",
     )
     lower: MachineValue[_Numbers] = machine_value(
-        "lower", "The least robustness (of each lane) over all continuations and ends."
+        "lower", "The minimum robustness (of each batch entry) over all continuations and ends."
     )
     upper: MachineValue[_Numbers] = machine_value(
-        "upper", "The greatest robustness (of each lane) over all continuations and ends."
+        "upper", "The maximum robustness (of each batch entry) over all continuations and ends."
     )
     finished: MachineValue[_Flags] = machine_value(
-        "finished", "Whether `finish` has ended the episode (of each lane)."
+        "finished", "Whether `finish` has ended the episode (of each batch entry)."
     )
 
 

@@ -28,26 +28,26 @@ from rtamt.program.timing import Period
 
 _B = TypeVar("_B", bound=Bank)
 
-_UPDATE = """Take in a sample in every lane of the mask, and return the robustness of all lanes.
+_UPDATE = """Update the batch entries in the mask with a sample; return the robustness of all.
 
-A call that raises an error leaves all lanes as they were.
+A call that raises an error changes no batch entry.
 
 Args:
-    values: An array of shape (num, variables), a row for each lane, columns in the order of
-        ``variables``. Rows of lanes that the mask leaves out are ignored, nan or not.
-    mask: num booleans: the lanes that take a sample. None: all.{upper}
+    values: An array of shape (num, variables), a row for each batch entry, columns in the
+        order of ``variables``. Rows outside the mask are ignored, nan or not.
+    mask: num booleans: the batch entries to update. Default: all.{upper}
     **named: Instead of ``values`` an array of num numbers for each variable, as in
         ``update(x=[1, 2, 3])``. A variable with a default may be absent, as for `Monitor`.
 
 Returns:
-    A fresh array of shape (num,): for a lane that took a sample, the robustness that the monitor of
-    one signal returns; for others, their last value; nan before the first sample.
+    A new array of shape (num,): for an updated batch entry, the robustness that the monitor of one
+    signal returns; for others, their last value; nan before the first sample.
 
 Raises:
     InputError: On a wrong shape, missing or unknown variables, values in both forms, a nan, or a
-        term that is not a number (``sqrt(-1)``), with the lane and its sample.
+        term that is not a number (``sqrt(-1)``), with the batch entry and its sample.
     InputTypeError: On values that are not real numbers, or a mask that is not of booleans.{memory}
-    StateError: If a lane that is to take a sample is finished.
+    StateError: If a batch entry in the mask is finished.
 """
 _UPPER = """
     upper: The greatest values, in an array of the same shape: then ``values`` are the least, and
@@ -90,11 +90,11 @@ class _Lockstep(DirectUpdate, Sampled[_B]):
         return super()._arguments() | {"num": self.num}
 
     samples: MachineValue[NDArray[np.int64]] = machine_value(
-        "samples", "Samples that each lane has taken in since it was made or reset; a fresh array."
+        "samples", "The number of samples of each batch entry since its reset; a new array."
     )
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        """Forget every sample of the lanes where the mask is true; without a mask, of all.
+        """Forget every sample of the batch entries in the mask; without a mask, of all.
 
         Raises:
             InputError: On a mask of another shape than (num,).
@@ -104,22 +104,22 @@ class _Lockstep(DirectUpdate, Sampled[_B]):
 
 
 class VectorMonitor(Late, _Lockstep[DiscreteBank]):
-    """`Monitor` of ``num`` signals in lockstep: robustness of every lane, late by the latency.
+    """A `Monitor` of a batch: the robustness of ``num`` signals, late by the latency.
 
-    Each lane has its own time: it goes on as a `Monitor` of its own would, whichever lanes a mask
-    leaves out of an update or resets.
+    Each batch entry has its own time: it behaves as a separate `Monitor`, also if masks leave out
+    or reset other entries.
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        num: How many lanes, 1 to 16,777,216.
+        num: The number of batch entries, 1 to 16,777,216.
         period: As for `Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
-            for `Monitor`; ``nan="hold"`` keeps the variable's last value in that lane.
+            for `Monitor`; ``nan="hold"`` keeps the variable's last value in that batch entry.
 
     Raises:
         SpecificationError: As for `Monitor`.
-        InputError: As for `Monitor`, and on fewer lanes than 1 or too many.
-        InputTypeError: On a number of lanes that is not a whole number.
+        InputError: As for `Monitor`, and on fewer batch entries than 1 or too many.
+        InputTypeError: On a number of batch entries that is not a whole number.
 
     Example:
         >>> m = VectorMonitor("once[0:1](x - y > 0)", 3)
@@ -150,24 +150,24 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
 class VectorEpisodeMonitor(
     EpisodeValues[NDArray[np.float64], NDArray[np.bool_]], _Lockstep[EpisodeBank]
 ):
-    """`EpisodeMonitor` of ``num`` signals in lockstep: robustness, bounds and verdict of each lane.
+    """An `EpisodeMonitor` of a batch: robustness, bounds and verdicts of ``num`` signals.
 
-    Each lane has its own episode, which begins with its first sample after a reset. ``robustness``,
-    ``lower``, ``upper``, ``verdict`` and ``finished`` are fresh arrays of shape (num,): they do not
-    change with the next update.
+    Each batch entry has its own episode, which starts with its first sample after a reset.
+    ``robustness``, ``lower``, ``upper``, ``verdict`` and ``finished`` are new arrays of shape
+    (num,): they do not change with the next update.
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        num: How many lanes, 1 to 16,777,216.
+        num: The number of batch entries, 1 to 16,777,216.
         period: As for `Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
-            for `Monitor`; ``nan="hold"`` keeps the variable's last value in that lane, and
+            for `Monitor`; ``nan="hold"`` keeps the variable's last value in that batch entry, and
             ``nan="unknown"`` takes a nan for a value of which nothing is known.
 
     Raises:
         SpecificationError: As for `EpisodeMonitor`.
-        InputError: As for `EpisodeMonitor`, and on fewer lanes than 1 or too many.
-        InputTypeError: On a number of lanes that is not a whole number.
+        InputError: As for `EpisodeMonitor`, and on fewer batch entries than 1 or too many.
+        InputTypeError: On a number of batch entries that is not a whole number.
 
     Example:
         >>> e = VectorEpisodeMonitor("always[0:100](x > 1)", 3)
@@ -193,32 +193,31 @@ class VectorEpisodeMonitor(
         return BACKENDS[self.backend].episode_bank(self.program, self.num, reader)
 
     verdict: MachineValue[NDArray[np.int8]] = machine_value(
-        "verdict", "The verdict on each lane: -1 violated, 0 undecided, 1 satisfied."
+        "verdict", "The verdict on each batch entry: -1 violated, 0 undecided, 1 satisfied."
     )
 
     unknown: MachineValue[NDArray[np.bool_]] = machine_value(
         "unknown",
-        "Whether each value of the last sample of each lane is an `UncertainValue`; "
-        "a row for each lane, a column for each variable.",
+        "Whether each value of the last sample of each batch entry is an `UncertainValue`; "
+        "a row for each batch entry, a column for each variable.",
     )
 
     def finish(
         self, mask: ArrayLike | None = None, *, end: End = "complete"
     ) -> NDArray[np.float64]:
-        """End the traces of the lanes where the mask is true; without a mask, of all.
+        """End the traces of the batch entries in the mask; without a mask, of all.
 
-        Each of these lanes ends as an `EpisodeMonitor` does in `EpisodeMonitor.finish`. Lanes that
-        are finished already stay as they are.
+        Each entry ends as in `EpisodeMonitor.finish`. Finished entries stay as they are.
 
         Args:
-            mask: num booleans: the lanes that end. None: all.
+            mask: num booleans: the batch entries that end. Default: all.
             end: The end mode: ``"complete"``, ``"cut"`` or ``"open"``.
 
         Returns:
-            ``robustness`` of all lanes, finished or not, as a fresh array.
+            ``robustness`` of all batch entries, finished or not, as a new array.
 
         Raises:
-            StateError: If one of these lanes has no sample; then no lane is finished.
+            StateError: If an entry in the mask has no sample; then no entry is finished.
             InputError: On a mask of another shape than (num,), or another end mode.
             InputTypeError: On a mask that is not of booleans.
         """

@@ -1,1 +1,1 @@
-"""Programs: what a specification is compiled to."""
+"""Programs: compiled specifications."""

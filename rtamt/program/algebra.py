@@ -1,4 +1,4 @@
-"""Two tables of what instructions compute: functions of doubles, and lattice folds of windows.
+"""Two tables of the functions of instructions: on doubles, and lattice folds of windows.
 
 The sign bit of a robustness says whether the formula holds: +0.0 does, -0.0 does not. So min and
 max order -0.0 below 0.0, and the margins of predicates choose between the two. The C++ machines
@@ -226,7 +226,7 @@ class LatticeFold:
         mirror: The same fold with time flipped.
         dual: The same fold with min and max exchanged, for negated operands.
         combine: The fold of two elements.
-        combine_arrays: The fold of two elements whose numbers are arrays.
+        combine_arrays: The fold of two elements with arrays as numbers.
         made: Returns such a fold of other functions in place of min and max.
     """
 

@@ -2,8 +2,8 @@
 
 A requirement such as ``always(p and always[0:5] q)`` demands ``p`` and ``q`` at many instants. From
 the root down, ``always`` and ``and`` only divide the demand; the first formula of every way that is
-neither is a body. The requirement fails if and only if a body fails at an instant at which it is
-read, because a minimum is negative if and only if one of its operands is.
+neither is a body. The requirement fails if and only if a body fails at an instant where it is read,
+because a minimum is negative if and only if an operand is.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def bodies(formula: Formula) -> tuple[Formula, ...]:
 def body_reads(
     formula: Formula, bounds: Callable[[Node], Bounds], span: TraceSpan
 ) -> Mapping[Formula, InstantRuns]:
-    """Return the instants of a trace at which a formula reads each of its bodies.
+    """Return the instants of a trace where a formula reads each of its bodies.
 
     Args:
         formula: The formula, which is read at instant 0.

@@ -1,7 +1,7 @@
 """Compiles a specification over dense time.
 
 Operators and instructions have the same meaning as over samples. Offsets and times of events are
-whole numbers of ticks, whose length is the resolution.
+whole numbers of ticks; a tick has the length of the resolution.
 """
 
 from __future__ import annotations
@@ -189,7 +189,7 @@ class DenseBuilder(ProgramBuilder):
 
 
 def _common(a: Fraction, b: Fraction) -> Fraction:
-    """Return the largest duration of which both are multiples."""
+    """Return the largest common divisor of two durations."""
     scale = math.lcm(a.denominator, b.denominator)
     return Fraction(math.gcd(int(a * scale), int(b * scale)), scale)
 

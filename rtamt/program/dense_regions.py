@@ -1,4 +1,4 @@
-"""Compiles a specification over the regions of dense time, on which every value is exact.
+"""Compiles a specification over the regions of dense time, where every value is exact.
 
 Times and bounds are whole ticks, so everything is constant on each instant t and on each open
 interval (t, t + 1). Instant t has position 2t, the interval after it 2t + 1. A window [a, b] from
@@ -28,7 +28,7 @@ from rtamt.program.program import Program
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class RegionProgram:
-    """A compiled specification whose offsets are positions, two in a tick.
+    """A compiled specification with positions as offsets, two in a tick.
 
     Attributes:
         program: The instructions.

@@ -43,7 +43,7 @@ class FormulaRow(NamedTuple):
 
 
 class DenseRow(NamedTuple):
-    """An instruction over dense time; bounds are ticks, None where a window has none."""
+    """An instruction over dense time; bounds are ticks, None for an open window."""
 
     kind: str
     name: str

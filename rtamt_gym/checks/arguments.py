@@ -24,7 +24,7 @@ def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
 
 
 def check_number(name: str, value: object, high: float = math.inf) -> float:
-    """Converts a finite number above 0, and at most ``high``, to a float; refuses any other."""
+    """Convert a finite number above 0, and at most ``high``, to a float; refuse any other."""
     if _is_number(value) and 0.0 < float(value) <= high and float(value) < math.inf:
         return float(value)
     most = "" if high == math.inf else f" and at most {high:g}"
@@ -34,7 +34,7 @@ def check_number(name: str, value: object, high: float = math.inf) -> float:
 
 
 def check_amount(name: str, value: object) -> float:
-    """Converts a finite number, 0 or more, to a float; refuses any other."""
+    """Convert a finite number, 0 or more, to a float; refuse any other."""
     if _is_number(value) and 0.0 <= float(value) < math.inf:
         return float(value)
     raise InputError("expected ", Argument(name), f" as a finite number, 0 or more, got {value!r}")
@@ -46,7 +46,7 @@ def _is_number(value: object) -> TypeGuard[Real]:
 
 
 def check_count(what: object, count: object) -> int:
-    """Converts a whole number above 0 to an int; refuses any other."""
+    """Convert a whole number above 0 to an int; refuse any other."""
     if isinstance(count, bool) or not isinstance(count, Integral):
         raise InputTypeError("expected ", what, f" as a whole number, got {count!r}")
     if count < 1:
@@ -55,7 +55,7 @@ def check_count(what: object, count: object) -> int:
 
 
 def check_known(name: str, given: Iterable[str], known: Collection[str]) -> None:
-    """Refuses a key that names no specification."""
+    """Raise InputError if a key is not a specification."""
     for key in given:
         if key not in known:
             raise InputError(

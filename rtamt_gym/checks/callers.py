@@ -11,7 +11,7 @@ _PASSED = frozenset({"rtamt_gym", "gymnasium"})
 
 
 def caller_level() -> int:
-    """Counts the frames up to the code that uses wrappers: the ``stacklevel`` of a warning.
+    """Count the frames up to the code that uses wrappers: the ``stacklevel`` of a warning.
 
     It is meant for a `warnings.warn` in the function that calls this one.
     """

@@ -84,9 +84,9 @@ def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[st
     for path in filter(None, (*files, picture)):
         resolved = path.resolve()
         if resolved in read:
-            raise InputError(f"cannot write {shown(str(path))}: it is read")
+            raise InputError(f"cannot write {shown(str(path))}: it is an input of the command")
         if resolved in written:
-            raise InputError(f"cannot write {shown(str(path))}: two options name it")
+            raise InputError(f"cannot write {shown(str(path))}: two options write it")
         written.add(resolved)
         if path.is_dir():
             raise InputError(f"cannot write {shown(str(path))}: it is a folder")

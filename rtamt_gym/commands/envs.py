@@ -130,7 +130,7 @@ def _declared(scenario: Any) -> Iterator[str]:  # noqa: ANN401 - of rtamt_envs, 
 
 
 def _filled(text: str, indent: str = "") -> str:
-    """Breaks a text at blanks into lines of 80 columns; those after the first are indented."""
+    """Break a text at blanks into lines of 80 columns; those after the first are indented."""
     after = indent or "  "
     return textwrap.fill(
         text, 80, initial_indent=indent, subsequent_indent=after, break_on_hyphens=False

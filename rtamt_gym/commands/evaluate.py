@@ -152,7 +152,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Plays the episodes, prints what came of them; returns 1 or 3 if a target is not met."""
+    """Play the episodes and print the results; return 1 or 3 if a target is not met."""
     from rtamt_gym.evaluation.evaluate import evaluate_policy
     from rtamt_gym.evaluation.repeating import UnrepeatedSeedWarning
     from rtamt_gym.evaluation.sequential import stopping_of
@@ -168,7 +168,7 @@ def run(options: argparse.Namespace) -> int:
     rules = {name: getattr(options, name) for name in _RULES if getattr(options, name) is not None}
     for name in ("alpha", "margin"):
         if name in rules and options.target is None:
-            raise InputError(f"--{name} is for --target, got it without")
+            raise InputError(f"--{name} needs --target")
     stopping_of((), **rules)  # refuses wrong numbers before the environment is made
     signals, lost = read_signals(options.signal), 0
     kwargs = read_options(options.env_kwarg)

@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Mines the parameter and prints what was found; returns 0."""
+    """Mine the parameter and print the result; return 0."""
     from rtamt_gym.search.mining.mining import mined_over
     from rtamt_gym.search.mining.requirement import check_parameter, template, unmarked
     from rtamt_gym.search.mining.traces import notes_on
@@ -102,8 +102,8 @@ def run(options: argparse.Namespace) -> int:
 def _read_range(arguments: list[str]) -> tuple[str, float, float]:
     if len(arguments) != 1:
         raise InputError(
-            f"--range: expected one parameter, got {len(arguments)}; one is mined at a time, and "
-            "others have values: --constant w=3"
+            f"--range: expected one parameter, got {len(arguments)}; mine one parameter, and set "
+            "the others with --constant w=3"
         )
     name, _, span = (part.strip() for part in arguments[0].partition("="))
     ends = read_floats(span.split(":"))

@@ -144,7 +144,7 @@ class MutantWatch:
         return killed
 
     def take(self, row: Trial, killed: Mapping[str, Sequence[int]]) -> None:
-        """Keeps which mutants a trace notices."""
+        """Record the mutants that a trace kills."""
         for name, numbers in killed.items():
             for number in numbers:
                 self._noticed[name].setdefault(number, row.name)

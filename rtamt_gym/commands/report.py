@@ -79,8 +79,8 @@ def run(options: argparse.Namespace) -> int:
     for result in paths:
         if result.lower().endswith(traces) or folder_format(result):
             raise InputError(
-                f"expected a result, got the trace {result}; judge it first: "
-                f"rtamt monitor --json SPEC {shlex.quote(result)} > outcomes.json"
+                f"expected a result, got the trace {result}; evaluate it first: rtamt monitor "
+                f"--json SPEC {shlex.quote(result)} > outcomes.json"
             )
     for folder in options.traces:
         if not folder.is_dir():

@@ -153,7 +153,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _played(play: Callable[[int], Run], seeds: Iterable[int]) -> list[Episode]:
-    """Plays an episode of each seed; one that fails does not lose the others.
+    """Play an episode of each seed; one that fails does not lose the others.
 
     If all fail, there is nothing to show: then the error of the first is raised. A specification
     that is wrong is so for all of them.

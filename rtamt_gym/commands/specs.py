@@ -192,7 +192,7 @@ def _read_argument(
 
 
 def _name(argument: str, specs: Mapping[str, rtamt.Specification]) -> str:
-    """Names a specification that has no name: after its file, or by its number."""
+    """Name a specification that has no name: after its file, or by its number."""
     if argument.endswith(".stl"):
         return shown(Path(argument).stem)
     return f"spec{len(specs) + 1 if specs else ''}"

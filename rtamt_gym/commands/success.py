@@ -58,7 +58,7 @@ def check_success(options: argparse.Namespace) -> None:
     """Refuse ``--success-key`` and ``--hold`` without ``--success``."""
     for name in ("success_key", "hold"):
         if getattr(options, name) is not None and not options.success:
-            raise InputError(f"--{name.replace('_', '-')} is for --success, got it without")
+            raise InputError(f"--{name.replace('_', '-')} needs --success")
 
 
 def success_requirements(

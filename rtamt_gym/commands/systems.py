@@ -65,7 +65,7 @@ def opened_system(options: argparse.Namespace) -> Iterator[SearchedSystem]:
         path, policy = name.get("object"), None
         if "environment" not in name:
             if options.policy:
-                raise InputError(f"--policy is for environments, got it for {options.env_id}")
+                raise InputError(f"--policy needs an environment, got {options.env_id}")
             yield SearchedSystem(system, path, None, {}, None)
             return
         if options.policy:

@@ -142,7 +142,7 @@ def read_episode(
 def _check(episode: RecordedEpisode) -> None:
     number, steps = episode.number, len(episode)
     if steps == 0:
-        raise InputError(f"episode {number} has no steps; leave it out")
+        raise InputError(f"episode {number} has no steps; remove it")
     for name in _FIELDS:
         wanted = steps + (name == "observations")
         for leaf in _leaves(getattr(episode, name)):

@@ -190,10 +190,7 @@ def check_options(mode: Mode | None, keep: object, options: Mapping[str, object]
                 f"{nearest(name, OPTIONS)}"
             )
         if mode is None and name in ShapingOptions.__annotations__:
-            raise InputError(
-                f"{name}= is about shaped rewards, which mode= asks for; give one, such as "
-                'mode="add"'
-            )
+            raise InputError(f'{name}= belongs to shaped rewards; pass a mode, such as mode="add"')
     if keep not in {"all", "satisfied"} and not callable(keep):
         raise InputError(
             f'expected keep="all", "satisfied" or a function of an episode, got {keep!r}'

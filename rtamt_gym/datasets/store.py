@@ -110,7 +110,8 @@ class Store:
         if self._folder.exists():
             raise InputError(
                 f"expected dataset_id= as a new name, got {dataset_id!r}, which is in "
-                f"{self._folder}; take another, or minari.delete_dataset({dataset_id!r})"
+                f"{self._folder}; choose another name, or call "
+                f"minari.delete_dataset({dataset_id!r})"
             )
         self._id, self._source, self._said = dataset_id, source, said
         self._old = {} if source is None else source.storage.metadata

@@ -201,7 +201,7 @@ def _changes(a: Evaluation, b: Evaluation, *, accept_changed: bool) -> list[str]
     changes = of_a.common(of_b).changes(of_b.common(of_a), without=without)
     if changes and not accept_changed:
         raise ChangedModelError(
-            f"cannot compare: of B {listed(changes)}; evaluate both with the same environment, or "
+            f"cannot compare: in B {listed(changes)}; evaluate both with the same environment, or "
             "compare all the same with ",
             Argument("accept_changed", value=True),
         )
@@ -244,7 +244,8 @@ def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
     for name in ("until_width", "target"):
         if given.get(name) is not None:
             raise InputError(
-                f"{name}= would stop each policy at another episode; give both the same episodes="
+                f"{name}= would stop each policy at another episode; pass the same episodes= for "
+                "both"
             )
 
 
@@ -321,8 +322,8 @@ def _check_read_alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> None:
     ]
     if differences:
         raise InputError(
-            "cannot compare, for the episodes were read differently: "
-            f"{', '.join(differences)}; evaluate both with the same"
+            "cannot compare, because evaluation options differ: {', '.join(differences)}; evaluate "
+            "both with the same"
         )
 
 

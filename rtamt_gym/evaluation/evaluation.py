@@ -139,7 +139,7 @@ class Evaluation:
         return len(self.record)
 
     def replay(self, seed: int) -> Run:
-        """Plays an episode again, in full, and keeps every sample.
+        """Play an episode again, in full, and keep every sample.
 
         Args:
             seed: The seed of the episode.
@@ -204,7 +204,7 @@ class Evaluation:
         return _written(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the text of `to_json` into a file.
+        """Write the text of `to_json` into a file.
 
         Raises:
             InputError: If the name does not end in ``.json``.
@@ -213,7 +213,7 @@ class Evaluation:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Evaluation:
-        """Reads a file that `save` has written.
+        """Read a file that `save` has written.
 
         Raises:
             InputError: If the file does not hold an evaluation.
@@ -234,7 +234,7 @@ class Evaluation:
     __hash__ = None  # type: ignore[assignment]  # it is as large as its record
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles without policy and environment, as `save` writes it."""
+        """Pickle without policy and environment, as `save` writes it."""
         return Evaluation, tuple(getattr(self, name) for name in _COMPARED)
 
     def __repr__(self) -> str:
@@ -310,7 +310,7 @@ def _written(evaluation: Evaluation) -> str:
 
 
 def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
-    """Reads the result that `_written` has made."""
+    """Read the result that `_written` has made."""
     runs = [Run(**run_fields(item)) for item in kept["runs"]]
     frames = {
         item["seed"]: tuple(

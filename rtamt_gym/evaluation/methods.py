@@ -299,12 +299,12 @@ def _scores(runs: object, points: tuple[float, ...] | None) -> dict[str, dict[st
             f"got {type(runs).__name__}"
         )
     if not runs:
-        raise InputError("expected one method at least, got none")
+        raise InputError("expected at least one method, got none")
     result = {}
     for name, argument in runs.items():
         by_task = argument if isinstance(argument, Mapping) else {"": argument}
         if not by_task:
-            raise InputError(f"expected one task at least of {name!r}, got none")
+            raise InputError(f"expected at least one task of {name!r}, got none")
         result[str(name)] = {
             str(task): _curves(value, points, f"{name!r}" + (f" on {task!r}" if task else ""))
             for task, value in by_task.items()
@@ -351,7 +351,7 @@ def _tasks(scores: Mapping[str, Mapping[str, Floats]]) -> tuple[str, ...]:
         if len(set(counts.values())) > 1:
             raise InputError(
                 f"expected as many runs of {name!r} in each task, got {counts}; compare tasks with "
-                "other numbers of runs apart"
+                "other numbers of runs separately"
             )
     return tasks
 

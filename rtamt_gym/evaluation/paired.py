@@ -114,7 +114,7 @@ def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
     from scipy.optimize import brentq
 
     def score(gap: float) -> float:
-        """Changes its sign where the test statistic is -z; free of its division by 0."""
+        """Change its sign where the test statistic is -z; free of its division by 0."""
         # the likeliest share of episodes where only A succeeds, if the difference is `gap`
         linear = (2 * pairs + only_a - only_b) * gap - only_a - only_b
         constant = -only_a * gap * (1 - gap)

@@ -79,7 +79,7 @@ class Case(Mapping[str, float | Waveform]):
 
     @classmethod
     def from_json(cls, text: str) -> Case:
-        """Reads the text that `to_json` has written.
+        """Read the text that `to_json` has written.
 
         Raises:
             InputError: If it is not JSON, or not a case.

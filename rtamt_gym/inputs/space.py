@@ -200,7 +200,7 @@ def _by_name(entries: Any) -> dict[str, Signal | Parameter]:  # noqa: ANN401 - c
             raise InputError(f"expected entries of different names, got {each.name!r} twice")
         result[each.name] = each
     if not result:
-        raise InputError("expected one signal or parameter at least, got none")
+        raise InputError("expected at least one signal or parameter, got none")
     return result
 
 

@@ -100,7 +100,7 @@ class Waveform:
                 raise InputError(f"expected times that increase, got {before:g} and then {after:g}")
         pieces = (*_PIECES[self.interpolation](times, values), _Piece(1.0, values[-1]))
         if not all(math.isfinite(number) for piece in pieces for number in piece[:5]):
-            raise InputError("expected values that a float can hold the differences of")
+            raise InputError("expected values with finite differences")
         for name, value in (("times", times), ("values", values), ("_pieces", pieces)):
             object.__setattr__(self, name, value)  # it is frozen for everyone else
 

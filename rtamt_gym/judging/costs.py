@@ -81,8 +81,8 @@ def demands_of(specs: Mapping[str, Specification], reading: EvaluationOptions) -
             if math.isinf(demand.spec.horizon):
                 raise SpecificationError(
                     f"specification {name!r}: whether an instant violates "
-                    f"{shorten(str(demand.spec.formula), 60)} is known at the end alone, for its "
-                    "future has no end; give it bounds, such as eventually[0:5], or take "
+                    f"{shorten(str(demand.spec.formula), 60)} is known only at the end, because "
+                    "its future has no end; give it bounds, such as eventually[0:5], or take "
                     'cost="latched"'
                 )
             demands.append(demand)

@@ -430,7 +430,7 @@ class _RequirementProgress:
             self.progress = 1.0
 
     def _decide(self) -> None:
-        """Counts the stages that are decided."""
+        """Count the stages that are decided."""
         deciders, reached = self._monitors.deciders, self._reached
         while reached < len(deciders) and deciders[reached].verdict > 0:
             reached += 1

@@ -81,9 +81,7 @@ def load_record(path: Path, what: str) -> tuple[list[Trial], dict[str, Any]]:
         raise InputError(f"cannot read {path}: it is not a Parquet file") from error
     stored = table.schema.metadata or {}
     if _KEY not in stored:
-        raise InputError(
-            f"{path} holds no record: only files that Record.save or Sweep.save has written do"
-        )
+        raise InputError(f"{path} is not a record: expected a file of Record.save or Sweep.save")
     metadata: dict[str, Any] = json.loads(stored[_KEY])
     return [_row(cells, metadata) for cells in table.to_pylist()], metadata
 

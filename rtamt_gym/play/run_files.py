@@ -130,7 +130,7 @@ def load_run(path: Path) -> dict[str, Any]:
         raise InputError(f"cannot read {path}: it is not a Parquet file") from error
     metadata = table.schema.metadata or {}
     if _KEY not in metadata:
-        raise InputError(f"{path} holds no run: only files that Run.save has written do")
+        raise InputError(f"{path} is not a run: expected a file of Run.save")
     stored: dict[str, Any] = json.loads(metadata[_KEY])
 
     def column(name: str) -> Floats:

@@ -496,7 +496,7 @@ def load_requirements(
     if not isinstance(given, Sequence) or isinstance(given, str):
         return _named_requirements(given, own, system)
     if not given:
-        raise InputError("expected one requirement at least, got none")
+        raise InputError("expected at least one requirement, got none")
     loaded: dict[str, rtamt.Specification] = {}
     for entry in given:
         for name, spec in _named_requirements(entry, own, system).items():

@@ -202,7 +202,7 @@ class Elsewhere:
             raise naming_extra(error, "n_jobs=") from error
         if Making.now:
             raise InputError(
-                "a module that workers import starts workers itself while it is imported; put the "
+                "a module starts workers during its import, and workers import it too; put the "
                 'call below if __name__ == "__main__":'
             )
         self._runner = runner

@@ -45,8 +45,8 @@ def in_line(
                 )
                 raise InputError(
                     f"{bag.source}: expected stamps of {topic} that increase, got one {jump}, in "
-                    f"message {each.message + 1} of {len(stamps)}: a clock that began anew; cut "
-                    "the bag there, or give --time log"
+                    f"message {each.message + 1} of {len(stamps)}: the clock restarted; cut the "
+                    "bag there, or give --time log"
                 )
     strays = order.strays + (order.held is not None)
     if strays > len(kept):

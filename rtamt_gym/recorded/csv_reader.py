@@ -95,7 +95,7 @@ def _lines_of(path: str) -> Iterator[tuple[Iterable[str], str]]:
                 with progress(f"reading {shown(path)}", status.st_size, "B") as advance:
                     yield _counted(file, raw, advance, path), file.encoding
         except (gzip.BadGzipFile, EOFError, zlib.error):
-            raise InputError(f"{shown(path)}: expected a whole file compressed by gzip") from None
+            raise InputError(f"{shown(path)}: expected a complete gzip file") from None
 
 
 def _text_of(raw: BinaryIO) -> TextIO:

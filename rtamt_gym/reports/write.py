@@ -147,7 +147,7 @@ def report_of(
     """Return the report of `write_report`, with the same arguments but several examples."""
     if not results:
         raise InputError(
-            "expected one result at least, such as an Evaluation or its file, got none"
+            "expected at least one result, such as an Evaluation or its file, got none"
         )
     made_on = _date(date)
     sections = tuple(_section(result, ROOM // len(results), access) for result in results)

@@ -270,7 +270,7 @@ the same."""
 
 
 def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
-    """Loads ``FILE.zip`` or ``ALGORITHM:FILE.zip``; the policy gives the deterministic action.
+    """Load ``FILE.zip`` or ``ALGORITHM:FILE.zip``; the policy gives the deterministic action.
 
     Observations are normalised by the ``VecNormalize`` in ``FILE_vecnormalize.pkl`` in the same
     folder, if it exists. Both files hold pickled Python objects, which can do anything when they

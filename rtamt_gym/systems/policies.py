@@ -25,7 +25,7 @@ SeededPolicy = Callable[[int], Policy]
 
 
 def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> SeededPolicy:
-    """Makes the policy that a text names, for an environment.
+    """Make the policy that a text names, for an environment.
 
     | text | policy |
     |---|---|

@@ -79,7 +79,7 @@ class SampleSource(System):
         self._count = 0
         first = self.advance()
         if first is None:
-            raise InputError(f"expected one sample at least, {self.name} has given none")
+            raise InputError(f"expected at least one sample, {self.name} returned none")
         return first
 
     def advance(self) -> list[float] | None:

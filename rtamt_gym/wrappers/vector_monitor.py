@@ -336,7 +336,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             raise StateError(
                 "expected running episodes, got step() after the end of the episode of environment "
                 f"{np.flatnonzero(self._done)[0]}; call reset(options={{'reset_mask': mask}}), "
-                "the mask true for all that have ended"
+                "with a mask that is true for ended episodes"
             )
         return self._done
 

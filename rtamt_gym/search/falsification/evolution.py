@@ -75,7 +75,7 @@ class Climb:
         return np.array(self._asked)[:, : self._dimension].clip(0.0, 1.0)
 
     def tell(self, values: Floats) -> None:
-        """Takes the values of the points that `ask` has given."""
+        """Take the values of the points that `ask` has given."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of flat values, which end the climb
             self._strategy.tell(self._asked, values.tolist())

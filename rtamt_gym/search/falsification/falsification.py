@@ -136,7 +136,7 @@ class Falsification:
         return f"not violated in {total}{but}; {self.failed} failed"
 
     def replay(self) -> Run:
-        """Runs `input` again, alone, and keeps every sample.
+        """Run `input` again, alone, and keep every sample.
 
         Raises:
             RtamtError: As `rtamt_gym.simulate` does.
@@ -148,7 +148,7 @@ class Falsification:
         return self.replay().explain(self.requirement)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """Draws `input` and the run that it makes into a file: .png, .svg, .pdf.
+        """Draw `input` and the run that it makes into a file: .png, .svg, .pdf.
 
         Waveforms stand above the signals of the run; numbers are in the title. Needs the extra
         ``plot``.

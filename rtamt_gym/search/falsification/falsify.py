@@ -261,7 +261,7 @@ def _optimize(optimizer: Optimizer, name: str, search: Search, rng: np.random.Ge
 
 
 def _check_rows(search: Search, runner: Runner, optimizer: str) -> None:
-    """Warns if some simulations failed.
+    """Warn if some simulations failed.
 
     Raises:
         InputError: If all failed, or there are no simulations.

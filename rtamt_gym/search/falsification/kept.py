@@ -85,8 +85,8 @@ class KeptSearch:
         if result is not None and result.row.case != case:
             raise InputError(
                 f"{self._folder.path} holds another input as simulation {number + 1}: the "
-                f"optimizer {self._optimizer} asks for other points than before with the same "
-                "seed, so that the search cannot go on; give another folder"
+                f"optimizer {self._optimizer} requests other points with the same seed, so that "
+                "the search cannot resume; give another folder"
             )
         if result is not None and number in self._stored:
             self.reused.add(number)
@@ -97,13 +97,13 @@ class KeptSearch:
         return self._folder.reuse(sum(number < total for number in self.reused), total)
 
     def add(self, found: Mapping[int, Valued]) -> None:
-        """Keeps finished simulations, by their numbers; writes them soon."""
+        """Keep finished simulations, by their numbers; write them soon."""
         self._waiting |= {i: valued for i, valued in found.items() if i not in self._known}
         if self._waiting and time.monotonic() - self._since > _SECONDS:
             self.write()
 
     def write(self) -> None:
-        """Writes the simulations that wait for it."""
+        """Write the simulations that wait for it."""
         if self._waiting:
             result = sorted(self._waiting.items())
             rows = [(number, valued.row) for number, valued in result]
@@ -113,7 +113,7 @@ class KeptSearch:
         self._since = time.monotonic()
 
     def finish(self, record: Record, found: list[Valued]) -> None:
-        """Replaces the parts by one file of all simulations of a search that is over.
+        """Replace the parts by one file of all simulations of a search that is over.
 
         A search that was over sooner, as with a smaller budget, leaves all as it is.
         """

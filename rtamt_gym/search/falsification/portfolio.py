@@ -74,7 +74,7 @@ class _Starts:
         self._values = np.empty(0)
 
     def evaluate(self, evaluate: Evaluate, points: Floats, count: int) -> None:
-        """Evaluates points, and further ones of the sequence."""
+        """Evaluate points, and further ones of the sequence."""
         more = np.concatenate([points, take(self._spread, count, self._dimension)])
         best = np.sort(self._values)[:_STARTS]
         values = evaluate(more, best[-1] if len(best) == _STARTS else math.inf)

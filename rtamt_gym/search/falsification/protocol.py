@@ -25,7 +25,7 @@ class Evaluate(Protocol):
     groups: Sequence[slice]
 
     def __call__(self, points: ArrayLike, level: float = math.inf) -> Floats:
-        """Runs a simulation for each point; it ends the search where that is over.
+        """Run a simulation for each point; it ends the search where that is over.
 
         Args:
             points: Points of the unit cube, shape (k, dimension), any number of them. They run side

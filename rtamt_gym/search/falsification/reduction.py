@@ -22,7 +22,7 @@ _Entry = float | Waveform
 def reduced(
     row: Trial, space: Space, again: Callable[[Case], Trial | None], most: int
 ) -> tuple[Trial, int]:
-    """Makes a violating case simpler, in steps that keep the violation.
+    """Make a violating case simpler, in steps that keep the violation.
 
     In this order: parameters get their defaults, which removes faults; signals become constant, or
     lose control points; numbers are rounded. Steps are tried in a fixed order, each on the result
@@ -63,7 +63,7 @@ class _Budget:
         return self.row.case
 
     def attempt(self, name: str, entry: _Entry) -> bool:
-        """Gives a name another entry if the case then still violates."""
+        """Give a name another entry if the case then still violates."""
         if entry == self.case[name] or self.count >= self._most:
             return False
         self.count += 1
@@ -73,7 +73,7 @@ class _Budget:
 
 
 def _fewer_points(signal: Signal, budget: _Budget) -> None:
-    """Makes a signal constant, or takes out control points one by one."""
+    """Make a signal constant, or remove control points one by one."""
     wave = budget.case[signal.name]
     assert isinstance(wave, Waveform)  # noqa: S101 - the space has made it
     for value in dict.fromkeys([_mean(wave), *wave.values]):

@@ -26,7 +26,7 @@ def needs_scales(specs: Iterable[Specification]) -> bool:
 def given_scales(
     scales: Mapping[str, float], specs: Mapping[str, Specification]
 ) -> dict[str, float]:
-    """Checks scales that were given; returns them by the canonical texts of the predicates.
+    """Check scales that were given; return them by the canonical texts of the predicates.
 
     Raises:
         SpecificationError: If a name is not a formula.

@@ -60,7 +60,7 @@ class Search:
         make: Makes a runner of requirements.
         runner: The runner of the requirements, which stops at violations alone.
         space: What is searched.
-        fixed: What every simulation is given beside.
+        fixed: Values that are the same in every simulation.
         budget: The most simulations.
         seed: The seed of the first simulation of an environment; each further one has one more.
         rng: Random numbers for runs that scales come from.
@@ -114,7 +114,7 @@ class Search:
             self._use(scales)
 
     def __call__(self, points: ArrayLike, level: float = math.inf) -> Floats:
-        """Runs a simulation for each point; see `Evaluate`."""
+        """Run a simulation for each point; see `Evaluate`."""
         asked = self._checked(points)
         if self.scales is not None:
             return self._run(asked, level)
@@ -248,7 +248,7 @@ class Search:
         return asked
 
     def _use(self, scales: Mapping[str, float]) -> None:
-        """Judges runs in units of scales too, from now on, and stops them once all is known."""
+        """Judge runs in units of scales too from now on; stop them once all values are known."""
         scaled: dict[str, Specification] = {}
         if scales:
             in_units = in_scales(self._specs, scales)
@@ -266,7 +266,7 @@ class Search:
         self._opened.callback(self._runner.close)
 
     def _run(self, asked: Floats, level: float) -> Floats:
-        """Runs points and keeps their rows.
+        """Run points and keep their rows.
 
         Raises:
             SearchOver: If one violates, the budget is spent, or the first eight failed in the same

@@ -65,7 +65,7 @@ class TaliroProblem(Model[State, Case, Sample]):  # type: ignore[misc]  # it has
         system: As for `rtamt_gym.sweep`.
         requirements: As for `rtamt_gym.sweep`.
         space: As for `rtamt_gym.sweep`.
-        fixed: What every simulation is given beside the space.
+        fixed: Values that are the same in every simulation.
         seed: The seed of every simulation of an environment.
         signals: As for `rtamt_gym.simulate`.
         policy: As for `rtamt_gym.simulate`.
@@ -119,7 +119,7 @@ class TaliroProblem(Model[State, Case, Sample]):  # type: ignore[misc]  # it has
         self._seed = seed if self._runner.takes_seeds else None
 
     def simulate(self, inputs: Inputs[Sample]) -> Result[staliro.Trace[State], Case]:
-        """Runs the case of a sample to its end."""
+        """Run the case of a sample to its end."""
         case = Case({**self.space.case(inputs.sample.values), **self._fixed})
         trace: staliro.Trace[State] = _RunTrace(self._runner.simulate(case, self._seed))
         return staliro.Result(trace, case)
@@ -233,7 +233,7 @@ class TaliroSystem(System):
         self._step = float(period or 1)
 
     def start(self) -> list[float]:
-        """Runs the model; returns its first sample."""
+        """Run the model; return its first sample."""
         self.ended = ""
         case = self._case or Case({})
         missing = next((name for name in self.space.entries if name not in case), None)
@@ -255,7 +255,7 @@ class TaliroSystem(System):
         return sample
 
     def close(self) -> None:
-        """Keeps nothing open."""
+        """Keep nothing open."""
 
     def _table(self, trace: staliro.Trace[Any]) -> np.ndarray:
         """The samples of a trace, one period apart: an array of shape (samples, values)."""

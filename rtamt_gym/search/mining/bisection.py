@@ -78,7 +78,7 @@ class _Bisection:
         return f"{self.parameter} = {text_of(self.values.at(place))}"
 
     def check_monotone(self, trace: int) -> None:
-        """Refuses a trace that satisfies the requirement, then does not, and then does; or back."""
+        """Refuse a trace that satisfies the requirement, then does not, and then does; or back."""
         places = sorted(position for each, position in self._known if each == trace)
         held = [self.holds(trace, position) for position in places]
         changes = [i for i in range(1, len(places)) if held[i] != held[i - 1]]
@@ -185,7 +185,7 @@ def _refuse_opposite(search: _Bisection, brackets: Sequence[tuple[int, int, int]
 
 
 def _refuse_never(search: _Bisection, never: Sequence[int]) -> None:
-    """Refuses a requirement that some trace satisfies at no value."""
+    """Refuse a requirement that some trace satisfies at no value."""
     if not never:
         return
     trace = never[0]
@@ -205,7 +205,7 @@ def _refuse_never(search: _Bisection, never: Sequence[int]) -> None:
         way_out = "one between them might; give a narrower range around it"
     others = f", and {counted(len(never) - 1, 'other')} alike" * (len(never) > 1)
     raise InputError(
-        f"none of the {len(search.probes)} values of {search.parameter!r} that were tried from "
+        f"none of the {len(search.probes)} tried values of {search.parameter!r} from "
         f"{_span(search)} satisfies the requirement on {_whole(search)}: "
         f"{shorten(search.names[trace], 60)} is nearest to it at {search.text(nearest)}, "
         f"{there.verdict.name} with robustness {number(there.robustness + 0.0)}{others}; ",
@@ -221,7 +221,7 @@ def _everywhere(search: _Bisection) -> InputError:
         height = number(search.judged(worst, position).robustness)
         shown.append(f"{height} at {search.text(position)} ({shorten(search.names[worst], 60)})")
     return InputError(
-        f"all {len(search.probes)} values of {search.parameter!r} that were tried from "
+        f"all {len(search.probes)} tried values of {search.parameter!r} from "
         f"{_span(search)} satisfy the requirement on {_whole(search)}; the least robustness is "
         f"{' and '.join(shown)}; give a wider range"
     )

@@ -270,7 +270,7 @@ def mined_over(
     *,
     shown: bool,
 ) -> Mined:
-    """Mines over traces that were read, with notes on them.
+    """Mine over traces that were read, with notes on them.
 
     Raises:
         RtamtError: As `mine` does.

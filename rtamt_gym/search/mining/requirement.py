@@ -101,7 +101,7 @@ class Template:
             return spec.always()
         if not spec.looks_ahead:
             raise SpecificationError(
-                f"the requirement speaks of the first sample only; write always({self.text})"
+                f"the requirement reads the first sample only; write always({self.text})"
             )
         require_whole_episode("the requirement", spec, "")
         return spec
@@ -133,7 +133,7 @@ def template(
     every: bool = False,
     text: str = "",
 ) -> Template:
-    """Reads a requirement and the range of its parameter.
+    """Read a requirement and the range of its parameter.
 
     Args:
         given: A text in which ``?name`` stands for the parameter, or a text or a specification that
@@ -163,8 +163,8 @@ def template(
         )
     if len(ranges) != 1:
         raise InputError(
-            f"expected the range of one parameter, got {listing(ranges)}; one is mined at a time, "
-            "and others have values: ",
+            f"expected the range of one parameter, got {listing(ranges)}; mine one parameter, and "
+            "set the others: ",
             Argument("constants", {"w": 3}),
         )
     ((parameter, ends),) = ranges.items()

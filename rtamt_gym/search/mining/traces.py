@@ -64,13 +64,13 @@ class Samples:
     stopped: bool = False
 
     def judge(self, spec: rtamt.Specification) -> rtamt.Judgement:
-        """Judges the trace; an error names it."""
+        """Judge the trace; an error names it."""
         with _naming(self.name):
             options = self._options(spec)
             return rtamt.judge(spec, self.signals, end=self.reading.end, n=self.n, **options)
 
     def explain(self, spec: rtamt.Specification) -> rtamt.Explanation:
-        """Says which sub-formulas and samples decided the robustness."""
+        """Return which sub-formulas and samples decided the robustness."""
         with _naming(self.name):
             options = self._options(spec)
             return rtamt.explain(spec, self.signals, n=self.n, start=self.start, **options)
@@ -142,7 +142,7 @@ def samples_of(
                 f"{type(value).__name__} {value!r:.60}"
             )
     if not read:
-        raise InputError("expected one trace at least, got none")
+        raise InputError("expected at least one trace, got none")
     return read, (*notes, *notes_on(read))
 
 

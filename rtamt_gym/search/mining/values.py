@@ -153,7 +153,7 @@ def bounds_between(low: float, high: float, step: Fraction) -> Candidates:
 
 
 def text_of(value: Fraction | float) -> str:
-    """Writes a value so that it is read as the same float.
+    """Write a value so that it is read as the same float.
 
     Example:
         >>> text_of(Fraction(120214, 1000)), text_of(2.0), text_of(Fraction(1, 3))

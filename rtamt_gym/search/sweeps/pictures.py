@@ -38,7 +38,7 @@ Floats = NDArray[np.float64]
 
 
 def draw_map(heights: RobustnessMap, space: Space, formula: str) -> Figure:
-    """Draws a robustness over two columns: as cells with their numbers, or as points."""
+    """Draw a robustness over two columns: as cells with their numbers, or as points."""
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     ax = figure.subplots()
     drawing.tidy(ax, _label(heights.y, space))
@@ -87,7 +87,7 @@ def _write_cells(ax: Axes, heights: RobustnessMap) -> None:
 
 
 def draw_scatter(record: Record, space: Space) -> Figure:
-    """Draws the robustness of each requirement over each column, in the colour of its verdict."""
+    """Draw the robustness of each requirement over each column, in the colour of its verdict."""
     names, columns = list(record.requirements), space.columns
     lines = math.ceil(len(columns) / _PANELS)
     wide = min(len(columns), _PANELS)

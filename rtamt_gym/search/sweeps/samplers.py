@@ -39,7 +39,7 @@ _MOST: Final = 10_000_000
 
 
 def sample(space: Space, samples: SampleCount, sampler: Sampler = "sobol", seed: int = 0) -> Points:
-    """Chooses points of the unit cube of a space: an array of shape (points, dimension).
+    """Choose points of the unit cube of a space: an array of shape (points, dimension).
 
     | sampler | points | ``samples`` |
     |---|---|---|

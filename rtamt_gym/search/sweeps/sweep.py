@@ -85,7 +85,7 @@ class Sweep:
         return self.record.worst(requirement)
 
     def replay(self, row: Trial) -> Run:
-        """Runs a simulation of the sweep again, alone, and keeps every sample.
+        """Run a simulation of the sweep again, alone, and keep every sample.
 
         Raises:
             InputError: If the sweep comes from a file or a pickle, which do not hold the system.
@@ -98,8 +98,8 @@ class Sweep:
             )
         if self._runner is None:
             raise InputError(
-                "a sweep that comes from a file or a pickle holds no system to run; write "
-                "simulate(system, specs, case=row.case, seed=row.seed)"
+                "a sweep from a file or a pickle has no system to run; write simulate(system, "
+                "specs, case=row.case, seed=row.seed)"
             )
         return self._runner.simulate(row.case, row.seed)
 
@@ -111,8 +111,7 @@ class Sweep:
         """
         if self._runner is None:
             raise InputError(
-                "a sweep that was read from a file holds no system to run; make it again with "
-                "sweep(system, ...)"
+                "a sweep from a file has no system to run; repeat it with sweep(system, ...)"
             )
         options: Any = {**self._runner.options, "stop": "end"}
         return Runner(self._runner.system, requirements, **options)
@@ -150,7 +149,7 @@ class Sweep:
         y: str | None = None,
         requirement: str | None = None,
     ) -> None:
-        """Draws `map` into a file: a grid as cells with their numbers, other points as dots.
+        """Draw `map` into a file: a grid as cells with their numbers, other points as dots.
 
         If a grid has more columns, a cell is the minimum over these. Needs the extra ``plot``.
 
@@ -164,7 +163,7 @@ class Sweep:
         drawing.save(pictures.draw_map(heights, self.space, formula), Path(path))
 
     def scatter(self, path: str | os.PathLike[str]) -> None:
-        """Draws the robustness of each requirement over each column into a file.
+        """Draw the robustness of each requirement over each column into a file.
 
         Needs the extra ``plot``.
 
@@ -176,7 +175,7 @@ class Sweep:
         drawing.save(pictures.draw_scatter(self.record, self.space), Path(path))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the record and the space into a Parquet file. Needs the extra ``files``.
+        """Write the record and the space into a Parquet file. Needs the extra ``files``.
 
         Raises:
             InputError: If the name does not end in ``.parquet``.
@@ -186,19 +185,19 @@ class Sweep:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Sweep:
-        """Reads a file that `save` has written.
+        """Read a file that `save` has written.
 
         Raises:
             InputError: If the file does not hold a sweep.
         """
         record, also = Record.read(path, "Sweep.load")
         if "space" not in also:
-            raise InputError(f"{path} holds a record and no sweep; read it with Record.load")
+            raise InputError(f"{path} is a record, not a sweep; read it with Record.load")
         space = read_space(also["space"])
         return Sweep(record, space, also["sampler"], also["seed"])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles without the system, as `save` writes it: a system may not go to a process."""
+        """Pickle without the system, as `save` writes it: a system may not go to a process."""
         return Sweep, (self.record, self.space, self.sampler, self.seed)
 
     def __repr__(self) -> str:
@@ -368,7 +367,7 @@ def space_of(runner: Runner, space: SpaceLike | None, caller: str) -> Space:
 
 
 def tell_failures(record: Record) -> None:
-    """Warns if some simulations failed.
+    """Warn if some simulations failed.
 
     Raises:
         InputError: If all did.

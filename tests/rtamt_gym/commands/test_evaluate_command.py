@@ -108,7 +108,7 @@ def test_a_scenario_is_evaluated_under_its_own_requirements_and_policy(capsys: O
             ["--policy", "zero", "--target", "0.9", "--margin", "0.95"],
             "expected --margin above 0 and below --target 0.9, got 0.95",
         ),
-        (["--policy", "zero", "--alpha", "0.1"], "--alpha is for --target, got it without"),
+        (["--policy", "zero", "--alpha", "0.1"], "--alpha needs --target"),
         (
             ["--policy", "zero", "--save", "out.csv"],
             "cannot write out.csv: expected a name that ends in .json",
@@ -171,7 +171,12 @@ def test_what_cannot_be_compared_is_told(capsys: Output) -> None:
             "rtamt evaluate --save and Evaluation.save write"
         ),
         ("old.json", "none.json"): "cannot open none.json: No such file or directory",
-        ("old.json", "new.json", "--save", "old.json"): "cannot write old.json: it is read",
+        (
+            "old.json",
+            "new.json",
+            "--save",
+            "old.json",
+        ): "cannot write old.json: it is an input of the command",
     }
     for arguments, message in messages.items():
         assert main(["compare", *arguments]) == 2

@@ -124,7 +124,7 @@ def test_one_of_several_requirements_is_chosen(capsys: Output) -> None:
         ),
         (
             ["one.stl", "-o", "one.stl", "--period", "1"],
-            "cannot write one.stl: it is read",
+            "cannot write one.stl: it is an input of the command",
         ),
         (
             ["none.stl", "-o", "m.fmu", "--period", "1"],

@@ -162,7 +162,7 @@ MISTAKES = {
         "--env-kwarg is for environments, got it for named_systems:pump; --set is for all"
     ),
     ("named_systems:pump", "a > 1", "--policy", "zero"): (
-        "--policy is for environments, got it for named_systems:pump"
+        "--policy needs an environment, got named_systems:pump"
     ),
     (SYSTEM, "grantd"): (
         f"{SYSTEM} has no requirement 'grantd'; it has 'granted'; did you mean 'granted'?"

@@ -121,7 +121,7 @@ def test_nobody_who_reads_what_is_said_ends_the_command(monkeypatch: pytest.Monk
 
 def test_no_value_is_code_2_with_the_trace_that_has_none(capsys: Output) -> None:
     assert refused([BELOW, "--range", "v=0:30", "--", "runs"], capsys) == (
-        "none of the 17 values of 'v' that were tried from 0 to 30 satisfies the requirement on "
+        "none of the 17 tried values of 'v' from 0 to 30 satisfies the requirement on "
         "all 2 traces: runs/b.csv is nearest to it at v = 30, VIOLATED with robustness -1.5; give "
         "a wider range"
     )
@@ -160,8 +160,8 @@ def test_no_value_is_code_2_with_the_trace_that_has_none(capsys: Output) -> None
         (
             [BELOW, "--range", "v=0:9", "--range", "w=0:9", "late.csv"],
             (
-                "--range: expected one parameter, got 2; one is mined at a time, and others have "
-                "values: --constant w=3"
+                "--range: expected one parameter, got 2; mine one parameter, and set the others "
+                "with --constant w=3"
             ),
         ),
         (

@@ -104,8 +104,8 @@ def test_an_environment_that_ends_at_its_first_success_holds_nothing(capsys: Out
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--hold", "2s"], "--hold is for --success, got it without"),
-        (["--success-key", "done"], "--success-key is for --success, got it without"),
+        (["--hold", "2s"], "--hold needs --success"),
+        (["--success-key", "done"], "--success-key needs --success"),
         (["--success", "--hold", "0s"], "expected a time above 0 for hold, got '0s'"),
         (["--success", "--hold", "250ms"], "is not a multiple of the period"),
         (
@@ -115,7 +115,7 @@ def test_an_environment_that_ends_at_its_first_success_holds_nothing(capsys: Out
         ),
         (
             ["--success", "--env-kwarg", 'keys=["success", "is_success"]'],
-            "--success: expected success or is_success in the info of a step, got both numbers",
+            "--success: expected success or is_success in the info of a step, got both of them",
         ),
         (
             ["--success", "--spec", "success.any = eventually(x > 1)"],

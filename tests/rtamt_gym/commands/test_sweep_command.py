@@ -155,7 +155,7 @@ def test_functions_and_fmus_are_run_as_in_python(capsys: Output, tmp_path: Path)
         ),
         (
             ["named_systems:pump", "--policy", "zero", "--samples", "1"],
-            "--policy is for environments, got it for named_systems:pump",
+            "--policy needs an environment, got named_systems:pump",
         ),
         (
             [SYSTEM, "--samples", "many"],

@@ -164,14 +164,17 @@ def test_what_is_read_is_not_written(option: str, name: str, folder: Path, capsy
     before = (folder / "a.csv").read_bytes()
     path = name.format(folder.name)
     assert main(["monitor", "p.stl", "a.csv", option, path]) == 2
-    assert capsys.readouterr() == ("", f"rtamt: error: cannot write {path}: it is read\n")
+    assert capsys.readouterr() == (
+        "",
+        f"rtamt: error: cannot write {path}: it is an input of the command\n",
+    )
     assert (folder / "a.csv").read_bytes() == before
 
 
 def test_a_file_is_written_by_one_option(capsys: Output) -> None:
     files = ["--junit", "same", "--markdown", "./same"]
     assert main(["monitor", "always(x > 0)", "a.csv", *files]) == 2
-    assert capsys.readouterr() == ("", "rtamt: error: cannot write same: two options name it\n")
+    assert capsys.readouterr() == ("", "rtamt: error: cannot write same: two options write it\n")
 
 
 def test_only_judges_the_requirements_that_it_names(capsys: Output) -> None:

@@ -210,7 +210,8 @@ def test_after_an_error_nothing_is_written(carts: Any, root: Path, monkeypatch: 
         relabel(carts, SPECS, SIGNALS, dataset_id="cart/random-v0")
     assert str(taken.value) == (
         "expected dataset_id= as a new name, got 'cart/random-v0', which is in "
-        f"{root / 'cart' / 'random-v0'}; take another, or minari.delete_dataset('cart/random-v0')"
+        f"{root / 'cart' / 'random-v0'}; choose another name, or call "
+        "minari.delete_dataset('cart/random-v0')"
     )
     for name in ("no version", "cart"):
         with pytest.raises(InputError) as wrong:

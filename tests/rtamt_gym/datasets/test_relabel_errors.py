@@ -62,7 +62,7 @@ def message(given: Any, spec: Any = "always(x > 0)", signals: Any = None, **opti
                 "observations": np.ones((1, 2)),
                 **dict.fromkeys(("actions", "rewards", "terminations", "truncations"), np.zeros(0)),
             },
-            "episode 1 has no steps; leave it out",
+            "episode 1 has no steps; remove it",
         ),
     ],
 )
@@ -152,7 +152,7 @@ def test_wrong_option_error() -> None:
             f"'bonus', 'penalty', 'details', 'cost'{nearest}"
         )
     assert message([episode()], weight=2.0) == (
-        'weight= is about shaped rewards, which mode= asks for; give one, such as mode="add"'
+        'weight= belongs to shaped rewards; pass a mode, such as mode="add"'
     )
     assert message([episode()], keep="best") == (
         'expected keep="all", "satisfied" or a function of an episode, got \'best\''

@@ -158,9 +158,9 @@ def test_a_picture_shows_it(steps: list[int] | None, tmp_path: Path) -> None:
 
 
 REFUSED: list[tuple[Any, dict[str, Any], str]] = [
-    ({}, {}, "expected one method at least, got none"),
+    ({}, {}, "expected at least one method, got none"),
     ({"a": []}, {}, "expected a score for each run, shape (runs,), of 'a', got shape (0,)"),
-    ({"a": {}}, {}, "expected one task at least of 'a', got none"),
+    ({"a": {}}, {}, "expected at least one task of 'a', got none"),
     (
         {"a": [[0.1, 0.2]]},
         {},
@@ -189,7 +189,7 @@ REFUSED: list[tuple[Any, dict[str, Any], str]] = [
         {},
         (
             "expected as many runs of 'a' in each task, got {'x': 1, 'y': 2}; compare tasks with "
-            "other numbers of runs apart"
+            "other numbers of runs separately"
         ),
     ),
     (

@@ -313,7 +313,7 @@ def lean(observation: list[float]) -> int:
         ),
         (
             lambda: compare("zero", "random", "CartPole-v1", target=0.9),
-            "target= would stop each policy at another episode; give both the same episodes=",
+            "target= would stop each policy at another episode; pass the same episodes= for both",
         ),
     ],
 )

@@ -110,8 +110,7 @@ def test_episodes_that_were_read_differently_are_not_compared(
     with pytest.raises(InputError) as refused:
         compare(evaluation(), Evaluation.load(tmp_path / "b.json"))
     assert str(refused.value) == (
-        f"cannot compare, for the episodes were read differently: {told}; evaluate both with the "
-        "same"
+        f"cannot compare, because evaluation options differ: {told}; evaluate both with the same"
     )
 
 

@@ -128,7 +128,7 @@ SPACE_ERRORS: list[tuple[Any, type[Exception], str]] = [
         InputError,
         "expected 'm' by its own name, got it as 'mass'",
     ),
-    ([], InputError, "expected one signal or parameter at least, got none"),
+    ([], InputError, "expected at least one signal or parameter, got none"),
     (
         {"m": (1, 2)},
         InputTypeError,

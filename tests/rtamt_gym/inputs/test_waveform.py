@@ -163,7 +163,7 @@ ERRORS: list[tuple[tuple[Any, ...], type[Exception], str]] = [
     (
         ([0, 1], [-1e308, 1e308], "linear"),
         InputError,
-        "expected values that a float can hold the differences of",
+        "expected values with finite differences",
     ),
 ]
 

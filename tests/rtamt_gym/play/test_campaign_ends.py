@@ -94,7 +94,7 @@ def test_a_module_that_starts_workers_while_they_import_it_starts_no_more(tmp_pa
     assert ran.returncode == 1
     assert ran.stderr.splitlines()[-1] == (
         "rtamt.errors.InputError: another process cannot make the system: InputError: a module "
-        "that workers import starts workers itself while it is imported; put the call below "
+        "starts workers during its import, and workers import it too; put the call below "
         'if __name__ == "__main__":; give the id of a registered environment, or a function that '
         "can be imported or pickled"
     )

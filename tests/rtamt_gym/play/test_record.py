@@ -133,7 +133,8 @@ def test_rows_of_errors_are_told_apart() -> None:
     assert list(record.failed()) == [failed]
     assert record.worst() == row(1.0)
     assert repr(record) == "<Record of plant: 2 simulations, 0 violate, 1 error>"
-    with pytest.raises(InputError, match=r"^no simulation has a robustness of 'safe'"):
+    message = r"^no simulation of the record has a robustness of 'safe'"
+    with pytest.raises(InputError, match=message):
         record.failed().worst()
 
 
@@ -225,7 +226,7 @@ def test_files_that_hold_no_record_are_told(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         Record.load(frame)
     assert str(caught.value) == (
-        f"{frame} holds no record: only files that Record.save or Sweep.save has written do"
+        f"{frame} is not a record: expected a file of Record.save or Sweep.save"
     )
 
 

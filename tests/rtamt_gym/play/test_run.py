@@ -91,7 +91,7 @@ def test_what_holds_no_run_is_refused(tmp_path: Path) -> None:
     pq.write_table(pa.table({"x": [1.0]}), path)
     with pytest.raises(InputError) as refused:
         Run.load(path)
-    assert str(refused.value) == f"{path} holds no run: only files that Run.save has written do"
+    assert str(refused.value) == f"{path} is not a run: expected a file of Run.save"
     path.write_text("x,y")
     with pytest.raises(InputError) as refused:
         Run.load(path)

@@ -221,7 +221,7 @@ def refused(
             "expected a mapping of names to numbers as sample 0 of samples, got 3.0",
             InputTypeError,
         ),
-        refused(lambda: run([], LOW), "expected one sample at least, samples has given none"),
+        refused(lambda: run([], LOW), "expected at least one sample, samples returned none"),
         refused(
             lambda: run([*ROWS, {"level": math.nan}], LOW),
             "variable 'level' is nan at sample 2",

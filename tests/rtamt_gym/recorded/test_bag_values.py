@@ -234,7 +234,7 @@ def test_a_clock_that_begins_anew_is_refused(tmp_path: Path) -> None:
         read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), Columns(time="header"))
     assert str(caught.value) == (
         f"{path}: expected stamps of /robot0/odom that increase, got one that is 5.2 s older than "
-        "the one before it, in message 4 of 5: a clock that began anew; cut the bag there, or give "
+        "the one before it, in message 4 of 5: the clock restarted; cut the bag there, or give "
         "--time log"
     )
 

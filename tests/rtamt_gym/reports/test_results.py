@@ -267,7 +267,7 @@ def test_what_is_no_result_is_refused(tmp_path: Path) -> None:
     )
     for name, message in (
         ("a.pdf", f"cannot write {tmp_path / 'a.pdf'}: expected a name that ends in .html"),
-        ("a.html", "expected one result at least, such as an Evaluation or its file, got none"),
+        ("a.html", "expected at least one result, such as an Evaluation or its file, got none"),
     ):
         with pytest.raises(InputError) as refused:
             write_report(tmp_path / name)
@@ -285,7 +285,7 @@ def test_a_trace_is_no_result_and_says_how_it_becomes_one(
     Path("bag/metadata.yaml").touch()
     assert main(["report", name, "-o", "page.html"]) == 2
     assert capsys.readouterr().err == (
-        f"rtamt: error: expected a result, got the trace {name}; judge it first: "
-        f"rtamt monitor --json SPEC {shlex.quote(name)} > outcomes.json\n"
+        f"rtamt: error: expected a result, got the trace {name}; evaluate it first: rtamt monitor "
+        f"--json SPEC {shlex.quote(name)} > outcomes.json\n"
     )
     assert not Path("page.html").exists()

@@ -64,7 +64,7 @@ CLIP = "points.clip(0, 1) moves points into it"
                 'falsify(system, requirements, [Parameter("mass", 1, 2)], ...)'
             ),
         ),
-        ({"space": []}, InputError, "expected one signal or parameter at least, got none"),
+        ({"space": []}, InputError, "expected at least one signal or parameter, got none"),
         ({"fixed": {"x": 1}}, InputError, "expected 'x' varied or fixed, got both"),
         (
             {"scales": "none"},

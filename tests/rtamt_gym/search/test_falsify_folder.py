@@ -181,15 +181,14 @@ def test_an_optimizer_that_asks_otherwise_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError) as told:
         search(FORMULAS["unsatisfied"], **options)
     assert str(told.value) == (
-        f"{tmp_path} holds another input as simulation 1: the optimizer moody asks for other "
-        "points than before with the same seed, so that the search cannot go on; give another "
-        "folder"
+        f"{tmp_path} holds another input as simulation 1: the optimizer moody requests other "
+        "points with the same seed, so that the search cannot resume; give another folder"
     )
 
 
 def test_the_folder_of_a_search_is_no_sweep(tmp_path: Path) -> None:
     search(FORMULAS["found"], folder=tmp_path)
-    with pytest.raises(InputError, match="holds a record and no sweep"):
+    with pytest.raises(InputError, match="is a record, not a sweep"):
         Sweep.load(tmp_path)
     assert main(["report", str(tmp_path), "-o", str(tmp_path.parent / "page.html")]) == 0
 

@@ -98,7 +98,7 @@ def test_the_value_is_that_of_a_scan_of_all_values(
     found = [all(kind.holds(trace, value) for trace in traces) for value in values]
     expected = scanned(found)
     if expected is None:
-        with pytest.raises(InputError, match="that were tried from"):
+        with pytest.raises(InputError, match="tried values of"):
             mined(kind, traces, low, 20.25, 0.5)
         return
     side, place = expected

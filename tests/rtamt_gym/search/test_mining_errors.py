@@ -37,17 +37,17 @@ def refusal(
 
 def test_it_holds_nowhere_or_everywhere() -> None:
     assert refusal(ranges={"v": (0, 20)}) == (
-        "none of the 17 values of 'v' that were tried from 0 to 20 satisfies the requirement on "
+        "none of the 17 tried values of 'v' from 0 to 20 satisfies the requirement on "
         "all 2 traces: trace 0 is nearest to it at v = 20, VIOLATED with robustness -4.5, and 1 "
         "other alike; give a wider range"
     )
     assert refusal(traces=CALM, ranges={"v": (100, 200)}) == (
-        "all 17 values of 'v' that were tried from 100 to 200 satisfy the requirement on the trace;"
+        "all 17 tried values of 'v' from 100 to 200 satisfy the requirement on the trace;"
         " the least robustness is 75.5 at v = 100 (trace 0) and 175.5 at v = 200 (trace 0); give a "
         "wider range"
     )
     assert refusal("always(speed < ?v) and eventually(speed > ?v)", CALM) == (
-        "none of the 17 values of 'v' that were tried from 0 to 50 satisfies the requirement on "
+        "none of the 17 tried values of 'v' from 0 to 50 satisfies the requirement on "
         "the trace: trace 0 is nearest to it at v = 25, VIOLATED with robustness -0.5; one between "
         "them might; give a narrower range around it"
     )
@@ -57,13 +57,13 @@ def test_what_is_undecided_does_not_satisfy() -> None:
     text = "always(speed > 15 implies eventually[0:1](speed < ?v))"
     trace = {"speed": [10.0, 20.0, 18.0]}
     assert refusal(text, trace, {"v": (0, 17)}, end="cut") == (
-        "none of the 17 values of 'v' that were tried from 0 to 17 satisfies the requirement on "
+        "none of the 17 tried values of 'v' from 0 to 17 satisfies the requirement on "
         "the trace: trace 0 is nearest to it at v = 17, VIOLATED with robustness -1; give a wider "
         "range"
     )
     recorded = {"speed": [10.0, 12.0, 18.0]}
     assert refusal(text, recorded, {"v": (0, 17)}) == (
-        "none of the 17 values of 'v' that were tried from 0 to 17 satisfies the requirement on "
+        "none of the 17 tried values of 'v' from 0 to 17 satisfies the requirement on "
         "the trace: trace 0 is nearest to it at v = 17, UNDECIDED with robustness -1; what would "
         "decide it was not recorded; leave it out, or take it for all there is with end='complete'"
     )
@@ -113,12 +113,12 @@ def test_the_parameter_is_in_the_requirement_and_has_a_range() -> None:
     )
     assert refusal(constants={"v": 3}) == "expected 'v' with a range or a value, got both"
     assert refusal(ranges={"v": (0, 1), "w": (0, 1)}) == (
-        "expected the range of one parameter, got 'v', 'w'; one is mined at a time, and others "
-        "have values: constants={'w': 3}"
+        "expected the range of one parameter, got 'v', 'w'; mine one parameter, and set the "
+        "others: constants={'w': 3}"
     )
     assert refusal(ranges={}) == (
-        "expected the range of one parameter, got none; one is mined at a time, and others "
-        "have values: constants={'w': 3}"
+        "expected the range of one parameter, got none; mine one parameter, and set the others: "
+        "constants={'w': 3}"
     )
     assert refusal(ranges={"v": (20, 20)}) == (
         "expected the range of 'v' as two finite numbers, the smaller first, got 20 and 20"
@@ -139,7 +139,7 @@ def test_the_parameter_is_in_the_requirement_and_has_a_range() -> None:
 
 def test_the_requirement_is_one_that_looks_at_the_trace() -> None:
     assert refusal("speed < ?v", kind=SpecificationError) == (
-        "the requirement speaks of the first sample only; write always(speed < ?v)"
+        "the requirement reads the first sample only; write always(speed < ?v)"
     )
     assert refusal("slow.stl", kind=SpecificationError) == (
         "expected the text of a requirement, got the path 'slow.stl'; write "

@@ -179,8 +179,7 @@ def test_runs_that_failed_are_left_out_and_a_loaded_sweep_is_refused(tmp_path: P
     with pytest.raises(InputError) as caught:
         mine("always(level < ?v)", Sweep.load(tmp_path / "done.parquet"), RANGE)
     assert str(caught.value) == (
-        "a sweep that was read from a file holds no system to run; make it again with "
-        "sweep(system, ...)"
+        "a sweep from a file has no system to run; repeat it with sweep(system, ...)"
     )
 
 
@@ -212,7 +211,7 @@ def test_what_is_no_trace_is_refused(tmp_path: Path) -> None:
             mine("always(level < ?v)", given, RANGE)
         return ": ".join([*getattr(caught.value, "__notes__", []), str(caught.value)])
 
-    assert refusal([]) == "expected one trace at least, got none"
+    assert refusal([]) == "expected at least one trace, got none"
     assert refusal(3) == "expected traces or runs, got int 3"
     assert refusal([3]) == (
         "expected a trace as columns by name, a data frame, a path, or a Run, got int 3"

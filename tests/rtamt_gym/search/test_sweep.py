@@ -246,8 +246,8 @@ def test_a_sweep_that_is_saved_is_loaded_as_it_was(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         loaded.replay(loaded.worst())
     assert str(caught.value) == (
-        "a sweep that comes from a file or a pickle holds no system to run; write "
-        "simulate(system, specs, case=row.case, seed=row.seed)"
+        "a sweep from a file or a pickle has no system to run; write simulate(system, specs, "
+        "case=row.case, seed=row.seed)"
     )
     pickled = pickle.loads(pickle.dumps(done))
     assert (pickled.record, pickled.space) == (done.record, done.space)
@@ -255,7 +255,7 @@ def test_a_sweep_that_is_saved_is_loaded_as_it_was(tmp_path: Path) -> None:
     done.record.save(path)
     with pytest.raises(InputError) as caught:
         Sweep.load(path)
-    assert str(caught.value) == f"{path} holds a record and no sweep; read it with Record.load"
+    assert str(caught.value) == f"{path} is a record, not a sweep; read it with Record.load"
 
 
 @pytest.mark.slow(keep=1)
@@ -412,7 +412,7 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             SpecificationError,
             "STL:1:7: bound 0.05 s is not a multiple of the period 0.1 s (0.5 steps)",
         ),
-        ((SYSTEM, []), {}, InputError, "expected one requirement at least, got none"),
+        ((SYSTEM, []), {}, InputError, "expected at least one requirement, got none"),
         (
             (SYSTEM, ["granted", "granted"]),
             {},

@@ -173,7 +173,7 @@ def test_evaluations_and_comparisons(project: Path, capsys: Output) -> None:
     Path("new.json").write_text(json.dumps(kept))
     capsys.readouterr()
     assert main(["compare", "old.json", "new.json"]) == 2
-    assert "cannot compare: of B gymnasium is 0.1, was " in capsys.readouterr().err
+    assert "cannot compare: in B gymnasium is 0.1, was " in capsys.readouterr().err
     assert main(["compare", "old.json", "new.json", "--accept-changed"]) == 0
     assert "of B gymnasium is 0.1, was " in capsys.readouterr().out
     del kept["fingerprint"]

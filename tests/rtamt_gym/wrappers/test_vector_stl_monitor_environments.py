@@ -179,7 +179,7 @@ def test_a_masked_reset_touches_only_the_environments_of_the_mask() -> None:
         envs.step(actions)
     assert str(caught.value) == (
         "expected running episodes, got step() after the end of the episode of environment 1; "
-        "call reset(options={'reset_mask': mask}), the mask true for all that have ended"
+        "call reset(options={'reset_mask': mask}), with a mask that is true for ended episodes"
     )
     envs.reset(options={"reset_mask": np.array([False, True])})
     assert envs.step(actions)[-1]["robustness"].tolist() == [0, 4]
