@@ -34,6 +34,7 @@ from rtamt_gym.commands.specs import identified_texts
 from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.play.process import end_processes
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.names import with_columns
 from rtamt_gym.recorded.parts import file_of
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.results.folder import RESULTS
@@ -108,8 +109,8 @@ def run_fleet(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[s
 def identity_of(asked: TracesAsked) -> dict[str, Any]:
     """Return what a row depends on other than its file."""
     reading = asked.reading
-    plain = Columns()
-    columns = {field.name: getattr(asked.columns, field.name) for field in fields(plain)}
+    plain, used = Columns(), with_columns(asked.specs, asked.columns)
+    columns = {field.name: getattr(used, field.name) for field in fields(plain)}
     options = {
         **{name: str(getattr(reading, name)) for name in _READING},
         "columns": {k: repr(v) for k, v in columns.items() if v != getattr(plain, k)},

@@ -77,6 +77,14 @@ def test_report_page_reads_the_trace_again(folder: Path, capsys: Output) -> None
     assert "is not shown in full" not in (folder / "page.html").read_text()
 
 
+def test_stored_outcomes_depend_on_the_named_columns(folder: Path, capsys: Output) -> None:
+    words = ["monitor", "tank.stl", "--results", "kept", "--", "tank.csv"]
+    assert main(words) == 1
+    (folder / "tank.stl").write_text(SPEC.replace("Level [mm]", "level"))
+    assert main(words) != 1  # judged again, or refused, and not the outcome of before
+    capsys.readouterr()
+
+
 def test_clips_keep_the_named_columns(folder: Path) -> None:
     assert main(["monitor", "tank.stl", "tank.csv", "--clip", "clips", "--clip-around", "1s"]) == 1
     (clip,) = (folder / "clips").iterdir()
