@@ -41,6 +41,7 @@ from rtamt_gym.recorded.readers import (
     extensions,
     folder_format,
     group_of,
+    has_marks,
     is_bag,
     samples_clocks,
     traces_in,
@@ -493,7 +494,8 @@ def _files(
             continue
         others, inside = list[Path](), list[Path]()
         for entry in sorted(Path(path).iterdir()):
-            read = entry.name.lower().endswith(tuple(ends)) or alone(entry)
+            named = entry.name.lower().endswith(tuple(ends))
+            read = (named and has_marks(entry)) or alone(entry)
             (inside if read else others).append(entry)
         if not inside:
             raise InputError(

@@ -16,6 +16,8 @@ To add a format:
 
 from __future__ import annotations
 
+import gzip
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -56,6 +58,9 @@ class Format:
             each trace, as `parts.choose` takes them; ``open_file`` takes a `parts.part_name`.
         choice: Whether ``--where`` has to name one of several traces.
         numbered: Whether the texts that tell traces apart are whole numbers.
+        marks: Bytes near the start of a file, at least one of which tells it from files of other
+            kinds with the same extension; empty if the extension is enough. In a folder, a file
+            without them is not a trace.
     """
 
     name: str
@@ -69,6 +74,7 @@ class Format:
     several: bool = False
     choice: bool = False
     numbered: bool = False
+    marks: tuple[bytes, ...] = ()
 
 
 FORMATS = [
@@ -86,7 +92,11 @@ FORMATS = [
         several=True,
         numbered=True,
     ),
-    Format("ArduPilot log", (".bin",), "rtamt_gym.recorded.ardupilot_reader", clocks=True),
+    Format(
+        *("ArduPilot log", (".bin",), "rtamt_gym.recorded.ardupilot_reader"),
+        clocks=True,
+        marks=(b"\xa3\x95",),
+    ),
     Format(
         *("HDF5", (".hdf5", ".h5"), "rtamt_gym.recorded.hdf5_reader"),
         contained=True,
@@ -97,8 +107,13 @@ FORMATS = [
         table=True,
         several=True,
         choice=True,
+        marks=(b"SQLite format 3\0",),
     ),
-    Format("SUMO", (".xml", ".xml.gz"), "rtamt_gym.recorded.sumo_reader", several=True),
+    Format(
+        *("SUMO", (".xml", ".xml.gz"), "rtamt_gym.recorded.sumo_reader"),
+        several=True,
+        marks=(b"<fcd-export", b"<emission-export"),
+    ),
     Format(
         *("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace"),
         bag=True,
@@ -107,6 +122,9 @@ FORMATS = [
     Format("ROS 1 bag", (".bag",), "rtamt_gym.recorded.bag_trace", bag=True),
 ]
 """A row for each format; the first reads files without an extension, and standard input."""
+
+_HEAD: Final = 1 << 14
+"""The bytes of a file that are searched for `Format.marks`; SUMO starts files with comments."""
 
 GROUP: Final = "rtamt.trace_formats"
 """The entry points of other packages that add a format, each the name of a `Format`."""
@@ -134,6 +152,20 @@ def formats() -> list[Format]:
 def extensions() -> list[str]:
     """Return the ends of the names of files that can be read."""
     return [extension for row in formats() for extension in row.extensions]
+
+
+def has_marks(path: Path) -> bool:
+    """Return whether a file has `Format.marks` of its extension; True if there are none."""
+    name = path.name.lower()
+    row = next((row for row in formats() if name.endswith(row.extensions)), None)
+    if row is None or not row.marks:
+        return True
+    try:
+        with gzip.open(path) if name.endswith(".gz") else path.open("rb") as file:
+            head = file.read(_HEAD)
+    except (OSError, EOFError, zlib.error):
+        return True  # reading the trace reports the error
+    return any(mark in head for mark in row.marks)
 
 
 def folder_format(path: str | Path) -> Format | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -127,6 +128,30 @@ def test_other_files_in_a_folder_are_counted(folder: Path, capsys: Output) -> No
     assert line in capsys.readouterr().out.splitlines()
     assert monitor("--json") == 0
     assert line in capsys.readouterr().err.splitlines()
+
+
+def test_files_of_other_kinds_are_no_traces(folder: Path, capsys: Output) -> None:
+    contents = {
+        "junit.xml": b"<testsuites/>",
+        "weights.bin": b"\0" * 100,
+        "thumbs.db": b"other",
+        "b.xml.gz": gzip.compress(b"<x/>"),
+    }
+    for name, content in contents.items():
+        (folder / "runs" / name).write_bytes(content)
+    assert monitor() == 0
+    assert "runs: 4 entries are not traces and were not read: b.xml.gz, junit.xml" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert main(["monitor", UP, "--", "runs/weights.bin"]) == 2
+    assert "dataflash" in capsys.readouterr().err
+    (folder / "runs/b.xml.gz").write_bytes(b"damaged")
+    assert monitor() == 2
+    assert "runs/b.xml.gz" in capsys.readouterr().err
+    (folder / "runs/b.xml.gz").unlink()
+    (folder / "runs/fcd.xml").write_text("<!-- a comment -->\n<fcd-export>")
+    assert monitor() == 2
+    assert "runs/fcd.xml" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("broken", ["--bogus", "--require-triggered=0", "--expect=down"])
