@@ -224,7 +224,7 @@ def test_a_nan_of_a_variable_that_no_term_reads_is_refused_or_held(
         if nan == "hold":
             monitor.update(sample)
             continue
-        where = "sample 1 of lane 1" if lanes else "sample 1"
+        where = "sample 1 of batch entry 1" if lanes else "sample 1"
         with pytest.raises(InputError, match=f"^variable '{name}' is nan at {where}; "):
             monitor.update(sample)
         assert np.all(monitor.samples == 1)

@@ -338,7 +338,11 @@ def test_names_have_the_errors_of_a_single_monitor(
         (lambda m: m.update(x=1.0, y=[1, 2]), InputError, r"1-D array for 'x', got shape \(\)"),
         (lambda m: m.update(x=[[1], [2]], y=[1, 2]), InputError, "1-D array for 'x'"),
         (lambda m: m.update(x=["1", "2"], y=[1, 2]), InputTypeError, "array of numbers for 'x'"),
-        (lambda m: m.update(x=[1, np.nan], y=[1, 2]), InputError, "'x' is nan at .* of lane 1"),
+        (
+            lambda m: m.update(x=[1, np.nan], y=[1, 2]),
+            InputError,
+            "'x' is nan .* batch entry 1",
+        ),
         (lambda m: m.update(x=[1, 2], y=[1, 2], mask=[1, 0]), InputTypeError, "mask of 2 bool"),
         (lambda m: m.update(x=[1, 2], y=[1, 2], mask=[True]), InputError, "mask of 2 booleans"),
         (lambda m: m.update({"x": [1, 2], "y": [1, 2]}), InputTypeError, r"update\(\*\*columns\)"),

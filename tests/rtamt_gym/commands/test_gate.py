@@ -171,7 +171,7 @@ def test_expect(capsys: Output) -> None:
     assert monitor("--expect", "up") == 0
     capsys.readouterr()
     assert monitor("--expect", "up", "--expect", "upp") == 2
-    assert "--expect: no requirement 'upp' is judged; did you mean 'up'?" in (
+    assert "--expect: no requirement 'upp' is evaluated; did you mean 'up'?" in (
         capsys.readouterr().err
     )
 

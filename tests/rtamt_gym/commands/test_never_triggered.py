@@ -160,7 +160,7 @@ def test_a_trace_that_needed_no_answer_is_said(dense: list[str], capsys: Output)
     either = "either = eventually(gnt > 5) or eventually(req >= 3 implies gnt > 99)"
     assert main(["monitor", either, "busy.csv", *dense]) == 0
     out = capsys.readouterr().out.splitlines()
-    assert out[1] == "    triggered 1 time, first at 1 s, satisfied without an answer"
+    assert "    triggered 1 time, first at 1 s, satisfied without an answer" in out
     assert out[-2:] == ["", "satisfied without an answer: either in 1 of 1 trace"]
 
 

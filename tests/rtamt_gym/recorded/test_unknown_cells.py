@@ -140,7 +140,9 @@ def test_an_unknown_value_that_cannot_matter_leaves_the_verdict_certain(
     (folder / "run.csv").write_text('x\n4\n""\nnan\n')
     assert main(["monitor", "always(abs(x) >= 0)", "run.csv", "--missing", "unknown"]) == 0
     out = capsys.readouterr().out
-    assert out.startswith("SATISFIED, robustness between 0 (holds) and 4, at the end of the trace\n")
+    assert out.startswith(
+        "SATISFIED, robustness between 0 (holds) and 4, at the end of the trace\n"
+    )
     assert "(x: 2, the first in run.csv, line 3)" in out
 
 
