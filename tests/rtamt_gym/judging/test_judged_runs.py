@@ -75,7 +75,7 @@ MISTAKES: list[tuple[str, dict[str, str], dict[str, Any], type[Exception], str]]
     ("always(x < 1)", {"y": "obs[0]"}, {}, rtamt.InputError, "'x'"),
     (
         *("always(x < 1)", {"x": "obs[0]"}, {"semantics": "output-robustness"}),
-        *(rtamt.InputError, "semantics='output-robustness' is about outputs"),
+        *(rtamt.InputError, "semantics='output-robustness' needs output variables"),
     ),
     (
         *("always(x < 1)", {"x": "obs[0]"}, {"semantics": "bolean"}),
@@ -109,7 +109,7 @@ def test_a_mistake_is_one_error_before_the_first_simulation(
     ("how", "words"),
     [
         ({"period": 1, "signals": {"levl": "level"}}, "read by no specification"),
-        ({"period": 1, "semantics": "output-vacuity"}, "about outputs"),
+        ({"period": 1, "semantics": "output-vacuity"}, "needs output variables"),
     ],
 )
 def test_a_mistake_about_other_systems_is_one_error_too(how: dict[str, Any], words: str) -> None:
