@@ -322,8 +322,8 @@ def _check_read_alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> None:
     ]
     if differences:
         raise InputError(
-            "cannot compare, because evaluation options differ: {', '.join(differences)}; evaluate "
-            "both with the same"
+            f"cannot compare, because evaluation options differ: {', '.join(differences)}; "
+            "evaluate both with the same"
         )
 
 

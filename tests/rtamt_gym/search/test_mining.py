@@ -157,7 +157,7 @@ def test_a_bound_of_time_is_the_first_sample_that_reaches_the_level(
         )
 
     if first in {0, 99}:
-        with pytest.raises(InputError, match=" 9 values "):
+        with pytest.raises(InputError, match=" 9 tried values "):
             mined_within()
         return
     result = mined_within()
