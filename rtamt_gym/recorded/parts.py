@@ -69,10 +69,10 @@ def part_of(path: str) -> TracePart | None:
     """Return the file and the trace that a name states; None if it is the name of a file.
 
     Example:
-        >>> part_of("runs.hdf5[demo=a%2Cb]")
-        TracePart(file='runs.hdf5', values={'demo': 'a,b'})
-        >>> part_of("runs.hdf5") is None
-        True
+        >>> from tempfile import NamedTemporaryFile
+        >>> with NamedTemporaryFile(suffix=".hdf5") as file:
+        ...     part_of(f"{file.name}[demo=a%2Cb]").values, part_of(file.name)
+        ({'demo': 'a,b'}, None)
     """
     match = _NAME.fullmatch(path)
     if match is None or os.path.exists(path) or not os.path.exists(match["file"]):  # noqa: PTH110 - a formula may be longer than a name

@@ -112,14 +112,14 @@ def test_a_policy_that_leaves_is_told_from_its_environment() -> None:
 
     model = mujoco.MjModel.from_xml_string(BALL)
     given = "always(y < 9)", {"y": "qpos[0]"}
-    systems: list[tuple[Any, tuple[Any, ...]]] = [
-        (Leaving("policy"), (given[0], {"y": "obs[0]"})),
-        ((model, mujoco.MjData(model)), given),
-        (StepMonitor(model, mujoco.MjData(model), *given), ()),
+    systems: list[tuple[Any, tuple[Any, ...], dict[str, Any]]] = [
+        (Leaving("policy"), (given[0], {"y": "obs[0]"}), {"period": 1}),
+        ((model, mujoco.MjData(model)), given, {}),
+        (StepMonitor(model, mujoco.MjData(model), *given), (), {}),
     ]
-    for system, asked in systems:
+    for system, asked, options in systems:
         with pytest.raises(InputError) as told:
-            simulate(system, *asked, policy=act, duration=3)
+            simulate(system, *asked, policy=act, duration=3, **options)
         assert str(told.value) == f"the policy called sys.exit(3), {NO_END}"
         assert told.value.run.steps == 0  # type: ignore[attr-defined]
 

@@ -121,7 +121,7 @@ def test_a_snapshot_of_another_semantics_is_refused() -> None:
         Snapshot.of(first).restore(second)
     formula = str(rtamt.parse(ARM))
     assert str(refused.value) == (
-        f"expected a state of the specifications {{'spec': '{formula}'}}, got one of "
+        f"expected a state of the specifications {{'spec': '{formula}'}}, got a state of "
         f"{{'spec': '{formula} under output-robustness, input rate, output angle'}}"
     )
 

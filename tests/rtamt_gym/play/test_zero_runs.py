@@ -133,7 +133,7 @@ def test_the_first_violation_by_no_margin_is_told(
     monkeypatch.chdir(tmp_path)
     write(tmp_path)
     assert main(["monitor", "safe = x > 0; always(safe)", "trace.csv"]) == 1
-    assert capsys.readouterr().out.splitlines()[4:] == [
+    assert capsys.readouterr().out.splitlines()[5:] == [
         "formula   at the start      minimum   at  violated from",
         "safe                 2  0, violated  1 s            1 s",
         "(result)   0, violated  0, violated  0 s            0 s",

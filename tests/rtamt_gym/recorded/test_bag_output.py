@@ -318,7 +318,8 @@ def test_a_copy_has_the_topics_of_a_node(spec: Path, tmp_path: Path) -> None:
     node.start()
     copy = tmp_path / "copy.mcap"
     bag = recorded(tmp_path, ".mcap")
-    main(["monitor", str(spec), str(bag), "--period", "0.1", "--write-mcap", str(copy)])
+    words = [*("monitor", str(spec), str(bag), "--period", "0.1"), "--occurrences"]
+    main([*words, "--write-mcap", str(copy)])
     with AnyReader([copy]) as reader:
         added = {each.topic for each in reader.connections}
     with AnyReader([bag]) as reader:
