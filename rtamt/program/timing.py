@@ -82,7 +82,8 @@ def as_period(period: Period | None, what: str = "period") -> Fraction | None:
 
 
 def _no_period(period: object, what: str) -> SpecificationError:
-    rate = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(k?)hz\s*", str(period), re.IGNORECASE)
+    text = period if isinstance(period, str) else ""
+    rate = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(k?)hz\s*", text, re.IGNORECASE)
     hint = ""
     if rate and (hertz := float(rate[1]) * (1000 if rate[2] else 1)):
         hint = f"; {hertz:g} Hz is a {what} of {1000 / hertz:g}ms"

@@ -296,7 +296,11 @@ def test_formulas_without_variables_count_samples() -> None:
     [
         ({"a": [1, 2]}, {}, "expected an iterable of traces, got dict"),
         (pd.DataFrame({"a": [1]}), {}, "pass by= for a table of several objects"),
-        ({"a": [1, 2]}, {"lengths": [1]}, "sum is the 2 samples of the columns, got 1"),
+        (
+            {"a": [1, 2]},
+            {"lengths": [1]},
+            "lengths with the sum 2, the samples of the columns, got 1",
+        ),
         ({"a": [1, 2]}, {"lengths": [3, -1]}, "expected lengths of 0 or more, got -1"),
         ({"a": [1, 2]}, {"lengths": [1.0, 1.0]}, "a whole number of samples per trace"),
         ({"a": [1, 2]}, {"lengths": [2], "by": "a"}, "expected by= or lengths=, got both"),
