@@ -200,4 +200,5 @@ class SegmentRuns(NamedTuple):
         members = np.arange(ends[-1]) + np.repeat(self.first[runs] - begins, lengths)
         equal = self.segments.robustness[members] == np.repeat(minima[runs], lengths)
         hits = np.flatnonzero(equal)
-        return members[hits[np.searchsorted(hits, begins)]]
+        places: PlaceNumbers = members[hits[np.searchsorted(hits, begins)]]
+        return places

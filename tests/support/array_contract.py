@@ -184,9 +184,9 @@ class OnlineContract:
             (lambda m, s, t: m.reset(s._replace(nan=t([1, 0]))), InputTypeError, "as 'nan', got"),
             (lambda m, s, _: m.reset(s._replace(age=[0, 0])), InputTypeError, "'age', got list"),
             (lambda m, s, _: m.reset(s._replace(ring=m.init(3).ring)), InputError, "other lanes"),
-            (lambda m, *_: m.init(0), InputError, "expected 1 lane or more, got 0"),
-            (lambda m, *_: m.init(2.0), InputTypeError, "a whole number of batch entries, got 2.0"),
-            (lambda m, *_: m.init(True), InputTypeError, "a whole number of batch entries, got True"),  # noqa: FBT003
+            (lambda m, *_: m.init(0), InputError, "expected 1 or more batch entries, got 0"),
+            (lambda m, *_: m.init(2.0), InputTypeError, "number of batch entries, got 2.0"),
+            (lambda m, *_: m.init(True), InputTypeError, "number of batch entries, got True"),  # noqa: FBT003
         ],
     )
     def test_what_is_wrong_is_refused_when_it_is_traced(

@@ -370,7 +370,10 @@ def test_where_comes_before_anything_else(capsys: Output) -> None:
 def test_where_selects_in_a_stream(capsys: Output, monkeypatch: pytest.MonkeyPatch) -> None:
     text = Path(write("fcd.csv", FCD)).read_text()
     monkeypatch.setattr(sys, "stdin", io.StringIO(text))
-    assert "--where vehicle_id=0 to judge the rows of one" in judged(capsys, "always(speed > 5)", "-")[1]
+    assert (
+        "--where vehicle_id=0 to judge the rows of one"
+        in judged(capsys, "always(speed > 5)", "-")[1]
+    )
     monkeypatch.setattr(sys, "stdin", io.StringIO(text))
     assert judged(capsys, "always(speed > 5)", "-", "--where", "vehicle_id=0")[0] == 0
 
@@ -380,7 +383,10 @@ def test_long_files_are_selected_by_pyarrow(
 ) -> None:
     monkeypatch.setattr(csv_reader, "_LONG", 1)
     name = write("fcd.csv", FCD)
-    assert "--where vehicle_id=0 to judge the rows of one" in judged(capsys, "always(speed > 5)", name)[1]
+    assert (
+        "--where vehicle_id=0 to judge the rows of one"
+        in judged(capsys, "always(speed > 5)", name)[1]
+    )
     assert judged(capsys, "always(speed > 5)", name, "--where", "vehicle_id=0")[0] == 0
     assert (
         "values are 0, 1" in judged(capsys, "always(speed > 5)", name, "--where", "vehicle_id=7")[1]
