@@ -101,7 +101,8 @@ def write_table_clips(
         near = np.flatnonzero((times >= clip.begin - _ROUNDING) & (times <= clip.end + _ROUNDING))
         if len(near):
             out = folder / f"{clip.name}{_extension(path)}"
-            spans[out] = _number(where(int(near[0]))), _number(where(int(near[-1])))
+            numbers = [_number(where(row)) for row in near.tolist()]
+            spans[out] = min(numbers), max(numbers)
     file = file_of(path)
     if _extension(path) == ".parquet":
         _write_parquet(file, spans)

@@ -39,14 +39,14 @@ class Grid:
         since = times.since
         with np.errstate(over="ignore"):  # steps past all floats are refused by who asks
             self.steps = np.diff(since)
-        self.usual = median(self.steps)
-        """The median of the distances."""
         self._exact = times.step
+        self.usual = median(self.steps) if times.step is None else float(times.step)
+        """The distance that the format states, or the median of the distances."""
         self._precision = 2 * times.precision
         self._since = since
-        self.slope = float(since[-1]) / (len(since) - 1)
+        self.slope = self.usual if self._exact else float(since[-1]) / (len(since) - 1)
         """The distance of the grid's points."""
-        if self.rises and np.isfinite(self.slope) and not self.even:
+        if self._exact is None and self.rises and np.isfinite(self.slope) and not self.even:
             self.slope = self._nearest_slope()
 
     def _nearest_slope(self) -> float:
@@ -96,6 +96,8 @@ class Grid:
     @property
     def fitted(self) -> Fraction:
         """The distance of samples between holes, as simple as their rounding allows."""
+        if self._exact is not None:
+            return self._exact
         steps = self.steps[self.steps < HOLE * self.usual]
         blur = (self._precision + float(steps.max() - steps.min())) / len(steps)
         slope = float(steps.mean())

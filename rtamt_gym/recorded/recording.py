@@ -85,8 +85,8 @@ class Rows:
         invalid: Of columns of numbers the cells that hold no number though there is a record, such
             as samples that a measurement marks as not valid: nan, where others are empty.
         cells: The columns that are read as they are.
-        step: The distance of all neighbouring times in seconds, where the format states it and the
-            times agree; else None.
+        step: The distance of samples in seconds, where the format states it; else None. Times that
+            are farther apart are a gap.
     """
 
     numbers: Mapping[str, Floats]

@@ -100,6 +100,8 @@ def read_row_times(
 ) -> tuple[Floats, Callable[[int], str]]:
     """Return the time of each row of a trace in a table in seconds, and the place of a row.
 
+    With ``wide`` these are the rows of all objects.
+
     Args:
         path: The trace.
         variables: The variables that requirements read.
@@ -107,14 +109,21 @@ def read_row_times(
     """
     row = format_of(path)
     columns = _checked(path, row, columns)
-    read = {columns.column(name) for name in variables}
-    with _opened(path, columns, row) as recording:
+    wide = columns.wide is not None
+    read = () if wide else {columns.column(name) for name in variables}
+    with _opened(path, replace(columns, wide=None), row) as recording:
         time = find_times(recording, columns, read=read, needed=True)
         if time is None:
             raise InputError(f"{recording.source}: expected a column of times, got none")
         rows = read_rows(recording, wanted_times(Wanted([]), time, columns))
-        axis = TimeAxis.of(rows, time.name, columns)
-    return axis.start + axis.since, rows.where
+    if not wide:
+        return TimeAxis.of(rows, time.name, columns).seconds, rows.where
+    from rtamt_gym.recorded.wide import find_instants
+
+    assert rows.times is not None, "wanted"  # noqa: S101 - for mypy
+    instants, _, places = find_instants(rows.times)
+    axis = TimeAxis.of(replace(rows, times=instants), time.name, columns)
+    return axis.seconds[places], rows.where
 
 
 _IF_EVENTS = "give --dense to take rows as events at any time"

@@ -6,6 +6,7 @@ import gzip
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -20,10 +21,11 @@ from rtamt_gym.checks.names import listed
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.grid import Grid
 from rtamt_gym.recorded.parts import part_of
 from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
-from rtamt_gym.recorded.times import TIME
+from rtamt_gym.recorded.times import TIME, TimeAxis
 
 ID, OBJECT = "id", "object"
 """The columns with the name of an object, and with its kind: vehicle, person or container."""
@@ -41,10 +43,13 @@ class _Objects(NamedTuple):
     Attributes:
         kinds: The kinds of each object, by its name; there are several if kinds share the name.
         names: The attributes of each kind.
+        step: The distance of the steps in seconds, also of steps without an object; None if they
+            are uneven or there is one only.
     """
 
     kinds: Mapping[str, Sequence[str]]
     names: Mapping[str, Sequence[str]]
+    step: Fraction | None
 
 
 class _Table(NamedTuple):
@@ -121,7 +126,10 @@ class SumoRecording(Recording):
         arrays = {name: column[own] for name, column in table.columns.items()}
         empty = {name: cells[own] for name, cells in table.empty.items() if cells[own].any()}
         recording = ArrayRecording(self._path, arrays, None, None, empty)
-        return replace(recording.read(wanted), unit="s")
+        rows = recording.read(wanted)
+        if wanted.time != TIME:
+            return rows
+        return replace(rows, unit="s", step=_objects(self._file, _stamp(self._file)).step)
 
 
 def _stamp(path: str) -> tuple[int, int]:
@@ -143,11 +151,32 @@ def _objects(path: str, stamp: tuple[int, int]) -> _Objects:
         if not attributes.keys() <= known.keys():
             known.update(dict.fromkeys(attributes))
 
-    _parse(path, row)
+    times: list[str] = []
+    _parse(path, row, times)
     return _Objects(
         {name: [*several] for name, several in kinds.items()},
         {kind: [*known] for kind, known in names.items()},
+        _step(path, times),
     )
+
+
+def _step(path: str, texts: Sequence[str]) -> Fraction | None:
+    """Return the distance of the steps of a file in seconds; None if they are uneven."""
+    if len(texts) < 2:
+        return None
+    rows = Rows(
+        {},
+        {},
+        len(texts),
+        lambda row: f"{shown(path)}, step {row + 1}",
+        shown(path),
+        _seconds(path, texts),
+        unit="s",
+    )
+    grid = Grid(TimeAxis.of(rows, TIME, Columns()), None)
+    if grid.even:
+        return grid.period
+    return grid.fitted if grid.even_between_holes else None
 
 
 @lru_cache(maxsize=1)
@@ -208,8 +237,14 @@ def _seconds(path: str, texts: Sequence[str]) -> Floats:
 _Row = Callable[[str, str, _Attributes], None]
 
 
-def _parse(path: str, row: _Row) -> None:
-    """Call a function with the time, the kind and the attributes of each object of each step."""
+def _parse(path: str, row: _Row, times: list[str] | None = None) -> None:
+    """Call a function with the time, the kind and the attributes of each object of each step.
+
+    Args:
+        path: The file.
+        row: The function.
+        times: The list to which the time of each step is added.
+    """
     parser = expat.ParserCreate()
     level, time = 0, ""
 
@@ -219,6 +254,8 @@ def _parse(path: str, row: _Row) -> None:
             raise InputError(f"{shown(path)}: {_EXPECTED}, got XML with <{tag}>")
         if level == 1 and tag == "timestep":
             time = attributes.get("time", "")
+            if time and times is not None:
+                times.append(time)
         if level == 2:
             if ID not in attributes or not time:
                 raise InputError(

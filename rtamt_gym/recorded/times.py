@@ -213,8 +213,8 @@ class TimeAxis:
         start: The first time in seconds; 0 for dates, whose origin is no time of a trace.
         precision: How far a time may be off because it was rounded to a double.
         certain: Whether somebody has said that the unit is the unit.
-        step: The distance of all neighbours, if it is the same and the times are whole numbers of
-            nanoseconds or longer units.
+        step: The distance of samples that the format states, or the distance of all neighbours if
+            it is the same and the times are whole numbers of nanoseconds or longer units.
         decided: The unit that a name and the usual step decided together; empty if they did not.
         readings: The units in which the usual step would be plausible, if none is certain and
             seconds are not.
@@ -286,7 +286,8 @@ class TimeAxis:
         ulp = math.ulp(most) if raw.dtype.kind == "f" else 0.0
         start = float(in_seconds(raw[:1], unit)[0])
         precision = max(ulp * unit / 1e9, math.ulp(float(np.abs(since).max())))
-        step = rows.step or (None if raw.dtype.kind == "f" else _step(raw, unit))
+        step = rows.step if columns.time_unit in (None, rows.unit) else None
+        step = step or (None if raw.dtype.kind == "f" else _step(raw, unit))
         certain = bool(unit_name)
         return TimeAxis(
             column, since, start, precision, certain, step, decided, readings, absurd, unit

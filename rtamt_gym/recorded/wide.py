@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from rtamt import InputError
 from rtamt.errors import no_such
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
-from rtamt_gym.recorded.times import TIME, find_times
+from rtamt_gym.recorded.times import TIME, find_times, same_as_before
 
 
 class WideRecording(Recording):
@@ -72,7 +73,7 @@ class WideRecording(Recording):
         base = replace(wanted, numbers=numbers, gaps=gaps, texts=(), cells=(), ends=False)
         rows = self._recording.read(self._with_objects(base))
         assert rows.times is not None, "wanted"  # noqa: S101 - for mypy
-        instants, first, places = np.unique(rows.times, return_index=True, return_inverse=True)
+        instants, first, places = find_instants(rows.times)
         of_objects: dict[str, NDArray[np.intp]] = {}
         objects = np.array(self._objects(rows))
         columns, absent = {}, {}
@@ -109,3 +110,24 @@ class WideRecording(Recording):
                 f"{rows.where(int(own[at + 1]))}: expected times of {name!r} that increase, got "
                 f"{words}"
             )
+
+
+def find_instants(
+    times: NDArray[Any],
+) -> tuple[NDArray[Any], NDArray[np.intp], NDArray[np.intp]]:
+    """Return the instants of rows in order, the first row of each, and the instant of each row.
+
+    Floating-point times that differ by at most one unit in the last place are one instant.
+
+    Args:
+        times: The time of each row in the order of the file, shape (n,).
+
+    Example:
+        >>> [values.tolist() for values in find_instants(np.array([0.3, 0.1, 0.1 + 0.2]))]
+        [[0.1, 0.3], [1, 0], [1, 0, 1]]
+    """
+    order = np.argsort(times, kind="stable")
+    starts = np.append(True, ~same_as_before(times[order]))
+    places = np.empty(len(times), np.intp)
+    places[order] = np.cumsum(starts) - 1
+    return times[order][starts], order[starts], places

@@ -95,6 +95,27 @@ def test_groups_of_a_table(folder: Path) -> None:
     assert {*table["time"]} == {2, 3, 4, 5}
 
 
+@pytest.mark.parametrize("by_object", [False, True])
+@pytest.mark.parametrize("end", [".csv", ".parquet"])
+def test_clip_of_wide_table_has_all_rows(end: str, *, by_object: bool, capsys: Output) -> None:
+    """The clip has each row of its time, in a file sorted by time or by object."""
+    rows = [(i, name, 9 if (i, name) == (3, "B") else 1) for i in range(8) for name in "ABC"]
+    rows = sorted(rows, key=lambda row: row[1]) if by_object else rows
+    whole = pd.DataFrame(rows, columns=["time", "name", "x"])
+    trace = f"objects{end}"
+    (whole.to_csv if end == ".csv" else whole.to_parquet)(trace, index=False)
+    words = ["monitor", "always(x.B < 5 or x.C < 0)", "--wide", "name"]
+    assert main([*words, trace, "--clip", "clips", "--clip-around", "1s"]) == 1
+    (clip,) = Path("clips").iterdir()
+    cut = pd.read_csv(clip) if end == ".csv" else pd.read_parquet(clip)
+    near = whole[whole["time"].between(2, 5)]
+    first, last = near.index.min(), near.index.max()
+    pd.testing.assert_frame_equal(cut, whole.loc[first:last].reset_index(drop=True))
+    capsys.readouterr()
+    assert main([*words, str(clip)]) == 1
+    assert "VIOLATED, robustness -1" in capsys.readouterr().out
+
+
 def test_number_of_clips_is_limited(capsys: Output) -> None:
     assert len(clipped("drive.csv", "--clip-limit", "1")) == 1
     assert "1 clip: clips; --clip-limit leaves out 1 violation\n" in capsys.readouterr().out

@@ -85,6 +85,27 @@ def test_absent_objects_are_unknown(
         assert [row["verdict"] for row in found["trials"]] == [verdict], spec
 
 
+@pytest.mark.parametrize("end", [".csv", ".parquet"])
+@pytest.mark.parametrize("option", ["--one-trace", "--dense"])
+def test_times_equal_up_to_rounding_are_one_instant(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, end: str
+) -> None:
+    """A clock that counts k * 0.1 and one that rounds give the same trace."""
+    times = [(k * 0.1, round(k * 0.1, 9)) for k in range(8)]
+    assert times[3][0] != times[3][1]
+    rows = [(time, name, k) for k, two in enumerate(times) for time, name in zip(two, "AB")]  # noqa: B905
+    found = []
+    for exact in (True, False):
+        frame = pd.DataFrame(rows, columns=["time", "name", "x"])
+        frame["time"] = frame["time"].round(9) if exact else frame["time"]
+        log = written(tmp_path, frame, end)
+        spec = "always(x.A > 2 implies eventually[0:0.2](x.B > x.A + 1))"
+        code, outcome = judged(capsys, spec, log, "--wide", "name", option, "--end", "complete")
+        found.append((code, outcome["trials"][0]["outcomes"]))
+    assert found[0] == found[1]
+    assert found[0][0] == 1
+
+
 def test_wide_groups(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "log.csv"
     rows = [f"{run},{line}" for run in (1, 2) for line in LOG.splitlines()[1:]]
