@@ -127,9 +127,8 @@ class SumoRecording(Recording):
         empty = {name: cells[own] for name, cells in table.empty.items() if cells[own].any()}
         recording = ArrayRecording(self._path, arrays, None, None, empty)
         rows = recording.read(wanted)
-        if wanted.time != TIME:
-            return rows
-        return replace(rows, unit="s", step=_objects(self._file, _stamp(self._file)).step)
+        known = _objects(self._file, _stamp(self._file)).step
+        return replace(rows, unit="s", step=known if wanted.time == TIME else None)
 
 
 def _stamp(path: str) -> tuple[int, int]:

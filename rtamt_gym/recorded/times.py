@@ -286,7 +286,7 @@ class TimeAxis:
         ulp = math.ulp(most) if raw.dtype.kind == "f" else 0.0
         start = float(in_seconds(raw[:1], unit)[0])
         precision = max(ulp * unit / 1e9, math.ulp(float(np.abs(since).max())))
-        step = rows.step if columns.time_unit in (None, rows.unit) else None
+        step = rows.step if columns.time_unit in (None, rows.unit or "s") else None
         step = step or (None if raw.dtype.kind == "f" else _step(raw, unit))
         certain = bool(unit_name)
         return TimeAxis(

@@ -122,6 +122,29 @@ def test_object_that_returns_is_uneven(tmp_path: Path) -> None:
         read(f"{path}[id=a]").period()
 
 
+@pytest.mark.parametrize("steps", [(0, 5), (0, 2, 4), (0, 1, 2, 5)])
+@pytest.mark.parametrize("step", [1.0, 0.1, 1 / 3])
+def test_step_is_that_of_the_file(
+    steps: Sequence[int], step: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An object that is absent in a step has a gap, however even its own rows are."""
+    objects: list[Object] = [("vehicle", "a", at, [8.0]) for at in steps]
+    path = write_fcd(tmp_path / "fcd.xml", [*objects, ("vehicle", "b", 3, [7.0])], step)
+    command = ["monitor", "always(speed < 9)", "--where", "id=a", str(path)]
+    assert main(command) == 2
+    assert f"elsewhere {step:.2g}" in capsys.readouterr().err
+    main([*command, "--max-gap", f"{1.2 * step:.3f}", "--json"])
+    (trial,) = json.loads(capsys.readouterr().out)["trials"]
+    assert (trial["extent"]["samples"], trial["verdict"]) == (steps[-1] + 1, "UNDECIDED")
+
+
+def test_object_of_one_step_has_the_step_of_the_file(tmp_path: Path) -> None:
+    path = write_fcd(tmp_path / "fcd.xml", [*TWO, ("vehicle", "c", 1, [3])])
+    spec = {"": rtamt.parse("always[0:1](speed < 9)")}
+    _, period = read_ruled(f"{path}[id=c]", spec, EvaluationOptions(), Columns())
+    assert period == Fraction(1, 2)
+
+
 def test_attribute_of_another_kind_is_missing(tmp_path: Path) -> None:
     path = write_fcd(tmp_path / "fcd.xml", [*TWO, ("person", "p", 0, [7, 8])])
     spec = rtamt.parse("always(lane < 1)")
