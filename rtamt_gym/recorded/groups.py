@@ -231,7 +231,7 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
         reported where its traces are judged.
 
     Raises:
-        InputError: If a file is not a table.
+        InputError: If a file is not a table, or ``by`` names the key of tables in a file.
     """
     row = format_of(path)
     if path == "-":
@@ -242,6 +242,7 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
     if (outer is not None) != row.choice:  # a group by its name, or a file with several tables
         return {path: {}}
     chosen = {} if outer is None else outer.values
+    _check_keys(path, columns.by, chosen)
     columns = replace(
         columns, where={name: text for name, text in columns.where.items() if name not in chosen}
     )
@@ -266,6 +267,16 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
         texts = " and ".join(f"{name}={text}" for name, text in columns.where.items())
         raise InputError(f"{shown(path)}: no row with {texts}, which --where selects")
     return names
+
+
+def _check_keys(path: str, by: Sequence[str], chosen: Mapping[str, str]) -> None:
+    """Check that no key column has the name of the key of tables in a file."""
+    for name in by:
+        if name in chosen:
+            raise InputError(
+                f"{shown(path)}: expected --by with another column than '{name}', which chooses "
+                f"one of the tables of the file. Give the column another name, such as in a view."
+            )
 
 
 def _for_table(columns: Columns, by: Sequence[str]) -> Columns:

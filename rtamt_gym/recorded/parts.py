@@ -68,6 +68,8 @@ def group_name(file: str, values: Mapping[str, str]) -> str:
 def part_of(path: str) -> TracePart | None:
     """Return the file and the trace that a name states; None if it is the name of a file.
 
+    A name with a column twice is not the name of a trace.
+
     Example:
         >>> from tempfile import NamedTemporaryFile
         >>> with NamedTemporaryFile(suffix=".hdf5") as file:
@@ -77,8 +79,9 @@ def part_of(path: str) -> TracePart | None:
     match = _NAME.fullmatch(path)
     if match is None or os.path.exists(path) or not os.path.exists(match["file"]):  # noqa: PTH110 - a formula may be longer than a name
         return None
-    pairs = (pair.partition("=") for pair in match["keys"].split(","))
-    return TracePart(match["file"], {unquote(key): unquote(text) for key, _, text in pairs})
+    pairs = [pair.partition("=") for pair in match["keys"].split(",")]
+    values = {unquote(key): unquote(text) for key, _, text in pairs}
+    return TracePart(match["file"], values) if len(values) == len(pairs) else None
 
 
 def split_name(name: str) -> tuple[str, str]:

@@ -92,6 +92,26 @@ def test_objects_of_a_table_are_traces(tmp_path: Path, capsys: Output) -> None:
     assert "give --where table=NAME" in capsys.readouterr().out
 
 
+def test_column_called_table_is_no_group(tmp_path: Path, capsys: Output) -> None:
+    """The rows of one table are never read from another table."""
+    rows = [(k / 2, name, speed) for k in range(4) for name, speed in (("b", 20.0), ("c", 1.0))]
+    path = write(tmp_path / "log.db", "a", rows, "time, [table], speed")
+    write(path, "b", [(0.0, 1.0), (0.5, 1.0)])
+    command = ["monitor", "always(speed < 14.5)", "--by", "table"]
+    for words in (["--where", "table=a", str(path)], [f"{path}[table=a]"]):
+        assert main([*command, *words]) == 2
+        assert "expected --by with another column than 'table'" in capsys.readouterr().err
+    assert main([*command[:2], f"{path}[table=a,table=b]"]) == 2
+    with sqlite3.connect(path) as connection:
+        connection.execute('CREATE VIEW rows AS SELECT time, speed, "table" AS key FROM a')
+    connection.close()
+    command = ["monitor", "always(speed < 14.5)", "--by", "key", "--where", "table=rows", "--json"]
+    capsys.readouterr()
+    assert main([*command, str(path)]) == 1
+    trials = json.loads(capsys.readouterr().out)["trials"]
+    assert [trial["outcomes"]["spec"]["robustness"] for trial in trials] == [-5.5, 13.5]
+
+
 def test_empty_cells_and_texts(tmp_path: Path) -> None:
     path = write(tmp_path / "log.db", rows=[(0, 1), (1, None), (2, 3)])
     with pytest.raises(
