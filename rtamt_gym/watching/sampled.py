@@ -398,7 +398,7 @@ class SampledGroup:
         for state in self._states:
             state.finish(end)
             line = self._line(state, self.samples - 1)
-            counts = state.counts(self.samples)
+            counts = state.counts(self.samples, end)
             lines.append(line._replace(end=end, final=True, instants=counts))
         return lines
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from operator import itemgetter
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import rtamt
 from rtamt import Verdict
 from rtamt.typing import End
+from rtamt_gym.judging.monitors import EXACT
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.recorded.recording import Floats
@@ -85,6 +86,62 @@ def _all_values(row: RowValues) -> RowValues:
     return row
 
 
+class InstantTail:
+    """The samples of the instants that no monitor has settled.
+
+    Args:
+        spec: The requirement at one instant.
+        pending: The number of instants that wait for later samples; None if all wait for the end.
+        keywords: The keywords of monitors.
+    """
+
+    def __init__(
+        self, spec: rtamt.Specification, pending: int | None, keywords: Mapping[str, Any]
+    ) -> None:
+        self._spec, self._pending, self._keywords = spec, pending, keywords
+        looks_back = any(
+            node.op is not None and (node.op.sampled or node.op.timed) and not node.op.future
+            for node in spec.formula.nodes()
+        )
+        # An operator of the past may reach back to the first sample.
+        self._rows: deque[RowValues] = deque(maxlen=None if looks_back and pending else pending)
+
+    @property
+    def whole(self) -> bool:
+        """Whether the counts are of all instants, and not of the pending ones."""
+        return self._rows.maxlen is None
+
+    def add(self, row: RowValues) -> None:
+        """Keep a sample."""
+        self._rows.append(row)
+
+    def counts(self, end: End) -> Counter[Verdict]:
+        """Return the numbers of decided instants among the kept samples.
+
+        Args:
+            end: The end mode.
+        """
+        counts, n = Counter[Verdict](), len(self._rows)
+        if not n or self._keywords["semantics"] not in EXACT:
+            return counts
+        columns = {
+            name: [row[place] for row in self._rows]
+            for place, name in enumerate(self._spec.variables)
+        }
+        formula = self._spec.formula
+        for verdict, left in ((Verdict.SATISFIED, formula), (Verdict.VIOLATED, ~formula)):
+            # An implication that is read at every sample is triggered where its left side is
+            # certain.
+            counted = self._spec.with_result(left.implies(_NEVER).always())
+            judgement = rtamt.judge(counted, columns, end=end, n=n, **self._keywords)
+            counts[verdict] = judgement.triggers[0].samples
+        return counts
+
+
+_NEVER: Final = rtamt.parse("1 < 0").formula
+"""A false formula; an implication of the word `false` is not counted."""
+
+
 class SampledState:
     """A requirement on the samples of one trace.
 
@@ -107,10 +164,15 @@ class SampledState:
         self._instants: rtamt.Monitor | None = None
         self.instants = Counter[Verdict]()
         self._last_instant: Verdict | None = None
-        if rules.by_step and spec.horizon < math.inf:
-            self._instants = rtamt.Monitor(spec, **keywords)
-            self._pick_instant = rules.picker(self._instants.variables)
-            self._latency = self._instants.latency
+        self._tail: InstantTail | None = None
+        if rules.by_step:
+            pending = None
+            if spec.horizon < math.inf:
+                self._instants = rtamt.Monitor(spec, **keywords)
+                self._pick_instant = rules.picker(self._instants.variables)
+                pending = self._latency = self._instants.latency
+            self._tail = InstantTail(spec, pending, keywords)
+            self._pick_tail = rules.picker(spec.variables)
 
     def updates(self, values: Floats) -> Iterator[float]:
         """Yield the robustness after each sample, of which the next call takes one more."""
@@ -132,6 +194,8 @@ class SampledState:
 
         None if no instant is settled, or instants are judged at the end only.
         """
+        if self._tail is not None:
+            self._tail.add(self._pick_tail(row))
         if self._instants is None:
             return None
         robustness = self._instants.update(*self._pick_instant(row))
@@ -158,10 +222,17 @@ class SampledState:
             self.verdict = self.monitor.verdict
             self.reason = f"the end of the trace ({end})"
 
-    def counts(self, samples: int) -> Mapping[str, int] | None:
-        """Return the numbers of instants by verdict; None unless lines are about instants."""
-        if not self._rules.by_step:
+    def counts(self, samples: int, end: End) -> Mapping[str, int] | None:
+        """Return the numbers of instants by verdict; None unless lines are about instants.
+
+        Args:
+            samples: The number of samples.
+            end: The end mode, which may decide the instants whose windows reach past the end.
+        """
+        if self._tail is None:
             return None
-        satisfied, violated = self.instants[Verdict.SATISFIED], self.instants[Verdict.VIOLATED]
+        pending = self._tail.counts(end)
+        total = pending if self._tail.whole else self.instants + pending
+        satisfied, violated = total[Verdict.SATISFIED], total[Verdict.VIOLATED]
         open_ = samples - satisfied - violated
         return {"satisfied": satisfied, "violated": violated, "undecided": open_}

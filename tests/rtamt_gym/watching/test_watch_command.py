@@ -17,6 +17,7 @@ import pytest
 from command_line import run_unread, run_without
 
 import rtamt
+from rtamt.typing import End
 from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
@@ -141,6 +142,30 @@ def test_a_lost_row_in_dense_time_is_unknown_until_the_next(capsys: Output, stre
     assert code == 0
 
 
+def test_a_dense_reason_has_the_values_at_its_time(capsys: Output, stream: Path) -> None:
+    draw = np.random.default_rng(4)
+    decided = 0
+    for _ in range(30):
+        times = np.cumsum(draw.integers(1, 9, 6)) / 2
+        values = draw.integers(-3, 4, 6)
+        text = "time,x\n" + "".join(f"{t},{v}\n" for t, v in zip(times, values, strict=True))
+        begin, end = np.sort(draw.integers(0, 9, 2)) / 2
+        for spec in (f"eventually[{begin}:{end}](x > 0)", f"always[{begin}:{end}](x > 0)"):
+            _, lines, _ = watched(capsys, stream, text, spec, "--dense", "--time-unit", "s")
+            if "decided_at" in lines[-1]:
+                decided += 1
+                value = values[np.searchsorted(times, lines[-1]["decided_at"], side="right") - 1]
+                assert lines[-1]["reason"] == f"x = {value}"
+    assert decided > 20
+
+
+def test_a_dense_reason_in_a_gap_is_unknown(capsys: Output, stream: Path) -> None:
+    text = "time,x\n0.0,-1\n1.0,-1\n1.5,?\n6.0,-1\n"
+    spec = "eventually[3:3](once[2:2](x < 0) or always[3:5](x < 0))"
+    _, lines, _ = watched(capsys, stream, text, spec, "--skip-bad", "--dense")
+    assert (lines[-1]["decided_at"], lines[-1]["reason"]) == (3.0, "x = unknown")
+
+
 def test_a_lost_row_may_have_changed_each_variable(capsys: Output, stream: Path) -> None:
     """A value that the next row does not repeat stays unknown until its next event."""
     text = "time,x,y\n0.0,1,1\n1.0,1,1\n1.5,?,?\n2.0,1,\n3.0,1,{}\n4.0,1,1\n"
@@ -201,6 +226,37 @@ def test_a_short_trace_exits_with_3(capsys: Output, stream: Path) -> None:
         assert (got, "shorter than 4 s" in errors) == (code, code == 3)
 
 
+def instants_of(spec: str, values: list[float], end: End) -> dict[str, int]:
+    """The number of instants by verdict, each judged by itself."""
+    verdicts = (
+        rtamt.judge(f"eventually[{at}:{at}]({spec})", {"x": values}, period=1, end=end).verdict
+        for at in range(len(values))
+    )
+    counts = Counter(verdict.name.lower() for verdict in verdicts)
+    return {name: counts[name] for name in ("satisfied", "violated", "undecided")}
+
+
+@pytest.mark.parametrize("end", ["cut", "complete", "open"])
+@pytest.mark.parametrize("values", [[1, -1], [-1, 1, -2, 3, 1, 2], [2, 1, 3, 2], [0]])
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "always[0:2](x > 0)",
+        "eventually(x < 0)",
+        "x > 0 implies eventually[1:2](x > 1)",
+        "once(x < 0) or always[0:1](x > 1)",
+        "always(x > 2 implies eventually[0:2](x < 0))",
+        "prev(x > 0)",
+    ],
+)
+def test_decided_instants_are_counted_at_the_end(
+    spec: str, values: list[float], end: End, capsys: Output, stream: Path
+) -> None:
+    kinds = ["--view", "step", "--end", end, "--period", "1"]
+    _, lines, _ = watched(capsys, stream, rows(values), spec, *kinds)
+    assert lines[-1]["instants"] == instants_of(spec, values, end)
+
+
 @pytest.mark.parametrize("spec", ["x < 3", "x < 3 or eventually[0:1](x > 4)", "prev(x < 3)"])
 def test_instants_are_judged_as_evaluate_does(spec: str, capsys: Output, stream: Path) -> None:
     values = np.random.default_rng(2).integers(0, 6, 30).astype(float)
@@ -214,10 +270,7 @@ def test_instants_are_judged_as_evaluate_does(spec: str, capsys: Output, stream:
     final = lines[-1]
     for at in range(settled):
         assert instants[at] == robustness[at] or at == final["time"]
-    held = rtamt.holds(robustness[:settled])
-    counts = Counter("satisfied" if holds else "violated" for holds in held.tolist())
-    counts["undecided"] = len(values) - settled
-    assert final["instants"] == {name: counts[name] for name in final["instants"]}
+    assert final["instants"] == instants_of(spec, values.tolist(), "cut")
     assert (code, final["verdict"]) == (1, "VIOLATED")
 
 
