@@ -55,6 +55,8 @@ class EventGroup:
         self._raw: RawTimes | None = None
         self._fed = self._gap = self._unit_known = False
         self._time = self._judged = 0.0
+        self._changes: list[tuple[float, RowValues]] = []
+        """The values from the row before on, with their times."""
         self.samples = self.rows = 0
         self.stopped = False
 
@@ -121,8 +123,10 @@ class EventGroup:
         """Take values for unknown between the last row and a time, after a bad line."""
         after = max(self._judged + _TICK, math.nextafter(self._judged, math.inf))
         if after < time:
+            unknown = [math.nan] * width
+            self._changes.append((after, unknown))
             for state in self._states:
-                state.update(after, [math.nan] * width, self._known)
+                state.update(after, unknown, self._known)
 
     def _check_unit(self, raw: RawTimes, line: int) -> None:
         assert self._raw is not None, "a row came before"  # noqa: S101 - for mypy
@@ -161,7 +165,15 @@ class EventGroup:
             state.update(self._time, row, self._known)
         self._judged, self._fed = self._time, True
         self.samples += 1
+        self._changes.append((self._time, row))
         self._look(row)
+        del self._changes[:-1]
+
+    def _values_at(self, time: float) -> RowValues:
+        """Return the values at a time since the row before."""
+        near = time + max(_TICK / 2, math.ulp(time))
+        rows = [row for begin, row in self._changes if begin <= near]
+        return rows[-1] if rows else self._changes[0][1]
 
     def _look(self, row: RowValues) -> None:
         rules = self._rules
@@ -169,7 +181,9 @@ class EventGroup:
             decided = state.decide(self._time)
             if decided:
                 rules.undecided -= 1
-                state.reason = rules.values_text(state.monitor.variables, row)
+                at = self._time if state.decided_at is None else state.decided_at
+                values = self._values_at(at)
+                state.reason = rules.values_text(state.monitor.variables, values)
             if not rules.by_step:
                 if decided or rules.every or self.samples == 1:
                     rules.emit(self._line(state))
