@@ -107,11 +107,13 @@ class Trace:
             since = times.since[rows]
             start = times.start + float(since[0])
             times = replace(times, since=since - since[0], start=start, step=None)
+        columns = {name: values[rows] for name, values in self.columns.items()}
         return replace(
             self,
-            columns={name: values[rows] for name, values in self.columns.items()},
+            columns=columns,
             samples=len(rows),
             times=times,
+            unknown=[name for name in self.unknown if np.isnan(columns[name]).any()],
             grid=None,
             where=lambda sample: self.where(int(rows[sample])),
         )

@@ -8,6 +8,7 @@ import tempfile
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bags import START, twist, write_bag
 from hypothesis import given, settings
@@ -159,6 +160,36 @@ def test_an_unknown_value_stays_so_until_the_next_row_where_rows_are_resampled(
     assert values == [1, None, 3, 3, 4, 5, None, None, 6, 7]
     found = judge(spec, trace, period, EvaluationOptions())
     assert (found.found.lower, found.found.upper) == (-math.inf, 1.0)
+
+
+ROWS = "0,1\n0.1,1\n0.2,1\n0.215,{}\n0.3,1\n0.4,3\n0.5,1\n"
+
+
+@pytest.mark.parametrize("wide", [False, True])
+def test_unknown_row_that_resampling_leaves_out(
+    folder: Path, capsys: Output, *, wide: bool
+) -> None:
+    """The outcome is that of the file without the row."""
+    found = []
+    for text in (ROWS.format(""), ROWS.replace("0.215,{}\n", "")):
+        lines = text.splitlines()
+        if wide:
+            lines = ["time,name,x", *(",A,".join(line.split(",")) for line in lines)]
+        else:
+            lines = ["time,x", *lines]
+        (folder / "log.csv").write_text("\n".join(lines) + "\n")
+        words = ["--wide", "name"] if wide else ["--missing", "unknown"]
+        spec = f"always({'x.A' if wide else 'x'} < 4)"
+        assert main(["monitor", spec, "log.csv", "--jitter", "5%", "--json", *words]) == 0
+        found.append(json.loads(capsys.readouterr().out)["trials"][0]["outcomes"])
+    assert found[0] == found[1]
+
+
+def test_unknown_values_before_a_late_start_do_not_count() -> None:
+    values = {"x": np.array([1, np.nan, 1, 1]), "y": np.array([np.nan, np.nan, 2, 3])}
+    trace = Trace("run", values, 4, None, str, known_from={"y": 2}, unknown=["x"])
+    found = judge(rtamt.parse("always(x + y < 5)"), trace, None, EvaluationOptions())
+    assert found.found.robustness == 1
 
 
 def test_outcomes_keep_their_form_and_a_page_shows_them(folder: Path, capsys: Output) -> None:
