@@ -178,6 +178,10 @@ class RtamtError(Exception):
         """The names of the arguments that the text speaks of, each once."""
         return self.message.arguments
 
+    def at(self, place: str) -> RtamtError:
+        """Return the same error with a place in front, such as ``trace 3``."""
+        return type(self)(f"{place}: ", self)
+
 
 class SpecificationError(RtamtError, ValueError):
     """A specification that has no meaning, or that a monitor cannot run.
@@ -198,9 +202,12 @@ class ParseError(SpecificationError):
         column: Column in the line, from 1.
         text: The whole text.
         hint: How to correct the text, or an empty string.
+        place: Where the text has no meaning, such as ``trace 3``, or an empty string.
     """
 
-    def __init__(self, reason: str, text: str, line: int, column: int, hint: str = "") -> None:
+    def __init__(
+        self, reason: str, text: str, line: int, column: int, hint: str = "", place: str = ""
+    ) -> None:
         source = text.split("\n")[line - 1].rstrip("\r")
         # Tabs stay tabs, so that the caret stands below its column; of a long line only the part
         # around the caret is shown.
@@ -209,15 +216,23 @@ class ParseError(SpecificationError):
         before = shown_lines(source[start : column - 1])
         indent = "".join("\t" if c == "\t" else " " for c in before)
         parts = [f"STL:{line}:{column}: ", reason, f"\n  {context}\n  {indent}^"]
-        super().__init__(*parts, hint_line(hint))
+        super().__init__(f"{place}: " if place else "", *parts, hint_line(hint))
+        self.place = place
         self.reason = reason
         self.text = text
         self.line = line
         self.column = column
         self.hint = hint
 
-    def __reduce__(self) -> tuple[type[ParseError], tuple[str, str, int, int, str]]:
-        return type(self), (self.reason, self.text, self.line, self.column, self.hint)
+    def at(self, place: str) -> RtamtError:
+        """Return the same error with a place in front, such as ``trace 3``."""
+        return type(self)(self.reason, self.text, self.line, self.column, self.hint, place)
+
+    def __reduce__(self) -> tuple[type[ParseError], tuple[str, str, int, int, str, str]]:
+        return type(self), (
+            *(self.reason, self.text, self.line, self.column, self.hint),
+            self.place,
+        )
 
 
 _CONTEXT = 60
@@ -247,6 +262,10 @@ class MissingFileError(InputError, FileNotFoundError):
 
     def __str__(self) -> str:
         return str(self.args[0])  # OSError would build its text from attributes
+
+    def at(self, place: str) -> RtamtError:
+        """Return the error with a place in front, without its file name."""
+        return InputError(f"{place}: ", self)
 
     def __reduce__(self) -> tuple[type[MissingFileError], tuple[str]]:
         return type(self), (self.filename,)

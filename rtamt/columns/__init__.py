@@ -10,7 +10,7 @@ from rtamt.columns.names import (
     split_times,
     unit_of_times,
 )
-from rtamt.columns.objects import Objects, may_tell_objects, names_objects, objects_in
+from rtamt.columns.objects import Objects, flagged_row, may_tell_objects, names_objects, objects_in
 from rtamt.columns.times import (
     are_clock_numbers,
     are_days,
@@ -29,6 +29,7 @@ __all__ = [
     "are_days",
     "calendar_unit",
     "dates_of_numbers",
+    "flagged_row",
     "has_plain_time_name",
     "hinted_unit",
     "is_date",

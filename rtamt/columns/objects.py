@@ -112,7 +112,7 @@ def may_tell_objects(
         timed: Whether the table has times; without them, times and numbers of rows may start again.
         first: Whether it is the first column of the table.
     """
-    if names_objects(column) or names_objects(column, texts=True) or _ends_episodes(column):
+    if names_objects(column) or names_objects(column, texts=True) or flagged_row(column):
         return True
     words = {*read_name(column).words}
     if words <= _NUMBERED or "run" in words or (_reads_values(read) and not _STATES & words):
@@ -259,20 +259,29 @@ _DONE = word_set("done dones")
 """Flags of the last or the first row of an episode; ``done`` may be another flag."""
 
 
-def _ends_episodes(column: str) -> bool:
-    return "".join(read_name(column).words) in _LAST_ROWS | _FIRST_ROWS | _DONE
+def flagged_row(column: str) -> str:
+    """Return which row of an episode a column of flags marks by its name; empty for others.
+
+    Example:
+        >>> flagged_row("is_first"), flagged_row("terminated"), flagged_row("speed")
+        ('first', 'last', '')
+    """
+    joined = "".join(read_name(column).words)
+    if joined in _FIRST_ROWS:
+        return "first"
+    return "last" if joined in _LAST_ROWS | _DONE else ""
 
 
 def _next_episode(name: str, values: NDArray[Any], *, timed: bool) -> int | None:
     """Return the first row of another episode by a flag of last or first rows; None without one."""
     joined = "".join(read_name(name).words)
-    if not _ends_episodes(name) or (timed and joined in _DONE):
+    if not flagged_row(name) or (timed and joined in _DONE):
         return None
     texts = [str(value).strip().lower() for value in values.tolist()]
     if not {*texts} <= {"true", "false", "0", "1", "0.0", "1.0"}:
         return None
     flags = np.array([text in ("true", "1", "1.0") for text in texts])
-    if joined in _FIRST_ROWS:
+    if flagged_row(name) == "first":
         (rows,) = np.nonzero(flags[1:])
     else:
         (rows,) = np.nonzero(flags[:-1] & ~flags[1:])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -45,11 +45,11 @@ def named_columns(data: object) -> object:
             f"expected a data frame, got a {type(data).__name__}, which is not read yet; "
             "pass its collect()"
         )
-    names = _names(data)
+    names = names_of(data)
     return data if names is None or hasattr(data, "keys") else _Table(data, names)
 
 
-def _names(data: object) -> list[Any] | None:
+def names_of(data: object) -> list[Any] | None:
     """Return the names of the columns, which pandas allows to be no texts; None for other data."""
     if isinstance(data, Mapping | np.ndarray) or not hasattr(data, "__getitem__"):
         return None
@@ -72,7 +72,7 @@ def check_roles(data: object, variables: Sequence[str], *, timed: bool) -> None:
 
     The errors state the ways out.
     """
-    names = _names(data)
+    names = names_of(data)
     if names is None:
         return
     frame = cast("Any", data)
@@ -82,34 +82,13 @@ def check_roles(data: object, variables: Sequence[str], *, timed: bool) -> None:
         _check_times(frame, ignored, names[0])
 
 
-def check_times(data: object, others: Collection[str]) -> None:
-    """Check that a frame has no times that the bounds of a formula would ignore.
-
-    Args:
-        data: The values; only frames are checked.
-        others: The columns that have a role, such as the variables of the formula.
-    """
-    names = _names(data)
-    if names is not None:
-        _check_times(data, [name for name in names if str(name) not in others], names[0])
-
-
 def _check_objects(
     frame: Any,  # noqa: ANN401 - of any library
     ignored: Sequence[Any],
     variables: Sequence[str],
     first: object,
 ) -> None:
-    index: Any = getattr(frame, "index", None)
-    cells: dict[str, Any] = _levels(index)
-    times = next((v for n, v in cells.items() if unit_of_times(n) is not None), None)
-    for name in ignored:
-        cells[str(name)] = frame[name]
-        if times is None and (unit_of_times(str(name)) is not None or _dated(frame[name])):
-            times = cells.pop(str(name))
-    instants = None if times is None else np.asarray(times)
-    if instants is not None and instants.dtype.kind not in "iufmM":
-        instants = None
+    cells, instants = cells_and_times(frame, ignored)
     late = instants is not None and not (instants[1:] > instants[:-1]).all()
     if instants is not None and len(instants) > 1 and (instants[1:] < instants[:-1]).all():
         raise InputError(
@@ -124,7 +103,8 @@ def _check_objects(
     }
     if not looked_at:
         return
-    present = [name for name in variables if name in map(str, frame.columns)]
+    names = names_of(frame) or []
+    present = [name for name in variables if name in map(str, names)]
     filled = [_filled(frame[name]) for name in present]
     objects = objects_in(looked_at, instants, filled, variables, str(first))
     if objects is None:
@@ -141,6 +121,26 @@ def _check_objects(
         "episodes; pass the rows of one, or only the columns of the formula if all rows are one "
         "trace"
     )
+
+
+def cells_and_times(
+    frame: Any,  # noqa: ANN401 - of any library
+    ignored: Sequence[Any],
+) -> tuple[dict[str, Any], NDArray[Any] | None]:
+    """Return the levels of the index and the ignored columns, and the time of each row.
+
+    The first level or column of times is not in the cells; None if there are no times.
+    """
+    cells: dict[str, Any] = _levels(getattr(frame, "index", None))
+    times = next((v for n, v in cells.items() if unit_of_times(n) is not None), None)
+    for name in ignored:
+        cells[str(name)] = frame[name]
+        if times is None and (unit_of_times(str(name)) is not None or is_dated(frame[name])):
+            times = cells.pop(str(name))
+    instants = None if times is None else np.asarray(times)
+    if instants is not None and instants.dtype.kind not in "iufmM":
+        instants = None
+    return cells, instants
 
 
 def _levels(index: Any) -> dict[str, Any]:  # noqa: ANN401 - of any library
@@ -189,7 +189,7 @@ def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # 
 
 def _holds_times(values: Any, name: str, first: bool) -> bool:  # noqa: ANN401, FBT001 - of any library
     """Return whether a column or an index has times, or the time between samples."""
-    if unit_of_times(name) is not None or _dated(values):
+    if unit_of_times(name) is not None or is_dated(values):
         return True
     array = np.asarray(values)
     if array.dtype.kind in "OUT":
@@ -212,7 +212,8 @@ def _rise(seconds: Any, parts: Any) -> bool:  # noqa: ANN401 - of any library
     return bool((later | ((whole[after] == whole[before]) & (part[after] > part[before]))).all())
 
 
-def _dated(values: Any) -> bool:  # noqa: ANN401 - of any library
+def is_dated(values: Any) -> bool:  # noqa: ANN401 - of any library
+    """Return whether a column has dates or durations, by its type."""
     kind = str(getattr(values, "dtype", getattr(values, "type", "")))
     return kind.lower().startswith(("date", "timestamp", "timedelta", "duration", "period"))
 

@@ -56,7 +56,7 @@ def periods_of(
         groups: The groups.
         even: Whether the distances of times matter.
 
-    A group of one row has the period of the others, if these have one period, else None.
+    The period of a group of one row is None.
     """
     begins, lengths = groups.begins, groups.lengths
     last = times[begins + lengths - 1]
@@ -101,9 +101,4 @@ def periods_of(
                     Fraction(step) - Fraction(near), Fraction(step) + Fraction(near)
                 )
             rows.append(known[key])
-    if even:
-        periods = {row for row in rows if isinstance(row, Fraction)}
-        if len(periods) == 1:
-            (only,) = periods
-            rows = [only if row is None else row for row in rows]
     return rows

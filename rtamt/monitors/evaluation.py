@@ -248,7 +248,7 @@ def _evaluate_batch(
                 row = reader.without_nan(row)
             robustness[trace, :n] = passes.run(row, n)[""]
         except RtamtError as error:
-            raise type(error)(f"trace {trace}: ", error) from None
+            raise error.at(f"trace {trace}") from None
     return robustness
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
@@ -12,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, RtamtError, alternatives, brief, is_one_of
 from rtamt.inputs.arrays import Floats, kind_of
-from rtamt.inputs.frames import check_times, named_columns
+from rtamt.inputs.frame_traces import TraceRows, refusals
+from rtamt.inputs.frames import named_columns
 from rtamt.inputs.group_times import periods_of, seconds_of
 from rtamt.inputs.groups import Groups, groups_of, table_of
 from rtamt.inputs.samples import TraceColumns
@@ -71,7 +73,7 @@ def judge_many(
             to each other, and stay in order. Groups come in the order of their first rows.
         time: The column of times, in seconds or in the unit of its name, or of dates; only with
             ``by``. In each group they must increase, and their distance is the period of the
-            group. None: ``period`` counts.
+            group, so that a formula with bounds needs two rows. None: ``period`` counts.
         errors: ``"raise"`` stops at the first trace that cannot be judged; ``"keep"`` collects
             these errors in the result.
         threads: The number of threads; None: the number of cores that this process may use.
@@ -194,7 +196,7 @@ class _Work:
         joined = [np.concatenate(parts) for parts in zip(*columns, strict=True)]
         begins = np.cumsum(lengths) - lengths
         places = np.arange(len(chunk)) + self._done
-        self._take(batch, TraceSet(joined, begins, lengths), places, chunk.__getitem__)
+        self._take(batch, TraceSet(joined, begins, lengths), places, chunk.__getitem__, {})
 
     def of_ragged(self, data: TraceColumns, lengths: ArrayLike, batch: TraceBatch) -> Judgements:
         """Judge traces that are joined."""
@@ -209,25 +211,26 @@ class _Work:
             raise InputError(f"expected lengths of 0 or more, got {sizes.min()}")
         sizes = sizes.astype(np.int64)
         total = int(sizes.sum())
-        columns, rows = _columns(data, total, batch)
-        if rows != total:
+        columns, count = _columns(data, total, batch)
+        if count != total:
             raise InputError(
-                f"expected lengths with the sum {rows}, the samples of the columns, got {total}"
+                f"expected lengths with the sum {count}, the samples of the columns, got {total}"
             )
         traces = TraceSet(columns, np.cumsum(sizes) - sizes, sizes)
-        self._take_joined(batch, traces, np.arange(len(sizes)))
+        rows = TraceRows(None, traces.begins, sizes)
+        refused = self._refused(data, batch, rows)
+        self._take_joined(batch, traces, np.arange(len(sizes)), refused)
         return self._result({})
 
     def of_table(self, data: object, by: Sequence[str], batch: TraceBatch) -> Judgements:
         """Judge the groups of a table, at one period."""
-        if self._specification.timed and batch.compiled.period is None:
-            check_times(data, [*batch.reader.variables, *by])
         table = table_of(data)
         groups = groups_of(table, by)
         if len(groups.lengths):
             columns = _grouped_columns(table, groups, batch)
             traces = TraceSet(columns, groups.begins, groups.lengths)
-            self._take_joined(batch, traces, np.arange(len(groups.lengths)), groups)
+            refused = self._refused(data, batch, TraceRows(*groups[1:]))
+            self._take_joined(batch, traces, np.arange(len(groups.lengths)), refused, groups)
         return self._result(groups.keys, groups)
 
     def of_timed_table(
@@ -262,7 +265,9 @@ class _Work:
             columns = [*inputs, *reader.rates.of_columns(inputs)]
             chosen = np.array(places)
             traces = TraceSet(columns, groups.begins, groups.lengths).select(chosen)
-            self._take_joined(batch, traces, chosen, groups)
+            rows = TraceRows(groups.order, traces.begins, traces.lengths)
+            refused = self._refused(data, batch, rows, timed=False)
+            self._take_joined(batch, traces, chosen, refused, groups)
         return self._result(groups.keys, groups)
 
     def _batch_at(
@@ -278,11 +283,23 @@ class _Work:
             )
         return batch_of(cast("Fraction | None", period))
 
+    def _refused(
+        self, data: object, batch: TraceBatch, rows: TraceRows, *, timed: bool = True
+    ) -> dict[int, InputError]:
+        """Return the errors of traces whose rows in a frame are not one trace, or have times.
+
+        If errors are not kept, return the first one only.
+        """
+        timed = timed and self._specification.timed and batch.compiled.period is None
+        errors = refusals(data, batch.reader.variables, rows, timed=timed)
+        return dict(errors if self._keep else itertools.islice(errors, 1))
+
     def _take_joined(
         self,
         batch: TraceBatch,
         traces: TraceSet,
         places: NDArray[np.intp],
+        refused: Mapping[int, InputError],
         groups: Groups | None = None,
     ) -> None:
         """Judge traces in shared columns."""
@@ -297,7 +314,7 @@ class _Work:
 
         for rate in traces.columns[len(names) :]:
             rate[traces.begins[traces.lengths > 0]] = 0.0  # no sample before it
-        self._take(batch, traces, places, trace, groups)
+        self._take(batch, traces, places, trace, refused, groups)
 
     def _take(
         self,
@@ -305,11 +322,17 @@ class _Work:
         traces: TraceSet,
         places: NDArray[np.intp],
         trace: Callable[[int], TraceColumns],
+        refused: Mapping[int, InputError],
         groups: Groups | None = None,
     ) -> None:
         """Judge traces together, and those that are left out one by one."""
         rows = batch.judge(traces)
+        places_refused = np.array([*refused], np.intp)
+        rows.place(places_refused, JudgedRows.empty(len(refused), len(self._texts)))
         for i in np.flatnonzero(rows.left_out).tolist():
+            if i in refused:
+                self._fail(int(places[i]), refused[i], groups)
+                continue
             try:
                 judged = batch.judge_alone(trace(i))
                 rows.put(i, judged)
@@ -325,7 +348,7 @@ class _Work:
             if groups is not None:
                 keys = (f"{name}={keys[place]}" for name, keys in groups.keys.items())
                 where = f"group {', '.join(keys)}"
-            raise type(error)(f"{where}: ", error) from None
+            raise error.at(where) from None
         self._errors[place] = error
 
     def _result(self, keys: Mapping[str, NDArray[Any]], groups: Groups | None = None) -> Judgements:

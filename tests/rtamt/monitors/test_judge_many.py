@@ -1,6 +1,7 @@
 """Many traces in one call: each row is the judgement of its trace."""
 
 import os
+import pickle
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -24,6 +25,7 @@ from rtamt import (
     InputError,
     InputTypeError,
     Judgement,
+    ParseError,
     Specification,
     SpecificationError,
     judge,
@@ -199,14 +201,135 @@ def test_bad_times_are_an_error_of_their_group(times: list[float], error: str) -
     assert np.isnan(result.robustness[0])
 
 
-def test_single_rows_have_the_period_of_the_others() -> None:
+def test_single_row_has_no_period() -> None:
     rows: dict[str, list[float]] = {"o": [1, 1, 2], "t": [0, 0.5, 9], "a": [1, 1, 1]}
-    result = judge_many("always[0:1 s](a > 0)", rows, by="o", time="t")
-    expected = [row_of(judge("always[0:1 s](a > 0)", {"a": [1] * n}, period=0.5)) for n in (2, 1)]
-    assert rows_of(result) == expected
-    alone = {name: values[2:] for name, values in rows.items()}
-    with pytest.raises(InputError, match="group o=2: expected two rows or more"):
-        judge_many("always[0:1 s](a > 0)", alone, by="o", time="t")
+    error = "expected two rows or more to read the period from their times"
+    with pytest.raises(InputError, match=f"group o=2: {error}"):
+        judge_many("always[0:1 s](a > 0)", rows, by="o", time="t")
+    result = judge_many("always[0:1 s](a > 0)", rows, by="o", time="t", errors="keep")
+    assert rows_of(result)[0] == row_of(judge("always[0:1 s](a > 0)", {"a": [1, 1]}, period=0.5))
+    assert [*result.errors] == [1]
+    untimed = judge_many("always(a > 0)", rows, by="o", time="t")
+    assert untimed.verdict.tolist() == [1, 1]
+
+
+def test_bound_off_the_period_names_its_group() -> None:
+    rows: dict[str, list[float]] = {"o": [1, 1, 2, 2], "t": [0, 0.5, 0, 1], "a": [1, 1, 1, 1]}
+    with pytest.raises(ParseError, match=r"^group o=2: STL:1:7: bound 1\.5 s .*") as caught:
+        judge_many("always[0:1.5 s](a > 0)", rows, by="o", time="t")
+    assert (caught.value.place, caught.value.line) == ("group o=2", 1)
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+    result = judge_many("always[0:1.5 s](a > 0)", rows, by="o", time="t", errors="keep")
+    assert [*result.errors] == [1]
+
+
+NAMES_OF_ROLES = (
+    *("time", "clk", "A", "dt", "date", "agent", "vehicle_id", "run", "step", "terminated"),
+    *("is_first", "note", "case", "stamp", "speed"),
+)
+CELLS = st.one_of(
+    *(st.lists(st.integers(0, 2), min_size=12, max_size=12) for _ in range(2)),
+    st.lists(st.sampled_from([0.0, 0.25, 0.5, 1.0, NAN]), min_size=12, max_size=12),
+    st.lists(st.sampled_from(["a", "b"]), min_size=12, max_size=12),
+    st.lists(st.booleans(), min_size=12, max_size=12),
+    st.sampled_from(
+        [
+            [*range(6)] * 2,
+            [0, 1, 2] * 4,
+            [i * 0.25 for i in range(6)] * 2,
+            [0.1] * 12,
+            [0, 0, 1, 1, 2, 2] * 2,
+            [False, False, True] * 4,
+            [True, False, False] * 4,
+            ["2024-05-01", "2024-05-02", "2024-05-03"] * 4,
+            [20240501, 20240502, 20240503] * 4,
+            [*range(5, -1, -1)] * 2,
+        ]
+    ),
+)
+SPLITS = ([12], [6, 6], [3, 3, 3, 3], [1, 5, 0, 6], [2, 4, 6])
+
+
+def outcome(judged: Callable[[], Judgement]) -> object:
+    try:
+        return row_of(judged())
+    except InputError as error:
+        return str(error)
+
+
+@settings(max_examples=examples(150))
+@given(
+    st.dictionaries(st.sampled_from(NAMES_OF_ROLES), CELLS, max_size=3),
+    st.sampled_from(("always[0:1](a > 0)", "always(rate(a) < 1)", "always(a > 0)")),
+    st.sampled_from(SPLITS),
+    st.sampled_from((None, 1, 0.5)),
+    st.sampled_from((pd.DataFrame, pl.DataFrame, pa.table)),
+    st.permutations(range(12)),
+)
+def test_frames_are_refused_as_judge_refuses_each(
+    columns: dict[str, list[Any]],
+    spec: str,
+    lengths: list[int],
+    period: float | None,
+    make: Callable[[object], Any],
+    places: list[int],
+) -> None:
+    rows: dict[str, list[Any]] = {**columns, "a": [1.0, 3.0, -1.0] * 4}
+    ends = np.cumsum(lengths)
+
+    def part(i: int) -> dict[str, list[Any]]:
+        return {n: c[ends[i] - lengths[i] : ends[i]] for n, c in rows.items()}
+
+    options: dict[str, Any] = {"period": period, "errors": "keep"}
+    result = judge_many(spec, make(rows), lengths=lengths, **options)
+    judged = [
+        outcome(lambda i=i: judge(spec, make(part(i)), period=period))  # type: ignore[misc]
+        for i in range(len(lengths))
+    ]
+    assert [result.errors.get(i) and str(result.errors[i]) for i in range(len(lengths))] == [
+        row if isinstance(row, str) else None for row in judged
+    ]
+    for i, row in enumerate(judged):
+        assert isinstance(row, str) or rows_of(result)[i] == row
+    # The rows of a group need not be next to each other.
+    keys = np.repeat(np.arange(len(lengths)), lengths)
+    slots = np.empty(12, int)  # shuffle the objects, but keep the rows of each in order
+    slots[np.argsort(keys[places], kind="stable")] = range(12)
+    mixed: dict[str, list[Any]] = {**rows, "o": keys.tolist()}
+    mixed = {n: [c[i] for i in slots] for n, c in mixed.items()}
+    grouped = judge_many(spec, make(mixed), by="o", **options)
+    for i, key in enumerate(grouped.keys["o"].tolist()):
+        mine = {
+            n: [x for x, k in zip(c, mixed["o"], strict=True) if k == key] for n, c in mixed.items()
+        }
+        row = outcome(lambda mine=mine: judge(spec, make(mine), period=period))  # type: ignore[misc]
+        if isinstance(row, str):
+            assert str(grouped.errors[i]) == row
+        else:
+            assert i not in grouped.errors
+            assert rows_of(grouped)[i] == row
+
+
+@pytest.mark.parametrize("options", [{"time": "time"}, {"period": 1}, {"lengths": [4, 2]}])
+def test_group_of_several_objects_is_an_error(options: dict[str, Any]) -> None:
+    frame = pd.DataFrame(
+        {
+            "run": [1, 1, 1, 1, 2, 2],
+            "time": [0.0, 1, 2, 3, 0, 1],
+            "agent": ["a", "a", "b", "b", "a", "a"],
+            "a": [1.0, 20, 20, 4, 1, 1],
+        }
+    )
+    spec = "always(eventually[0:1](a < 13))"
+    options = {**options, **({"period": 1} if "lengths" in options else {"by": "run"})}
+    match = r"^(group run=1|trace 0): expected one trace, .* 'agent' with 2 values \(a, b\)"
+    with pytest.raises(InputError, match=match):
+        judge_many(spec, frame, **options)
+    result = judge_many(spec, frame, **options, errors="keep")
+    assert [*result.errors] == [0]
+    assert np.isnan(result.robustness[0])
+    assert result.verdict.tolist() == [0, 1]
+    assert result.samples.tolist() == [4, 2]
 
 
 def test_errors_are_kept_by_trace() -> None:
