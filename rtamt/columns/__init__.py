@@ -10,7 +10,16 @@ from rtamt.columns.names import (
     split_times,
     unit_of_times,
 )
-from rtamt.columns.objects import Objects, flagged_row, may_tell_objects, names_objects, objects_in
+from rtamt.columns.objects import (
+    Objects,
+    are_flags,
+    count_restart,
+    flagged_row,
+    may_tell_objects,
+    names_objects,
+    next_episode,
+    objects_in,
+)
 from rtamt.columns.times import (
     are_clock_numbers,
     are_days,
@@ -27,7 +36,9 @@ __all__ = [
     "Objects",
     "are_clock_numbers",
     "are_days",
+    "are_flags",
     "calendar_unit",
+    "count_restart",
     "dates_of_numbers",
     "flagged_row",
     "has_plain_time_name",
@@ -38,6 +49,7 @@ __all__ = [
     "median",
     "name_words",
     "names_objects",
+    "next_episode",
     "objects_in",
     "own_times",
     "plausible_units",

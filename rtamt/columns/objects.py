@@ -185,9 +185,9 @@ def objects_in(
             return Objects(name, _values(cells[name], codes))
     rising = times is not None and bool((times[1:] > times[:-1]).all())
     for name, values in cells.items():
-        row = _next_episode(name, values, timed=rising)
+        row = next_episode(name, values, timed=rising)
         if row is None and times is None:
-            row = _restart(name, values, first=name == first)
+            row = count_restart(name, values, first=name == first)
         if row is not None:
             return Objects(name, (), row)
     if times is None or len(times) < 2 or rising:
@@ -272,15 +272,23 @@ def flagged_row(column: str) -> str:
     return "last" if joined in _LAST_ROWS | _DONE else ""
 
 
-def _next_episode(name: str, values: NDArray[Any], *, timed: bool) -> int | None:
+_TRUE, _FALSE = {"true", "1", "1.0"}, {"false", "0", "0.0"}
+
+
+def are_flags(texts: Collection[str]) -> bool:
+    """Return whether texts in lower case are flags of the last or the first row of an episode."""
+    return {*texts} <= _TRUE | _FALSE
+
+
+def next_episode(name: str, values: NDArray[Any], *, timed: bool) -> int | None:
     """Return the first row of another episode by a flag of last or first rows; None without one."""
     joined = "".join(read_name(name).words)
     if not flagged_row(name) or (timed and joined in _DONE):
         return None
     texts = [str(value).strip().lower() for value in values.tolist()]
-    if not {*texts} <= {"true", "false", "0", "1", "0.0", "1.0"}:
+    if not are_flags(texts):
         return None
-    flags = np.array([text in ("true", "1", "1.0") for text in texts])
+    flags = np.array([text in _TRUE for text in texts])
     if flagged_row(name) == "first":
         (rows,) = np.nonzero(flags[1:])
     else:
@@ -299,7 +307,7 @@ _FEW_ROWS = 4
 """The minimum number of rows of a run in times under any name."""
 
 
-def _restart(name: str, values: NDArray[Any], *, first: bool) -> int | None:
+def count_restart(name: str, values: NDArray[Any], *, first: bool) -> int | None:
     """Return the row at which times or numbers of rows start again; None if they do not."""
     if values.dtype.kind not in "iuf" or len(values) < 4 or calendar_unit(name) is not None:
         return None

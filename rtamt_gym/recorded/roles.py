@@ -99,7 +99,7 @@ class RowTable:
         if not names:
             return
         cells = self._cells(rows, names)
-        if not timed and first in cells and _has_footer(cells[first]):
+        if not timed and first in cells and has_footer(cells[first]):
             raise InputError(
                 f"{rows.source}: expected samples, but the last row has no number in '{first}', as "
                 "a row of totals. Remove it, or give --one-trace if it is a sample."
@@ -283,7 +283,7 @@ def _varies(values: NDArray[np.generic]) -> bool:
     return bool((values != values[0]).any())
 
 
-def _has_footer(values: NDArray[np.generic]) -> bool:
+def has_footer(values: NDArray[np.generic]) -> bool:
     """Return whether all cells but the last are numbers that rise."""
     if values.dtype.kind not in "fOUT" or len(values) < 3:
         return False

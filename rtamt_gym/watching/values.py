@@ -6,9 +6,10 @@ cell with one reading decides, and a cell with two readings before it is an erro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -37,8 +38,16 @@ from rtamt_gym.recorded.names import (
 from rtamt_gym.recorded.recording import Floats, Recording
 from rtamt_gym.recorded.roles import has_time_bounds
 from rtamt_gym.recorded.times import TimeColumn, find_times, join_times
-from rtamt_gym.watching.one_trace import Guard
+from rtamt_gym.watching.one_trace import Guard, guards_of
 from rtamt_gym.watching.rows import ColumnCells, RowBlock, RowFault, cell_text
+
+_KINDS: Final[Mapping[type, str]] = {
+    str: "a text",
+    bool: "a truth value",
+    int: "a number",
+    float: "a number",
+}
+"""The kinds of values in JSON; null is of any kind."""
 
 
 class Numbered(NamedTuple):
@@ -102,7 +111,8 @@ class StreamColumns:
         """The variables that have a column."""
         self.time: TimeColumn | None = None
         self.notes: list[str] = []
-        self._guards: dict[str, Guard] = {}
+        self._group_kind = ""
+        self._guards: list[Guard] = []
 
     def choose(self, names: Sequence[str], block: RowBlock) -> list[str]:
         """Find the columns to read, by the names and the first row; return their names."""
@@ -144,12 +154,18 @@ class StreamColumns:
         by = [] if self._by is None else [self._by]
         if self._by is None and not columns.one_trace:
             used = {*needed, *times}
-            self._guards = {
-                name: Guard(name, texts=name in head.texts)
+            timed = self.time is not None
+            self._guards = [
+                guard
                 for name in dict.fromkeys(names)
-                if name not in used and may_tell_objects(name, read, timed=True)
-            }
-        return [*dict.fromkeys([*needed, *times, *by, *self._guards])]
+                if name not in used
+                and may_tell_objects(name, read, timed=timed, first=name == names[0])
+                for guard in guards_of(
+                    name, texts=name in head.texts, timed=timed, first=name == names[0]
+                )
+            ]
+        guarded = [guard.name for guard in self._guards]
+        return [*dict.fromkeys([*needed, *times, *by, *guarded])]
 
     @property
     def absent(self) -> list[str]:
@@ -175,8 +191,14 @@ class StreamColumns:
         Raises:
             RowFault: At the first row that shows another object.
         """
-        for guard in self._guards.values():
+        for guard in self._guards:
             guard.check(block.columns[guard.name])
+
+    def finish(self) -> None:
+        """Check at the end of the stream that all rows belonged to one trace."""
+        for guard in self._guards:
+            if fault := guard.finish():
+                raise InputError(f"{self._source}: {fault}")
 
     def _one_by_one(self, block: RowBlock) -> Numbered:
         """Raise the fault of the first bad row."""
@@ -216,10 +238,26 @@ class StreamColumns:
             values[:, index] = read[column] if name in self.there else columns.starts[name]
         groups = None
         if self._by is not None:
+            self._check_groups(block.columns[self._by])
             groups = [cell_text(cell).strip() for cell in block.columns[self._by]]
             if "" in groups:
                 raise RowFault(groups.index(""), f"column '{self._by}': expected a group, got none")
         return Numbered(values, self._times(block), groups)
+
+    def _check_groups(self, cells: ColumnCells) -> None:
+        """Check that the names of groups in JSON are of one kind, as 7 and "7" are not."""
+        kinds = {_KINDS.get(type(cell), "") for cell in cells} - {""}
+        if kinds <= {self._group_kind}:
+            return
+        for row, cell in enumerate(cells):
+            kind = _KINDS.get(type(cell), "")
+            self._group_kind = self._group_kind or kind
+            if kind not in ("", self._group_kind):
+                raise RowFault(
+                    row,
+                    f"column '{self._by}': expected {self._group_kind}, as in the first row, got "
+                    f"{json.dumps(cell)}, {kind}. Write all names of groups as texts.",
+                )
 
     def _decide(self, block: RowBlock, names: Sequence[str]) -> None:
         """Find the decimal mark in texts, in the order of rows."""

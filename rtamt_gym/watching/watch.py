@@ -378,6 +378,8 @@ class StreamWatch:
                 "JSON object in each line, got none"
             )
         self._reader.finish()
+        if not self.stopped:
+            self._cells.finish()
         if not self.rows and not self.traces:
             raise InputError(f"{self._source}: expected at least one row, got none")
 

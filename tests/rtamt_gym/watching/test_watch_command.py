@@ -478,3 +478,51 @@ def test_a_socket_takes_one_client(kind: str, tmp_path: Path) -> None:
 def test_sockets_listen_on_loopback_only(name: str) -> None:
     with pytest.raises(rtamt.InputError, match="loopback"):
         next(StreamSource(name).blocks())
+
+
+@pytest.mark.parametrize(
+    ("rows", "name"),
+    [
+        (['{"time": 0, "x": 1}', '{"time": 1, "x": -2, "x": 2}'], "x"),
+        (['{"time": 0, "x": 1, "x": 2}'], "x"),
+        (['{"time": 0, "x": 1}', '{"time": 1, "x" :-2, "\\u0078":2}'], "x"),
+        (['{"time": 0, "x": 1, "b": {"y": 1}}', '{"time": 1, "x": 1, "b": {"y": 1, "y": 2}}'], "y"),
+        (['{"time": 0, "x": 1, "b": {"y": 1}, "b.y": 1}'], "b.y"),
+        (['{"time": 0, "x": 1, "b.y": 1}', '{"time": 1, "x": 1, "b": {"y": 1}, "b.y": 1}'], "b.y"),
+    ],
+)
+def test_two_fields_of_one_name_are_an_error(
+    rows: list[str], name: str, capsys: Output, tmp_path: Path
+) -> None:
+    path = tmp_path / "stream.ndjson"
+    spec, options = "always(x > 0)", ["--signal", f"x={name}"] if name == "b.y" else []
+    code, _, errors = watched(capsys, path, "\n".join(rows) + "\n", spec, *options)
+    assert (code, main(["monitor", spec, str(path), *options])) == (2, 2)
+    assert f"line {len(rows)}: expected one value of each field, got two of '{name}'" in errors
+
+
+def test_texts_with_colons_are_values(capsys: Output, tmp_path: Path) -> None:
+    rows = ['{"time": 0, "x" : 1, "note": "a\\": b"}', '{"time": 1, "x": 2, "note": "\\":\\":"}']
+    path = tmp_path / "stream.ndjson"
+    code, lines, _ = watched(capsys, path, "\n".join(rows), "always(x > 0)")
+    assert (code, lines[-1]["robustness"]) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("names", "code", "groups"),
+    [
+        (["7", "7.0", "7"], 0, ["7"]),
+        (['"7"', '"7.0"', '"07"'], 0, ["7", "7.0", "07"]),
+        (["7", '"7"', "7"], 2, ["7"]),
+        (["true", '"true"', "true"], 2, ["true"]),
+    ],
+)
+def test_names_of_groups_are_of_one_kind(
+    names: list[str], code: int, groups: list[str], capsys: Output, tmp_path: Path
+) -> None:
+    rows = [f'{{"time": {i}, "x": 1, "id": {name}}}\n' for i, name in enumerate(names)]
+    path = tmp_path / "stream.ndjson"
+    got, lines, errors = watched(capsys, path, "".join(rows), "always(x > 0)", "--by", "id")
+    assert (got, [line["group"] for line in lines if line["final"]]) == (code, groups)
+    assert main(["monitor", "always(x > 0)", str(path), "--by", "id"]) == code
+    assert ("line 2: column 'id': expected a" in errors) == (code == 2)

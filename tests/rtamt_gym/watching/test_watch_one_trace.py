@@ -1,0 +1,101 @@
+"""A stream is one trace where `rtamt monitor` takes the same rows for one."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.__main__ import main
+from rtamt_gym.options.evaluation import EvaluationOptions
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.watching.settings import WatchOptions
+from rtamt_gym.watching.watch import StreamWatch
+
+Output = pytest.CaptureFixture[str]
+SPEC = "always(x > 0)"
+
+
+def refusal(text: str, size: int) -> str:
+    """The error of a stream in pieces of some bytes; empty if it is one trace."""
+    watch = StreamWatch(
+        WatchOptions({"it": rtamt.parse(SPEC)}, EvaluationOptions(), Columns()),
+        "stream",
+        lambda _: None,
+    )
+    raw = text.encode()
+    try:
+        for at in range(0, len(raw), size):
+            watch.add(raw[at : at + size])
+        watch.end_of_input()
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def table(names: str, rows: Sequence[Sequence[object]]) -> str:
+    return f"{names}\n" + "".join(",".join(map(str, row)) + "\n" for row in rows)
+
+
+COLUMNS: dict[str, list[list[object]]] = {
+    "terminated": [[0, 0, 1, 0, 0], [0, 0, 0, 0, 1], [0, 0, 0, 1, 1], [0, 2, 1, 0, 0]],
+    "truncated": [["False", "True", "False"], ["False", "False", "True"]],
+    "is_first": [[1, 0, 0, 1, 0], [1, 0, 0], [0, 0, 1]],
+    "isLast": [[0, 1, 0], [0, 0, 1]],
+    "done": [[0, 1, 0], [0, 0, 1]],
+    "step": [[0, 1, 0, 1], [0, 1, 2, 3], [5, 6, 7, 0], [0, 1, 2, ""], [0, 1, 2, "sum"], [0, 1, 0]],
+    "a": [[0, 1, 2, 3, 0, 1, 2, 3], [0, 1, 0, 1, 0], [0, 1, 2, ""]],
+}
+
+
+@pytest.mark.parametrize("size", [7, 1000])
+@pytest.mark.parametrize("place", ["first", "last"])
+@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize(("name", "values"), [(n, v) for n, rows in COLUMNS.items() for v in rows])
+def test_a_stream_is_refused_where_its_file_is(
+    name: str,
+    values: list[object],
+    timed: bool,  # noqa: FBT001
+    place: str,
+    size: int,
+    tmp_path: Path,
+) -> None:
+    names = [name, "x"] if place == "first" else ["x", name]
+    rows = [[value, 1] if place == "first" else [1, value] for value in values]
+    if timed:
+        names, rows = ["time", *names], [[i / 2, *row] for i, row in enumerate(rows)]
+    text = table(",".join(names), rows)
+    path = tmp_path / "trace.csv"
+    path.write_text(text)
+    refused = main(["monitor", SPEC, str(path)]) == 2
+    assert bool(refusal(text, size)) == refused
+    assert main(["monitor", SPEC, str(path), "--one-trace"]) == 0
+    assert main(["watch", SPEC, str(path), "--one-trace"]) == 0
+
+
+@pytest.mark.parametrize("size", [5, 64, 10_000])
+def test_random_counts_are_refused_as_in_a_file(size: int, tmp_path: Path) -> None:
+    draw = np.random.default_rng(6)
+    path, several = tmp_path / "trace.csv", 0
+    for _ in range(25):
+        lengths = draw.integers(2, 90, draw.integers(1, 4)).tolist()
+        steps = [step for length in lengths for step in range(length)]
+        text = table("x,step", [[1, step] for step in steps])
+        path.write_text(text)
+        refused = main(["monitor", SPEC, str(path)]) == 2
+        assert bool(refusal(text, size)) == refused
+        several += refused
+    assert several > 10
+
+
+def test_the_line_of_another_episode(capsys: Output, tmp_path: Path) -> None:
+    path = tmp_path / "trace.ndjson"
+    rows = [{"time": i, "x": 1, "terminated": i == 2} for i in range(5)]
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    assert main(["watch", SPEC, str(path), "--stop", "violation"]) == 2
+    captured = capsys.readouterr()
+    assert "line 4: expected one trace, but 'terminated' shows that another" in captured.err
+    assert json.loads(captured.out.splitlines()[-1])["end"] == "open"
