@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, NoReturn
@@ -97,7 +98,10 @@ class JsonRows:
             if len(self._wanted) < 2:  # then a getter returns no tuple
                 return None
             # Nothing but an object has members with names.
-            rows = list(map(itemgetter(*self._wanted), map(self._load, lines)))
+            objects = list(map(self._load, lines))
+            rows = list(map(itemgetter(*self._wanted), objects))
+            if _may_repeat(b"\n".join(lines), sum(map(len, objects))):
+                return None
             columns = dict(zip(self._wanted, zip(*rows, strict=True), strict=True))
         except (ValueError, KeyError, TypeError, RecursionError):
             return None
@@ -112,7 +116,13 @@ class JsonRows:
             return f"expected one JSON object, got an error: {shown(reason)}"
         if not isinstance(row, dict):
             return f"expected one JSON object, got {type(row).__name__}"
-        row = dict(_fields(row, ""))
+        if _may_repeat(text, _names_in(row)) and (name := _repeated(text)) is not None:
+            return f"expected one value of each field, got two of '{shown(name)}'"
+        fields = list(_fields(row, ""))
+        row = dict(fields)
+        if len(row) < len(fields):
+            name = next(name for name, count in Counter(n for n, _ in fields).items() if count > 1)
+            return f"expected one value of each field, got two of '{name}'"
         for name in self._absent:
             if name in row:
                 return (
@@ -124,6 +134,35 @@ class JsonRows:
     def _block(self, rows: list[Mapping[str, Any]], lines: list[int]) -> RowBlock:
         columns = {name: [row.get(name) for row in rows] for name in self._wanted}
         return RowBlock(lines, columns)
+
+
+def _may_repeat(text: bytes, names: int) -> bool:
+    """Return whether objects may have fields of one name, of which the parser keeps the last.
+
+    Args:
+        text: The objects as JSON.
+        names: The number of their names after parsing.
+    """
+    return text.count(b'":') != names or any(gap in text for gap in (b'" ', b'"\t', b'"\r'))
+
+
+def _names_in(value: object) -> int:
+    """Return the number of names in a value of JSON."""
+    if isinstance(value, dict):
+        return len(value) + sum(map(_names_in, value.values()))
+    return sum(map(_names_in, value)) if isinstance(value, list) else 0
+
+
+def _repeated(text: bytes) -> str | None:
+    """Return a name that an object has twice; None without one."""
+    repeated: list[str] = []
+
+    def check(pairs: list[tuple[str, object]]) -> None:
+        counts = Counter(name for name, _ in pairs)
+        repeated.extend(name for name, count in counts.items() if count > 1)
+
+    json.loads(text, object_pairs_hook=check)
+    return repeated[0] if repeated else None
 
 
 def _fields(value: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
