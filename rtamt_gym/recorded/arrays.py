@@ -136,7 +136,7 @@ class ArrayRecording(Recording):
             invalid = {name: wrong[selected] for name, wrong in invalid.items()}
             empty = {name: none[selected] for name, none in empty.items()}
             (rows,) = np.nonzero(selected)
-            count, where = len(rows), RowNumbers(self.source, rows)
+            count, where = len(rows), self._place_of(rows)
         written, times, notes = self._numbers_in_texts(wanted, names, where, selected)
         numbers = dict(written)
         for name in wanted.numbers:
@@ -169,6 +169,13 @@ class ArrayRecording(Recording):
             invalid=invalid,
             cells=cells,
         )
+
+    def _place_of(self, rows: NDArray[np.intp]) -> Callable[[int], str]:
+        """Return the place of each selected row, for messages."""
+        place = self._where
+        if isinstance(place, RowNumbers):  # another process can hand it over
+            return RowNumbers(self.source, rows)
+        return lambda row: place(int(rows[row]))
 
     def _numbers_in_texts(
         self,

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import nearest
@@ -26,6 +27,8 @@ from rtamt_gym.recorded.sample_rows import check_valid, read_rows, wanted_times
 from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times, one_record
 from rtamt_gym.recorded.trace import EventTrace, held
 from rtamt_gym.tables import number
+
+_NAN = "; give --missing drop to read nan as no event"
 
 
 def read_events(
@@ -73,8 +76,8 @@ def read_events(
     check_near(recording.source, recording.names, variables, columns)
     there = recorded_variables(recording.names, variables, columns)
     needed = needed_columns(recording, there, columns)
-    nan, advice = columns.missing != "raise", "; give --missing drop to read nan as no event"
-    wanted = Wanted(needed, gaps=needed, nan=nan, empty=advice, ends=True)
+    nan = columns.missing != "raise"
+    wanted = Wanted(needed, gaps=needed, nan=nan, empty=_NAN, ends=True)
     rows = read_rows(recording, wanted_times(wanted, time, columns))
     if table:
         filled = {name: ~np.isnan(values) for name, values in rows.numbers.items()}
@@ -90,23 +93,57 @@ def read_events(
     for name in there:
         column = columns.column(name)
         values = rows.numbers[column]
-        given = ~np.isnan(values)
-        if not (given.all() or rows.sparse) and columns.missing == "raise":
-            empty.append(f"{name}: {len(given) - int(given.sum())}")
-        if columns.missing == "unknown":
-            given |= rows.invalid.get(column, np.True_)
-        if not given.any() and name not in columns.starts:
-            raise InputError(f"{recording.source}: expected events of '{name}', got none")
-        at, values = (times, values) if given.all() else (times[given], values[given])
-        places, note = one_record(
-            at, values, columns.same_time, f"{rows.source}, column '{column}'"
-        )
+        there_at = rows.invalid.get(column, np.True_) if columns.missing == "unknown" else None
+        if not rows.sparse and columns.missing == "raise":
+            empty += _empty_cells(name, values)
+        where = rows.source, f"column '{column}'"
+        signals[name], note = _signal(name, times, values, there_at, where, columns)
         notes += filter(None, [note])
-        signals[name] = (at, values) if len(places) == len(at) else (at[places], values[places])
     if empty:
-        notes.append(f"empty cells are no events: the value before holds ({', '.join(empty)})")
+        notes.append(_empty_note(empty))
     rows = replace(rows, notes=notes)
     return _events(rows, signals, variables, columns, axis)
+
+
+def _signal(
+    name: str,
+    times: Floats,
+    values: Floats,
+    unknown: NDArray[np.bool_] | np.bool_ | None,
+    where: tuple[str, str],
+    columns: Columns,
+) -> tuple[tuple[Floats, Floats], str]:
+    """Return the events of a variable, one for each instant, and a note on others.
+
+    Args:
+        name: The variable.
+        times: The times in seconds, shape (n,).
+        values: The values, shape (n,); nan in empty cells, which are no events.
+        unknown: The empty cells that are events without a known value; None: there are none.
+        where: The file and the column, for messages.
+        columns: How columns are read.
+    """
+    source, column = where
+    given = ~np.isnan(values)
+    if unknown is not None:
+        given |= unknown
+    if not given.any() and name not in columns.starts:
+        raise InputError(f"{source}: expected events of '{name}', got none")
+    at, values = (times, values) if given.all() else (times[given], values[given])
+    places, note = one_record(at, values, columns.same_time, f"{source}, {column}")
+    if len(places) == len(at):
+        return (at, values), note
+    return (at[places], values[places]), note
+
+
+def _empty_cells(name: str, values: Floats) -> list[str]:
+    """Return the number of empty cells of a variable; an empty list if there are none."""
+    count = int(np.isnan(values).sum())
+    return [f"{name}: {count}"] if count else []
+
+
+def _empty_note(empty: Sequence[str]) -> str:
+    return f"empty cells are no events: the value before holds ({', '.join(empty)})"
 
 
 def _events(
@@ -203,7 +240,15 @@ def _read_long(
     """Read events from rows that hold one event each: a name and a value."""
     named_by, value = pair
     check_names(recording, (*time.columns, *pair))
-    rows = read_rows(recording, wanted_times(Wanted((value,), (named_by,)), time, columns))
+    nan = columns.missing != "raise"
+    wanted = Wanted((value,), (named_by,), gaps=(value,), nan=nan, empty=_NAN)
+    wanted = wanted_times(wanted, time, columns)
+    try:
+        rows = read_rows(recording, wanted)
+    except InputError:
+        if not table:
+            raise
+        rows = _read_variables(recording, variables, columns, wanted)
     named = np.array(rows.texts[named_by])
     if table:
         filled = {name: named == columns.column(name) for name in variables}
@@ -212,6 +257,7 @@ def _read_long(
     times = axis.seconds
     known = list(dict.fromkeys(rows.texts[named_by]))
     signals, notes = {}, [*rows.notes]
+    empty: list[str] = []
     check_recorded(recording.source, known, variables, columns)
     check_near(recording.source, known, variables, columns)
     for name in recorded_variables(known, variables, columns):
@@ -224,11 +270,41 @@ def _read_long(
         (own_rows,) = np.nonzero(named == called)
         axis.check_order(rows.where, own_rows, f" of '{called}'")
         at, values = times[own_rows], rows.numbers[value][own_rows]
-        places, note = one_record(at, values, columns.same_time, f"{rows.source}, '{called}'")
+        unknown = np.True_ if columns.missing == "unknown" else None
+        if columns.missing == "raise":
+            empty += _empty_cells(name, values)
+        where = rows.source, f"'{called}'"
+        signals[name], note = _signal(name, at, values, unknown, where, columns)
         notes += filter(None, [note])
-        signals[name] = at[places], values[places]
+    if empty:
+        notes.append(_empty_note(empty))
     rows = replace(rows, notes=notes)
     return _events(rows, signals, variables, columns, axis)
+
+
+def _read_variables(
+    recording: Recording, variables: Sequence[str], columns: Columns, wanted: Wanted
+) -> Rows:
+    """Read rows that hold one event each; values of variables that are not read may be texts.
+
+    Args:
+        recording: The file.
+        variables: The variables that are needed.
+        columns: How the columns are read.
+        wanted: The columns of values, names and times.
+    """
+    (value,), (named_by,) = wanted.numbers, wanted.texts
+    rows = read_rows(recording, replace(wanted, numbers=(), gaps=()))
+    named, values = np.array(rows.texts[named_by]), np.full(rows.count, np.nan)
+    notes = [*rows.notes]
+    for called in dict.fromkeys(map(columns.column, variables)):
+        own = named == called
+        if own.any():
+            where = {**wanted.where, named_by: called}
+            read = recording.read(replace(wanted, texts=(), where=where))
+            values[own] = read.numbers[value]
+            notes += [note for note in read.notes if note not in notes]
+    return replace(rows, numbers={value: values}, notes=notes)
 
 
 def _event_times(rows: Rows, time: TimeColumn, columns: Columns) -> TimeAxis:

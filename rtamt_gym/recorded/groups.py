@@ -41,12 +41,13 @@ class GroupTable:
         rows: The rows of each group, by the texts of its keys, in the order of first rows.
         values: The keys of each group with their types.
         names: The names of the columns.
+        where: The text of each column by which rows of the file are selected.
         blank_rows: The number of rows without an object, which are in no group.
     """
 
     def __init__(self, file: str, columns: Columns) -> None:
         self._file, self._columns = file, columns
-        self._plain = replace(columns, by=())
+        self._plain, self.where = replace(columns, by=()), columns.where
         self._whole: dict[str, Rows | None] = {}
         self._read_cells: dict[tuple[str, ...], _Cells] = {}
         self.blank_rows = 0
@@ -168,9 +169,10 @@ class GroupRecording(Recording):
         return replace(rows, notes=[*rows.notes, note])
 
     def _read(self, wanted: Wanted) -> Rows:
-        every = self._table.read(wanted)
+        more = {n: text for n, text in wanted.where.items() if n not in self._table.where}
+        every = None if more else self._table.read(wanted)
         if every is None:
-            return self._read_alone(wanted)
+            return self._read_alone(replace(wanted, where=more))
         rows = self._rows
 
         def where(row: int) -> str:
@@ -189,10 +191,14 @@ class GroupRecording(Recording):
         )
 
     def _read_alone(self, wanted: Wanted) -> Rows:
-        """Read the columns of this group from the cells of the table."""
+        """Read the columns of this group from the cells of the table.
+
+        Args:
+            wanted: The columns; ``where`` selects rows of the group.
+        """
         part = () if wanted.part is None else (wanted.part.column,)
         times = () if wanted.time is None else (wanted.time,)
-        names = (*wanted.numbers, *wanted.texts, *wanted.cells, *times, *part)
+        names = (*wanted.numbers, *wanted.texts, *wanted.cells, *wanted.where, *times, *part)
         cells, place = self._table.cells(names)
         rows = self._rows
         recording = ArrayRecording(
@@ -201,7 +207,7 @@ class GroupRecording(Recording):
             decimal=self._decimal,
             where=lambda row: place(int(rows[row])),
         )
-        return recording.read(replace(wanted, where={}))
+        return recording.read(wanted)
 
 
 _tables: dict[tuple[object, ...], GroupTable] = {}

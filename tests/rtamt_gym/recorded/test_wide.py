@@ -176,3 +176,78 @@ def test_long_errors(
     obd.write_text(OBD)
     assert main(["monitor", "always(rpm > 0 or speed < 9)", str(obd), *options]) == 2
     assert error in capsys.readouterr().err
+
+
+CELLS = st.lists(
+    st.tuples(st.sampled_from("ab"), st.sampled_from(["1", "2,5", "-3", "", "nan", "N/A"])),
+    min_size=1,
+    max_size=7,
+)
+
+
+@settings(max_examples=examples(40), deadline=None)
+@given(CELLS, st.sampled_from(["hold", "drop", "unknown"]), st.booleans())
+def test_empty_values_of_long_tables_equal_those_of_columns(
+    tmp_path_factory: pytest.TempPathFactory,
+    cells: list[tuple[str, str]],
+    missing: str,
+    by: bool,  # noqa: FBT001 - from hypothesis
+) -> None:
+    """A file for each variable, with empty cells, has the same bounds as a row for each event."""
+    folder = tmp_path_factory.mktemp("long")
+    cells = [("a", "1"), ("b", "2,5"), *cells, ("a", "1"), ("b", "1")]
+    rows = [f"{k};{name};{cell}" for k, (name, cell) in enumerate(cells)]
+    texts = [f"{at + 0.5};state;on".replace(".", ",") for at in range(len(cells))]
+    both = [row for pair in zip(rows, texts, strict=True) for row in pair]
+    if by:
+        both = [f"{row};{run}" for run in (1, 2) for row in both]
+    log = folder / "log.csv"
+    log.write_text("\n".join([f"time;PID;VALUE{';run' * by}", *both]) + "\n")
+    end = folder / "end.csv"
+    found = []
+    for name in "ab":
+        own = [f"{k};{cell}" for k, (other, cell) in enumerate(cells) if other == name]
+        last = f"{len(cells) - 0.5};{cells[-1 if name == 'b' else -2][1]}".replace(".", ",")
+        end.write_text("\n".join([f"time;{name}", *own, last]) + "\n")
+        spec = f"always({name} > -2 or once[0:2]({name} > 2))"
+        words = ["--dense", "--missing", missing, "--end", "complete", "--start", "known"]
+        for path, more in ((end, []), (log, ["--long", "PID=VALUE", *(["--by", "run"] * by)])):
+            target = folder / "out.xml"
+            code = main(["monitor", spec, str(path), *words, *more, "--junit", str(target)])
+            lines = target.read_text().splitlines()
+            words_of = [
+                line.split('message="')[1].split('"')[0] for line in lines if "message" in line
+            ]
+            found.append((code, set(words_of)))
+        assert found[-1] == found[-2]
+
+
+@pytest.mark.parametrize("end", [".csv", ".parquet"])
+def test_empty_values_of_long_tables_hold_with_a_note(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], end: str
+) -> None:
+    frame = pd.DataFrame({"time": [0.0, 1, 2, 3], "PID": ["x", "x", "y", "x"]})
+    log = written(tmp_path, frame.assign(VALUE=[1.0, None, 1.0, 2.0]), end)
+    words = ["monitor", "always(x < 2)", log, "--dense", "--long", "PID=VALUE"]
+    assert main(words) == 1
+    assert "empty cells are no events: the value before holds (x: 1)" in capsys.readouterr().out
+    assert main([*words, "--signal", "x=z"]) == 2
+    log = written(tmp_path, frame.assign(VALUE=[None, None, 1.0, None]), end)
+    capsys.readouterr()
+    assert main([*words[:2], log, *words[3:]]) == 2
+    assert "expected events of 'x', got none" in capsys.readouterr().err
+
+
+def test_texts_of_variables_that_are_read_are_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "log.csv"
+    words = ["monitor", "always(x < 2)", str(log), "--dense", "--long", "PID=VALUE"]
+    for cell, error in (
+        ("on", "log.csv, line 4, column 'VALUE': expected a number, got 'on'"),
+        ("nan", "got 'nan'; give --missing drop to read nan as no event"),
+        ("3,5", "line 4"),
+    ):
+        log.write_text(f"time;PID;VALUE\n0;x;0.5\n1;y;off\n2;x;{cell}\n3;x;1.5\n")
+        assert main(words) == 2
+        assert error in capsys.readouterr().err
