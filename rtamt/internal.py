@@ -4,6 +4,7 @@ from rtamt.inputs.groups import groups_of
 from rtamt.inputs.stamps import StampOrder
 from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
 from rtamt.monitors.clocks import OperatorClocks
+from rtamt.monitors.explainer import explain_dense_verdict, explain_verdict
 from rtamt.monitors.monitor_sets import JointFeed, JointRead, VerdictBook, joint_feed
 
 __all__ = [
@@ -15,6 +16,8 @@ __all__ = [
     "OperatorClocks",
     "StampOrder",
     "VerdictBook",
+    "explain_dense_verdict",
+    "explain_verdict",
     "groups_of",
     "joint_feed",
 ]

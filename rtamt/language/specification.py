@@ -597,6 +597,9 @@ class _Horizons:
         reach = max(self.values[a] for a in args)
         return self._new(math.inf if hi is None else max(0, hi + reach))
 
+    def rate(self, x: int) -> int:
+        return x  # it reads the sample before
+
     def until(self, bounds: Bounds, p: int, q: int) -> int:
         return q if bounds[1] == 0 else self.window("until", *bounds, p, q)
 

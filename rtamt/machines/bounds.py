@@ -157,6 +157,18 @@ class TraceBounds:
         robustness = self._given.recorded(best, _COMPLETE)
         return robustness, self._worst.recorded(worst, lower), self._best.recorded(best, upper)
 
+    def around_end(self, end: End) -> tuple[tuple[Keys, Keys], tuple[Keys, Keys]]:
+        """Return the lower and the upper bound of the result at every sample, and after them.
+
+        After the trace the last value stays.
+        """
+        lower, upper = _endings(end)
+        worst, best = self.split.formulas.result, self._best_split.formulas.result
+        return (
+            (self._worst.recorded(worst, lower), self._worst.beyond(worst, lower)),
+            (self._best.recorded(best, upper), self._best.beyond(best, upper)),
+        )
+
     def operand_beyond(self, end: End) -> Keys:
         """Return the upper bound of the operand of a root ``always`` after the trace.
 

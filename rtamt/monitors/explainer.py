@@ -30,7 +30,7 @@ from rtamt.language.operators import Bounds, Operator
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.dense.outlook import recorded
+from rtamt.machines.dense.outlook import recorded, with_robustness
 from rtamt.machines.dense.rows import (
     FindBoth,
     RegionRows,
@@ -41,6 +41,16 @@ from rtamt.machines.dense.rows import (
     together,
 )
 from rtamt.machines.offline import run_outputs
+from rtamt.machines.protocols import End
+from rtamt.monitors.bound_signals import (
+    UNSEEN,
+    BoundSignal,
+    DecidingBound,
+    NoSingleCause,
+    SampleBounds,
+    places_ahead,
+    unseen_from,
+)
 from rtamt.monitors.evaluation import whole_trace
 from rtamt.monitors.explanation import (
     Cause,
@@ -72,7 +82,8 @@ from rtamt.monitors.origins import (
 )
 from rtamt.program.dense_lowering import MAX_TICKS
 from rtamt.program.dense_regions import RegionProgram, regions_of_all
-from rtamt.program.instructions import Map, operands
+from rtamt.program.implications import operand_signs
+from rtamt.program.instructions import Const, Map, operands
 from rtamt.program.interface import Interface, PredicateValue
 from rtamt.program.placement import variants_of
 from rtamt.program.program import Program
@@ -89,6 +100,7 @@ class Visit(NamedTuple):
         place: The place at which it is evaluated.
         origin: The origin of its value there.
         reading: What it counts under the semantics, if it is a predicate.
+        best: Whether its value is its upper bound; otherwise, it is its lower bound.
     """
 
     formula: Formula
@@ -97,6 +109,7 @@ class Visit(NamedTuple):
     place: int
     origin: Origin
     reading: PredicateValue
+    best: bool
 
 
 class Share(NamedTuple):
@@ -108,6 +121,7 @@ class Share(NamedTuple):
             violation; ``"broken"``: it fails, and had to hold on a stretch of places.
         first: The first place.
         last: The last place.
+        best: Whether the sign is that of the upper bound; see `Visit`.
         outside: First and last place of its window if that lies outside the trace; see `Origin`.
     """
 
@@ -115,6 +129,7 @@ class Share(NamedTuple):
     role: ShareRole
     first: int
     last: int
+    best: bool
     outside: tuple[int | None, int | None] | None = None
 
 
@@ -124,25 +139,31 @@ class FormulaSignals:
     Args:
         specification: The specification.
         interface: What predicates count.
-        signal: Returns the robustness of a formula over the trace.
+        signal: Returns the robustness of a formula over the trace, or a bound of it: the upper
+            one if its second argument is true. On a complete trace both are the robustness.
         bounds: Returns the bounds of an operator in places.
         last: The last place of the trace.
         dense: Whether places are regions of dense time.
+        best: Whether the upper bound of the specification is explained.
+        ahead: The number of places after the trace that signals cover; see `BoundSignals`.
     """
 
     def __init__(
         self,
         specification: Specification,
         interface: Interface,
-        signal: Callable[[Node], RobustnessSignal],
+        signal: BoundSignal,
         bounds: Callable[[Formula], Bounds],
         last: int,
         *,
         dense: bool = False,
+        best: bool = False,
+        ahead: int = 0,
     ) -> None:
         self._specification, self._interface = specification, interface
         self.signal, self._bounds = signal, bounds
         self._last, self._dense = last, dense
+        self._best, self._ahead = best, ahead
 
     def named(self, formula: Formula) -> tuple[str | None, str]:
         """Return the name of a formula, or None, and its text with the names of formulas in it."""
@@ -158,27 +179,66 @@ class FormulaSignals:
         Args:
             place: The place at which the specification is evaluated.
         """
-        formula, path = self._specification.formula, []
+        formula, path, best = self._specification.formula, list[Visit](), self._best
         while True:
             row = cast("Operator", formula.op)
-            origin = self._origin(formula, place) if row.operands == "formula" else Origin()
+            origin = Origin()
+            if row.operands == "formula":
+                origin = self._origin(formula, place, best=best)
             reading = "value" if row.holds is None else self._interface.reading(formula)
-            path.append(Visit(formula, *self.named(formula), place, origin, reading))
+            path.append(Visit(formula, *self.named(formula), place, origin, reading, best))
             if origin.operand is None:
                 return path
+            best = self._best_of(formula, origin.operand, best=best)
             formula, place = cast("Formula", formula.args[origin.operand]), origin.place
 
-    def _origin(self, formula: Formula, place: int, *, earliest: bool = False) -> Origin:
+    def rests_on_trace(self, path: Sequence[Visit]) -> bool:
+        """Return whether a path follows one value of a bound down to a place of the trace."""
+        values = [abs(self.signal(v.formula, v.best).at(v.place)) for v in path]
+        last = path[-1]
+        if last.origin.outside is not None:
+            final = last.origin.outside[1]
+            empty = final is not None and final <= self._last  # a window of the past
+            return empty and all(value == math.inf for value in values)
+        return last.place <= self._last and all(value == values[0] for value in values)
+
+    def _best_of(self, formula: Formula, operand: int, *, best: bool) -> bool:
+        """Return which bound of an operand a bound of a formula reads; see `_origin` for both."""
+        return best == operand_signs(formula).get(operand, True)
+
+    def _origin(
+        self, formula: Formula, place: int, *, best: bool, earliest: bool = False
+    ) -> Origin:
         row = cast("Operator", formula.op)
         bounds = self._bounds(formula) if row.timed else None
-        operands = [self.signal(arg) for arg in formula.args]
+        operands = [
+            self.signal(arg, self._best_of(formula, i, best=best))
+            for i, arg in enumerate(formula.args)
+        ]
+        if self._ahead:
+            self._check_both(formula, place)
+        # Future operators without an end read the recorded time.
+        endless = row.future and bounds is not None and bounds[1] is None
+        last = self._last if endless else self._last + self._ahead
         return origin_of(
-            *(row, bounds, operands, self._last, place), dense=self._dense, earliest=earliest
+            *(row, bounds, operands, last, place), dense=self._dense, earliest=earliest
         )
+
+    def _check_both(self, formula: Formula, place: int) -> None:
+        """Refuse operands that count in both directions, as of ``iff``, with unequal bounds."""
+        row = cast("Operator", formula.op)
+        before = max(0, place - 1) if row.sampled else place
+        for i, arg in enumerate(formula.args):
+            if i in operand_signs(formula):
+                continue
+            low, high = self.signal(arg, False), self.signal(arg, True)  # noqa: FBT003 - bounds
+            if any(low.at(p) != high.at(p) for p in (before, place)):
+                raise NoSingleCause
 
     def nearest(self, share: Share) -> tuple[int, float]:
         """Return where a formula comes nearest to the other sign, and its value there."""
-        places, values = self.signal(share.formula).within(share.first, share.last)
+        signal = self.signal(share.formula, share.best)
+        places, values = signal.within(share.first, share.last)
         k = FIRST_BEST["min" if share.role == "held" else "max"](values)
         return int(places[k]), float(values[k])
 
@@ -189,15 +249,16 @@ class FormulaSignals:
         not the grant. As long as these formulas and the last formula of the path keep their signs,
         the violation stays. Without a violation there are none.
         """
-        if holds_by_sign(self.signal(path[0].formula).at(path[0].place)):
+        if holds_by_sign(self.signal(path[0].formula, path[0].best).at(path[0].place)):
             return
         seen = {(path[-1].formula, path[-1].place, path[-1].place)}
         for visit in path:
-            stack = [(visit.formula, part) for part in self._others(visit)]
+            stack = [(visit.formula, part, visit.best) for part in self._others(visit)]
             stack.reverse()
             while stack:
-                parent, part = stack.pop()
+                parent, part, best = stack.pop()
                 formula = cast("Formula", parent.args[part.operand])
+                best = self._best_of(parent, part.operand, best=best)
                 key = formula, part.first, part.last
                 if key in seen or not formula.variables:
                     continue
@@ -205,18 +266,18 @@ class FormulaSignals:
                 row = cast("Operator", formula.op)
                 outside = None
                 if part.first == part.last and row.operands == "formula":
-                    origin = self._origin(formula, part.first, earliest=True)
+                    origin = self._origin(formula, part.first, best=best, earliest=True)
                     below = [*flat(origin.parts)]
                     if below:
                         if part.broken and not row.timed:
                             below = [replace(item, broken=True) for item in below]
-                        stack += [(formula, item) for item in reversed(below)]
+                        stack += [(formula, item, best) for item in reversed(below)]
                         continue
                     outside = origin.outside
                 role: ShareRole = "broken" if part.broken else "missing"
-                if holds_by_sign(self.signal(formula).at(part.first)):
+                if holds_by_sign(self.signal(formula, best).at(part.first)):
                     role = "held"
-                yield Share(formula, role, part.first, part.last, outside)
+                yield Share(formula, role, part.first, part.last, best, outside)
 
     def _others(self, visit: Visit) -> Sequence[Part]:
         """Return the parts of a sign on the path, without the part that the path goes through."""
@@ -224,7 +285,8 @@ class FormulaSignals:
         if origin.operand is None:
             return ()
         # Parts with the earliest places are few; use them if the path goes through one.
-        parts = [*flat(self._origin(visit.formula, visit.place, earliest=True).parts)]
+        earliest = self._origin(visit.formula, visit.place, best=visit.best, earliest=True)
+        parts = [*flat(earliest.parts)]
         if not any(
             part.operand == origin.operand and part.first <= origin.place <= part.last
             for part in parts
@@ -292,6 +354,56 @@ def explain(
     Source: the arguments of the minima and maxima in the robustness of Fainekos and Pappas,
     "Robustness of temporal logic specifications for continuous-time signals", TCS 2009.
     """
+    whole = DecidingBound("complete", best=False)
+    return _explained(spec, data, period, whole, (sample, start, n), options)
+
+
+def explain_verdict(
+    spec: Spec,
+    data: TraceColumns,
+    period: Period | None = None,
+    *,
+    end: End,
+    violated: bool,
+    start: float = 0.0,
+    n: int | None = None,
+    **options: Unpack[SampleOptions],
+) -> Explanation | None:
+    """Return the explanation of a decided verdict under an end mode.
+
+    It follows the bound that decides: the upper bound of a violated specification, the lower bound
+    of a satisfied one. Other arguments are as for `explain`.
+
+    Args:
+        spec: As for `explain`.
+        data: As for `explain`.
+        period: As for `explain`.
+        end: The end mode of the verdict.
+        violated: Whether the verdict is VIOLATED; otherwise, it is SATISFIED.
+        start: As for `explain`.
+        n: As for `explain`.
+        **options: As for `explain`.
+
+    Returns:
+        The explanation; None if the verdict does not rest on one value of the trace, as with a
+        formula that fails at an unseen sample.
+    """
+    try:
+        return _explained(spec, data, period, DecidingBound(end, violated), (0, start, n), options)
+    except NoSingleCause:
+        return None
+
+
+def _explained(
+    spec: Spec,
+    data: TraceColumns,
+    period: Period | None,
+    decision: DecidingBound,
+    which: tuple[SupportsIndex, float, int | None],
+    options: SampleOptions,
+) -> Explanation:
+    """Return an explanation of samples; see `explain` and `explain_verdict`."""
+    sample, start, n = which
     specification = as_specification(spec)
     start = _start(start)
     names, observed = _with_all_named(specification)
@@ -323,13 +435,26 @@ def explain(
             return None
         return alignment(formula.interval, seconds, unit, bounds(formula))
 
-    formulas = FormulaSignals(specification, interface, signals.__getitem__, bounds, length - 1)
+    def robustness(formula: Node, _best: bool) -> RobustnessSignal:  # noqa: FBT001 - one for both
+        return signals[formula]
+
+    signal: BoundSignal = robustness
+    ahead = 0
+    if decision.end != "complete":
+        ahead = places_ahead(specification.formula, bounds)
+        traced = SampleBounds(specification, interface, seconds, align, decision.end)
+        signal = traced.signals(program, columns, (length, ahead), (backend, nan), signals)
+    formulas = FormulaSignals(
+        *(specification, interface, signal, bounds, length - 1), best=decision.best, ahead=ahead
+    )
     path = formulas.path(sample_index)
+    if decision.end != "complete" and not formulas.rests_on_trace(path):
+        raise NoSingleCause
     steps = tuple(
         ExplanationStep(
             *(visit.formula, visit.name, visit.text, visit.place),
             None if seconds is None else start + float(visit.place * seconds),
-            signals[visit.formula].at(visit.place),
+            signal(visit.formula, visit.best).at(visit.place),
             visit.origin.witness,
             visit.origin.outside,
             visit.reading,
@@ -417,6 +542,36 @@ def explain_dense(
 
     Source: as for `explain`.
     """
+    whole = DecidingBound("complete", best=False)
+    return _explained_dense(spec, signals, time, resolution, whole, options)
+
+
+def explain_dense_verdict(
+    spec: Spec,
+    signals: Mapping[str, EventsLike],
+    end: End,
+    *,
+    violated: bool,
+    resolution: Period = "1ns",
+    **options: Unpack[Options],
+) -> DenseExplanation | None:
+    """Return the explanation of a decided verdict in dense time; see `explain_verdict`."""
+    decision = DecidingBound(end, violated)
+    try:
+        return _explained_dense(spec, signals, None, resolution, decision, options)
+    except NoSingleCause:
+        return None
+
+
+def _explained_dense(
+    spec: Spec,
+    signals: Mapping[str, EventsLike],
+    time: float | Fraction | np.datetime64 | None,
+    resolution: Period,
+    decision: DecidingBound,
+    options: Options,
+) -> DenseExplanation:
+    """Return an explanation in dense time; see `explain_dense` and `explain_dense_verdict`."""
     specification = as_specification(spec)
     names, observed = _with_all_named(specification)
     _, interface, backend, program = compiled_dense(
@@ -424,12 +579,12 @@ def explain_dense(
     )
     alone = program.result_alone()
     reader = EventReader(alone)
-    whole = reader.whole(signals)
+    given = reader.whole(signals)
     machines = BACKENDS[backend]
     machines.dense_machine(alone, reader, ()).run(
-        whole
+        given
     )  # raises the errors of rtamt.dense.evaluate
-    columns, dated = reader.counted(whole, [-np.inf] * len(whole), None)
+    columns, dated = reader.counted(given, [-np.inf] * len(given), None)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     end = min(int(ticks[-1]) for ticks, _ in columns)
     tick = begin if time is None else _tick(time, reader, begin, end, dated=bool(dated))
@@ -437,10 +592,20 @@ def explain_dense(
     if end - begin + regions.reach >= MAX_TICKS:
         reader.refuse_length(end - begin + regions.reach)
     terms = machines.term_columns, machines.term_ranges
-    run = _RegionRun(regions, names, terms, reader, _TraceEvents(columns, begin, end, dated))
+    trace = _TraceEvents(columns, begin, end, dated)
+    run = _RegionRun(regions, names, terms, reader, trace, decision.end)
     last = 2 * (end - begin)
-    formulas = FormulaSignals(specification, interface, run.signal, run.bounds, last, dense=True)
+    complete = decision.end == "complete"
+    ahead = 0 if complete else places_ahead(specification.formula, run.bounds)
+    formulas = FormulaSignals(
+        *(specification, interface, run.signal, run.bounds, last),
+        dense=True,
+        best=decision.best,
+        ahead=ahead,
+    )
     path = formulas.path(2 * (tick - begin))
+    if not complete and not formulas.rests_on_trace(path):
+        raise NoSingleCause
 
     def moment(place: int | None) -> Any:  # noqa: ANN401 - None, a float or a date
         return None if place is None else reader.time(begin + place // 2, dated)
@@ -464,7 +629,7 @@ def explain_dense(
     steps = tuple(
         DenseExplanationStep(
             *(visit.formula, visit.name, visit.text, moment(visit.place)),
-            run.signal(visit.formula).at(visit.place),
+            run.signal(visit.formula, visit.best).at(visit.place),
             moment(visit.origin.witness),
             window(visit.origin.outside),
             visit.reading,
@@ -573,6 +738,7 @@ class _RegionRun:
         terms: FindBoth,
         reader: EventReader,
         trace: _TraceEvents,
+        end: End,
     ) -> None:
         self._program, self._bounds = regions.program, dense_of(regions).bounds
         outputs = regions.program.outputs
@@ -584,25 +750,39 @@ class _RegionRun:
             events.extend(column)
         self._values = TraceValues(*together(waiting, trace.begin, trace.end), trace.dated)
         self._begin, self._last = trace.begin, 2 * (trace.end - trace.begin)
-        self._signals: dict[int, RobustnessSignal] = {}
+        self._end = end
+        self._signals: dict[int, tuple[RobustnessSignal, RobustnessSignal]] = {}
 
     def bounds(self, formula: Formula) -> Bounds:
         begin, end = self._bounds(formula)
         return 2 * begin, None if end is None else 2 * end
 
-    def signal(self, formula: Node) -> RobustnessSignal:
+    def signal(self, formula: Node, best: bool) -> RobustnessSignal:  # noqa: FBT001 - see bounds
         register = self._registers[formula]
         if register not in self._signals:
             self._signals[register] = self._run(register)
-        return self._signals[register]
+        return self._signals[register][best]
 
-    def _run(self, register: int) -> RobustnessSignal:
+    def _run(self, register: int) -> tuple[RobustnessSignal, RobustnessSignal]:
+        """Return the lower and the upper bound of a register."""
         if register in self._unneeded:
             # What the result does not need decides nothing, and may have no value.
-            return RobustnessSignal(np.array([math.nan]), np.zeros(1, np.int64))
+            unknown = RobustnessSignal(np.array([math.nan]), np.zeros(1, np.int64))
+            return unknown, unknown
         part = self._program.restricted(register, {})
         places = 2 * (self._values.ticks - self._begin)
         tables = terms_of(variants_of(part), self._terms, self._reader, self._values)
         rows = [RegionRows(places, table) for table in tables]
-        _, runs = recorded(part, rows, self._last, "complete")
-        return RobustnessSignal(runs.last, runs.starts)
+        if self._end == "complete":
+            _, runs = recorded(part, rows, self._last, "complete")
+            signal = RobustnessSignal(runs.last, runs.starts)
+            return signal, signal
+        _, *bounds = with_robustness(part, rows, self._last, self._end)
+        seen = part.result < part.terms and not isinstance(part.instructions[part.result], Const)
+        if seen:  # a predicate, which is unknown after the trace
+            low, high = (
+                unseen_from(self._last + 1, b, v) for b, v in zip(bounds, UNSEEN, strict=True)
+            )
+            return low, high
+        low, high = (RobustnessSignal(runs.last, runs.starts) for runs in bounds)
+        return low, high

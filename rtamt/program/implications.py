@@ -138,8 +138,8 @@ def _ways(name: str, operands: int, bounds: Bounds) -> tuple[_Way, ...]:
 _NO_BOUNDS: Bounds = (0, None)
 
 
-def _operands(node: Node) -> Mapping[int, bool]:
-    """Return the operands in which an implication can count, and whether their sign is kept."""
+def operand_signs(node: Node) -> Mapping[int, bool]:
+    """Return whether operands keep the sign, without operands that count in both directions."""
     if node.op is None:
         return {}
     paths = _ways(node.op.name, len(node.args), _NO_BOUNDS)
@@ -167,7 +167,7 @@ def implications(formula: Formula) -> tuple[Formula, ...]:
         seen.add(position)
         if positive and _counts(node):
             counted[cast("Formula", node)] = None
-        below = sorted(_operands(node).items(), reverse=True)
+        below = sorted(operand_signs(node).items(), reverse=True)
         stack += [(node.args[i], positive == same) for i, same in below]
     return tuple(counted)
 
@@ -185,7 +185,7 @@ def signs(formula: Formula) -> Mapping[Formula, frozenset[bool]]:
     for node in reversed([*formula.nodes()]):
         if not isinstance(node, Formula) or node.op is None or node not in parts:
             continue
-        same = _operands(node)
+        same = operand_signs(node)
         for i, arg in enumerate(node.args):
             if isinstance(arg, Formula):
                 below = {True, False} if i not in same else {s == same[i] for s in parts[node]}
@@ -202,7 +202,7 @@ def unanswered(formula: Formula, answered: Sequence[Formula]) -> Formula:
     changed: dict[tuple[Node, bool], Node] = {}
     false = make("false", ())
     for node in formula.nodes():
-        signs = _operands(node)
+        signs = operand_signs(node)
         for positive in (True, False):
             args = tuple(
                 changed[arg, positive == signs[i]] if i in signs else arg

@@ -18,6 +18,8 @@ from typing import Final, Protocol, TypeVar
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt.errors import shown, shown_lines
+from rtamt.internal import explain_dense_verdict, explain_verdict
+from rtamt.typing import End
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
 from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 from rtamt_gym.options.evaluation import EvaluationOptions
@@ -360,7 +362,8 @@ def failure_lines(matrix: Matrix) -> list[str]:
 def reasons_of(asked: TracesAsked, judged: Judged) -> dict[str, str]:
     """Return which predicate, time and values decided each verdict, in a phrase.
 
-    Left out are undecided requirements, unknown values and verdicts on a trace without its start.
+    Left out are undecided requirements, unknown values, verdicts on a trace without its start, and
+    verdicts that rest on no single value of the trace.
     """
     reasons = {}
     for name, judgement in judged.judgements.items():
@@ -368,7 +371,10 @@ def reasons_of(asked: TracesAsked, judged: Judged) -> dict[str, str]:
         counted = late is not None and late.counted
         decided = judgement.verdict is not Verdict.UNDECIDED
         if decided and not counted and not judgement.from_start.unknown:
-            reasons[name] = _explained(asked.specs[name], judged, asked.reading).reason
+            verdict = judgement.verdict
+            explanation = _explained(asked.specs[name], judged, asked.reading, verdict)
+            if explanation is not None:
+                reasons[name] = explanation.reason
     return reasons
 
 
@@ -382,26 +388,36 @@ def _explanation(
     head, late = "", judgement.late_start
     if late is not None and late.counted:
         head = f"{judgement}\nfrom {number(late.time)} s on it is {late.verdict}:\n"
-    elif judgement.otherwise_complete:
-        head = f"{judgement}\nif nothing follows, it is {judgement.otherwise_complete}:\n"
-    return f"{head}{_explained(spec, judged, reading)}"
+    explanation = _explained(spec, judged, reading, judgement.from_start.verdict)
+    return f"{head}{explanation or 'not explained: the verdict rests on no single value'}"
 
 
 def _explained(
-    spec: rtamt.Specification, judged: Judged, reading: EvaluationOptions
-) -> rtamt.Explanation | rtamt.dense.Explanation:
-    """Return the explanation of a robustness on a trace with known values."""
+    spec: rtamt.Specification, judged: Judged, reading: EvaluationOptions, verdict: Verdict
+) -> rtamt.Explanation | rtamt.dense.Explanation | None:
+    """Return the explanation of a verdict on a trace with known values.
+
+    Under ``cut`` and ``open`` it follows the bound that decides; see `explain_verdict`. An
+    undecided verdict is explained as if nothing follows.
+    """
     requirement, trace = judge.viewed(spec, reading.view), judged.trace
+    end: End = "complete" if verdict is Verdict.UNDECIDED else reading.end
+    violated = verdict is Verdict.VIOLATED
     if isinstance(trace, EventTrace):
-        return rtamt.dense.explain(requirement, trace.tables, semantics=reading.semantics)
+        tables, semantics = trace.tables, reading.semantics
+        if end == "complete":
+            return rtamt.dense.explain(requirement, tables, semantics=semantics)
+        return explain_dense_verdict(
+            requirement, tables, end, violated=violated, semantics=semantics
+        )
     assert trace is not None, "it was judged"  # noqa: S101 - for mypy
     trace = trace.known(requirement.variables)
-    return rtamt.explain(
-        requirement,
-        trace.columns,
-        n=trace.samples,
-        start=trace.start,
-        **reading.having(period=judged.period).from_monitors({"": requirement})[""],
+    options = reading.having(period=judged.period).from_monitors({"": requirement})[""]
+    n, start = trace.samples, trace.start
+    if end == "complete":
+        return rtamt.explain(requirement, trace.columns, n=n, start=start, **options)
+    return explain_verdict(
+        *(requirement, trace.columns), end=end, violated=violated, n=n, start=start, **options
     )
 
 

@@ -11,6 +11,7 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.options.command_line import Option, add_options
+from rtamt_gym.results.matrix import indented
 from rtamt_gym.tables import counted, short, table
 
 if TYPE_CHECKING:
@@ -55,13 +56,14 @@ def run(options: argparse.Namespace) -> int:
 
     check_outputs(picture=options.output)
     groups: dict[str, list[TrainingLog]] = {}
+    notes: list[str] = []
     for argument in options.folders:
         name, equals, path = argument.partition("=")
         folder = Path(path if equals else argument)
         name = name if equals else str(folder)
         if name in groups:
             raise InputError(f"expected one folder for {name!r}, got two; give NAME=FOLDER")
-        groups[name] = training_logs(folder)
+        groups[name] = training_logs(folder, notes)
     columns = columns_of([log for logs in groups.values() for log in logs])
     for name in options.only:
         if name not in columns[1:]:
@@ -69,6 +71,8 @@ def run(options: argparse.Namespace) -> int:
             raise InputError(f"--only: no log has the requirement {name!r}{hint}")
     chosen = [name for name in columns if name in options.only] if options.only else columns
     print(*_last_values(groups, chosen), sep="\n")
+    for note in notes:
+        print(*indented(f"note: {note}", ""), sep="\n")
     save(draw_training(groups, chosen), options.output)
     print(f"\npicture: {options.output}")
     return 0
@@ -87,10 +91,13 @@ def _last_values(groups: Mapping[str, Sequence[TrainingLog]], columns: Sequence[
                 band = band_of(logs, PANELS[0], requirement, kind)
                 if band is None:
                     continue
+                runs = str(len(logs))
+                if band.counts[-1] < len(logs):
+                    runs = f"{band.counts[-1]} of {len(logs)}"
                 low, high = float(band.low[-1]), float(band.high[-1])
                 rows.append(
                     (
-                        *(name, str(len(logs)), requirement or "all", kind),
+                        *(name, runs, requirement or "all", kind),
                         f"{band.steps[-1]:.0f}",
                         f"{100 * float(band.middle[-1]):.1f}%",
                         f"{short(100 * low)} to {short(100 * high)}",
@@ -98,7 +105,13 @@ def _last_values(groups: Mapping[str, Sequence[TrainingLog]], columns: Sequence[
                 )
                 break
     count = sum(map(len, groups.values()))
-    return [*table(rows, "<><<>>>"), "", f"band of {_band_text(groups)}"] if count else []
+    if not count:
+        return []
+    lines = [*table(rows, "<><<>>>"), "", f"band of {_band_text(groups)}"]
+    if any(" of " in row[1] for row in rows):
+        text = "runs: those with a value at this step; the others end earlier or lack the metric"
+        lines += indented(text, "")
+    return lines
 
 
 def _band_text(groups: Mapping[str, Sequence[TrainingLog]]) -> str:

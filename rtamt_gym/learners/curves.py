@@ -59,12 +59,14 @@ class CurveBand:
         middle: The curve: the value of one log, or the mean of several.
         low: The lower edge: the bound of one log, or the minimum of several.
         high: The upper edge.
+        counts: The number of logs that have a value at each step.
     """
 
     steps: NDArray[np.float64]
     middle: NDArray[np.float64]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
+    counts: NDArray[np.int64]
 
 
 def columns_of(logs: Sequence[TrainingLog]) -> list[str]:
@@ -115,11 +117,15 @@ def band_of(
         (log,) = [log for log in logs if _curve(log, panel.key, requirement, kind)]
         edges = [_curve(log, ends, requirement, kind) for ends in (panel.low, panel.high)]
         low, high = (middle if edge is None else np.interp(steps, *edge) for edge in edges)
-        return CurveBand(steps, middle, low, high)
+        return CurveBand(steps, middle, low, high, np.ones(len(steps), np.int64))
     steps = np.unique(np.concatenate([curve[0] for curve in found]))
     table = np.array([np.interp(steps, *curve, left=np.nan, right=np.nan) for curve in found])
     return CurveBand(
-        steps, np.nanmean(table, axis=0), np.nanmin(table, axis=0), np.nanmax(table, axis=0)
+        steps,
+        np.nanmean(table, axis=0),
+        np.nanmin(table, axis=0),
+        np.nanmax(table, axis=0),
+        np.count_nonzero(~np.isnan(table), axis=0),
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import struct
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt.errors import shown
 from rtamt_gym.checks.numbers import read_floats
+from rtamt_gym.tables import counted
 
 StepCurve = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Steps, which increase, and the value at each."""
@@ -43,13 +44,14 @@ class TrainingLog:
     curves: Mapping[str, StepCurve]
 
 
-def training_logs(folder: Path) -> list[TrainingLog]:
+def training_logs(folder: Path, notes: list[str] | None = None) -> list[TrainingLog]:
     """Return the logs in a folder and in all folders in it, each folder with files as one log.
 
     Where a CSV file and an event file have one key, the CSV file counts.
 
     Args:
         folder: The folder.
+        notes: Sentences about files and cells that are left out are appended to this list.
 
     Raises:
         InputError: If there is no log, or no log has metrics of satisfaction.
@@ -57,12 +59,14 @@ def training_logs(folder: Path) -> list[TrainingLog]:
     if not folder.is_dir():
         raise InputError(f"{shown(str(folder))}: expected a folder with logs of training")
     logs, seen = list[TrainingLog](), 0
+    notes = [] if notes is None else notes
+    before = len(notes)
     for place in sorted({folder, *(path for path in folder.rglob("*") if path.is_dir())}):
         curves: dict[str, StepCurve] = {}
         for pattern, read in _READERS.items():
             for path in sorted(place.glob(pattern)):
                 seen += 1
-                curves = {**read(path), **curves}
+                curves = {**read(path, notes), **curves}
         metrics = {key: curve for key, curve in curves.items() if "stl/" in key and len(curve[0])}
         if metrics:
             logs.append(TrainingLog(str(place), metrics))
@@ -70,34 +74,55 @@ def training_logs(folder: Path) -> list[TrainingLog]:
         found = f"got {seen} without such keys" if seen else f"found no {' and no '.join(_READERS)}"
         raise InputError(
             f"{shown(str(folder))}: expected logs with metrics such as stl/satisfied, {found}. "
-            "Log what rtamt_gym.learners.metrics returns below stl/."
+            + (notes[before] if notes[before:] else _WAY)
         )
     return logs
 
 
-def _of_csv(path: Path) -> dict[str, StepCurve]:
+def _of_csv(path: Path, notes: list[str]) -> dict[str, StepCurve]:
     """Read a CSV file in which a row has the metrics of one step; cells may be empty."""
     with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.reader(file))
-    if not rows:
+        reader = csv.reader(file)
+        lines = [(reader.line_num, row) for row in reader]
+    names = lines[0][1] if lines else []
+    metrics = {name for name in names if "stl/" in name}
+    if not metrics:
         return {}
-    names, points = rows[0], defaultdict[str, list[tuple[float, float]]](list)
     counter = next((name for name in _STEPS if name in names), None)
-    if counter is None:
+    if fault := _fault_of_csv(names, counter, len(lines)):
+        notes.append(f"{shown(str(path))}: left out, because {fault}")
         return {}
-    at = names.index(counter)
-    for row in rows[1:]:
-        step = read_floats([row[at]]) if at < len(row) and row[at] else None
-        if step is None:
-            continue
+    at, points = names.index(counter or ""), defaultdict[str, list[tuple[float, float]]](list)
+    bad: list[str] = []
+
+    def number(line: int, name: str, cell: str) -> float | None:
+        value = read_floats([cell]) if cell.strip() else None
+        if value is None and cell.strip() and name in {counter, *metrics}:
+            bad.append(f"line {line}, {shown(name)}: {shown(repr(cell))}")
+        return None if value is None else value[0]
+
+    for line, row in lines[1:]:
+        step = number(line, names[at], row[at]) if at < len(row) else None
         for name, cell in zip(names, row, strict=False):
-            value = read_floats([cell]) if cell else None
-            if value is not None:
-                points[name].append((step[0], value[0]))
+            value = number(line, name, cell) if step is not None else None
+            if step is not None and value is not None:
+                points[name].append((step, value))
+    if bad:
+        cells = counted(len(bad), "cell")
+        notes.append(f"{shown(str(path))}: {cells} without a number left out, first {bad[0]}")
     return _curves(points)
 
 
-def _of_events(path: Path) -> dict[str, StepCurve]:
+def _fault_of_csv(names: Sequence[str], counter: str | None, rows: int) -> str:
+    """Return why a CSV file with metrics has no curves; empty if it can have some."""
+    if len(names) == 1 and ";" in names[0]:
+        return "its cells are separated by ';'; separate them by ','"
+    if counter is None:
+        return f"no column counts steps; name one {' or '.join(map(repr, _STEPS[:2]))}"
+    return "it has no rows below the names" if rows < 2 else ""
+
+
+def _of_events(path: Path, _: list[str]) -> dict[str, StepCurve]:
     """Read the scalars of an event file of TensorBoard; a record that is cut off is left out."""
     points = defaultdict[str, list[tuple[float, float]]](list)
     data, at = path.read_bytes(), 0
@@ -182,7 +207,9 @@ def _curves(points: Mapping[str, list[tuple[float, float]]]) -> dict[str, StepCu
     return curves
 
 
-_READERS: Final[Mapping[str, Callable[[Path], dict[str, StepCurve]]]] = {
+_WAY: Final = "Log what rtamt_gym.learners.metrics returns below stl/."
+
+_READERS: Final[Mapping[str, Callable[[Path, list[str]], dict[str, StepCurve]]]] = {
     "*.csv": _of_csv,
     "events.out.tfevents.*": _of_events,
 }

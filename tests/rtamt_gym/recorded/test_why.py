@@ -61,3 +61,27 @@ def test_why_names_all_variables_of_the_predicate(capsys: Output) -> None:
     assert reasons(capsys, "always(x - y < 0.25)", "two.csv") == [
         "    why: decided by x - y < 0.25 at 1 s, where x = 3 and y = 2.5"
     ]
+
+
+@pytest.mark.parametrize("dense", [[], ["--dense"]], ids=["sampled", "dense"])
+def test_why_names_no_undecided_request(dense: list[str], capsys: Output) -> None:
+    rows = ["0,0,0", "1,5,0", "2,0,2", "3,0,2", "4,0,0", "5,5,-10"]
+    Path("late.csv").write_text("\n".join(["time,req,gnt", *rows, ""]))
+    formula = "always(req >= 3 implies eventually[0:2](gnt >= 3))"
+    expected = ["    why: decided by gnt >= 3 at 2 s, where gnt = 2"]
+    assert reasons(capsys, formula, "late.csv", *dense) == expected
+    main(["monitor", formula, "late.csv", *dense, "--junit", "out.xml"])
+    assert "at 5 s" not in Path("out.xml").read_text()
+
+
+def test_why_of_every_instant(capsys: Output) -> None:
+    Path("x.csv").write_text("time,x\n0,5\n1,-1\n2,-1\n3,5\n4,-9\n")
+    assert reasons(capsys, "eventually[0:1](x > 0)", "x.csv", "--view", "step") == [
+        "    why: decided by x > 0 at 1 s, where x = -1"
+    ]
+
+
+def test_why_under_an_open_end(capsys: Output) -> None:
+    assert reasons(capsys, "always(x < 3)", write([1, 5, 2, 4]), "--end", "open") == [
+        "    why: decided by x < 3 at 0.5 s, where x = 5"
+    ]

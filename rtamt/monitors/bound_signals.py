@@ -1,0 +1,145 @@
+"""The bounds of formulas over a trace and after it, for explanations of verdicts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.inputs.samples import NanPolicy, SampleReader
+from rtamt.language.formula import Formula
+from rtamt.language.node import Node
+from rtamt.language.operators import Bounds
+from rtamt.language.specification import Specification
+from rtamt.machines.backend import BACKENDS, BackendName
+from rtamt.machines.bounds import TraceBounds
+from rtamt.machines.dense.runs import Runs
+from rtamt.machines.protocols import End
+from rtamt.machines.walk import Keys, numbers_of
+from rtamt.monitors.origins import RobustnessSignal
+from rtamt.program.interface import Interface
+from rtamt.program.lowering import compile_program
+from rtamt.program.program import Program
+from rtamt.program.timing import Align
+
+UNSEEN = (-math.inf, math.inf)
+"""The lower and the upper bound of a predicate after the trace."""
+
+_MAX_AHEAD = 1 << 20
+"""Samples after a trace for which bounds are computed."""
+
+BoundSignal = Callable[[Node, bool], RobustnessSignal]
+"""Returns the lower or, with True, the upper bound of a formula."""
+
+
+class NoSingleCause(Exception):  # noqa: N818 - no error for users
+    """A bound that is not the value of one predicate on the trace."""
+
+
+class DecidingBound(NamedTuple):
+    """The bound that an explanation follows.
+
+    Attributes:
+        end: The end mode.
+        best: Whether it is the upper bound; otherwise, it is the lower bound.
+    """
+
+    end: End
+    best: bool
+
+
+def places_ahead(formula: Formula, bounds: Callable[[Formula], Bounds]) -> int:
+    """Return how many places after the trace its bounds can depend on."""
+    ahead = 1
+    for node in formula.nodes():
+        if node.op is None or not isinstance(node, Formula):
+            continue
+        if node.op.timed:
+            begin, end = bounds(node)
+            ahead += begin if end is None else end
+        elif node.op.sampled:
+            ahead += 1
+    return ahead
+
+
+def unseen_from(place: int, runs: Runs, value: float) -> RobustnessSignal:
+    """Return runs that end before a place, with a value from there on."""
+    count = int(runs.starts.searchsorted(place))
+    starts = np.append(runs.starts[:count], place)
+    return RobustnessSignal(np.append(runs.last[:count], value), starts)
+
+
+@dataclass(frozen=True, slots=True)
+class SampleBounds:
+    """The bounds of the formulas of a specification over samples.
+
+    Attributes:
+        specification: The specification.
+        interface: What predicates count.
+        period: Seconds between samples, or None.
+        align: The rounding of bounds to whole samples.
+        end: The end mode.
+    """
+
+    specification: Specification
+    interface: Interface
+    period: Fraction | None
+    align: Align | None
+    end: End
+
+    def signals(
+        self,
+        program: Program,
+        columns: Sequence[NDArray[np.float64]],
+        lengths: tuple[int, int],
+        machine: tuple[BackendName, NanPolicy],
+        known: Mapping[Node, RobustnessSignal],
+    ) -> BoundSignal:
+        """Return the bounds of formulas, each computed at its first use.
+
+        Args:
+            program: The program of the specification.
+            columns: The values of its variables.
+            lengths: The number of samples, and of places after them.
+            machine: The back-end, and how it reads nan.
+            known: The robustness on the complete trace; nan for a formula that is not needed.
+        """
+        n, ahead = lengths
+        if ahead > _MAX_AHEAD:
+            raise NoSingleCause
+        backend, nan = machine
+        column = dict(zip(program.variables, columns, strict=True))
+        signals: dict[Node, tuple[RobustnessSignal, RobustnessSignal]] = {}
+
+        def both(formula: Node) -> tuple[RobustnessSignal, RobustnessSignal]:
+            if not isinstance(formula, Formula) or np.isnan(known[formula].values).all():
+                return known[formula], known[formula]
+            part = compile_program(
+                self.specification.with_result(formula),
+                self.period,
+                interface=self.interface,
+                align=self.align,
+            )
+            values = [column[name] for name in part.variables]
+            reader = SampleReader(part, nan, bounds=True)
+            machines = BACKENDS[backend]
+            bounds = TraceBounds.of(part, reader, machines, (values, values), n, everywhere=True)
+            low, high = (extended(*keys) for keys in bounds.around_end(self.end))
+            return low, high
+
+        def extended(recorded: Keys, beyond: Keys) -> RobustnessSignal:
+            rest = beyond[:ahead]
+            rest = np.concatenate([rest, np.full(ahead - len(rest), beyond[-1])])
+            return RobustnessSignal(numbers_of(np.concatenate([recorded, rest])))
+
+        def signal(formula: Node, best: bool) -> RobustnessSignal:  # noqa: FBT001 - a bound
+            if formula not in signals:
+                signals[formula] = both(formula)
+            return signals[formula][best]
+
+        return signal
