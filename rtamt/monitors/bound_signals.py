@@ -22,6 +22,7 @@ from rtamt.machines.dense.runs import Runs
 from rtamt.machines.protocols import End
 from rtamt.machines.walk import Keys, numbers_of
 from rtamt.monitors.origins import RobustnessSignal
+from rtamt.monitors.sample_trace import with_result
 from rtamt.program.interface import Interface
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
@@ -120,7 +121,7 @@ class SampleBounds:
             if not isinstance(formula, Formula) or np.isnan(known[formula].values).all():
                 return known[formula], known[formula]
             part = compile_program(
-                self.specification.with_result(formula),
+                with_result(self.specification, formula),
                 self.period,
                 interface=self.interface,
                 align=self.align,

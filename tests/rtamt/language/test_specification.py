@@ -16,6 +16,8 @@ from strategies import formulas
 import rtamt
 from rtamt import EpisodeMonitor, Formula, Specification, parse, variable
 from rtamt.errors import ParseError, SpecificationError
+from rtamt.language.formula import make
+from rtamt.language.operators import OPERATORS
 
 x, y = variable("x"), variable("y")
 p, q = x > 0, y > 0
@@ -45,12 +47,25 @@ p, q = x > 0, y > 0
         ("prev x", 0),
         ("rise(G[0:2] x) and fall(y)", 2),
         ("G[0:1ms] F[0:1us] x", 0.001001),
+        ("G rate(x) <= 1", math.inf),
+        ("G[0:3] rate(x) <= 1", 3),
+        ("abs(rate(x)) <= 1 implies F[0:4] x", 4),
         ("p = G x\ny > 0", 0),
         ("not G[0:5] x -> F[0:6] y xor next z iff z", 6),
     ],
 )
 def test_horizon(text: str, horizon: float) -> None:
     assert rtamt.parse(text).horizon == horizon
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+def test_every_operator_has_a_horizon(name: str) -> None:
+    row = OPERATORS[name]
+    operand = x if row.operands == "term" else x > 0
+    node = make(name, (operand,) * row.arity[0])
+    formula = node if isinstance(node, Formula) else node > 0
+    ahead = math.inf if row.timed else 1  # without an interval, to the end
+    assert rtamt.parse(str(formula)).horizon == (ahead if row.future else 0)
 
 
 def test_horizon_is_in_the_unit_of_the_specification() -> None:

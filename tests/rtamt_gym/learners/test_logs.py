@@ -187,3 +187,45 @@ def test_the_command_prints_the_last_rates(tmp_path: Path, capsys: Output) -> No
     assert lines[3].split() == ["b", "1", "near", "training", "200", "50.0%", "50", "to", "50"]
     assert picture.read_text().startswith("<?xml")
     assert main(["plot", *arguments, "--only", "nea"]) == 2
+
+
+def test_runs_that_end_earlier_are_counted_apart(tmp_path: Path, capsys: Output) -> None:
+    write_csv(tmp_path / "a" / "progress.csv", {"stl/satisfied": [(200, 0.4), (400, 0.8)]})
+    write_csv(tmp_path / "b" / "progress.csv", {"stl/satisfied": [(100, 0.0), (200, 0.0)]})
+    write_csv(tmp_path / "c" / "progress.csv", {"stl/cost": [(200, 1.0), (400, 1.0)]})
+    band = band_of(training_logs(tmp_path), PANELS[0], ALL, "training")
+    assert band is not None
+    assert band.steps.tolist() == [100, 200, 400]
+    assert band.counts.tolist() == [1, 2, 1]
+    assert main(["plot", str(tmp_path), "-o", str(tmp_path / "t.svg")]) == 0
+    text = capsys.readouterr().out
+    assert " 1 of 3  all          training    400      80.0%  80 to 80" in text
+    assert "runs: those with a value at this step" in text
+
+
+@pytest.mark.parametrize(
+    ("content", "note"),
+    [
+        ("step,stl/satisfied\n", "it has no rows below the names"),
+        ("epoch,stl/satisfied\n1,0.5\n", "no column counts steps; name one"),
+        ("step;stl/satisfied\n1;0,5\n", "its cells are separated by ';'"),
+        ("step,stl/satisfied\n1,0.5\n2,abc\nx,1\n", "2 cells without a number left out"),
+    ],
+)
+def test_what_is_left_out_has_a_note(
+    content: str, note: str, tmp_path: Path, capsys: Output
+) -> None:
+    write_csv(tmp_path / "a" / "progress.csv", METRICS)
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "progress.csv").write_text(content)
+    (tmp_path / "b" / "other.csv").write_text("name;value\n1;abc\n")  # no log of training
+    notes = list[str]()
+    training_logs(tmp_path, notes)
+    assert [str(tmp_path / "b" / "progress.csv") in n and note in n for n in notes] == [True]
+    assert main(["plot", str(tmp_path), "-o", str(tmp_path / "t.svg")]) == 0
+    assert "note:" in capsys.readouterr().out
+    assert main(["plot", str(tmp_path / "a"), "-o", str(tmp_path / "t.svg")]) == 0
+    assert "note:" not in capsys.readouterr().out
+    if "cells" not in note:
+        with pytest.raises(InputError, match=note[:20]):
+            training_logs(tmp_path / "b")
