@@ -82,6 +82,11 @@ def _refuse_loose_operand(spec: Specification, node: Formula) -> None:
         inner = word.join(f"({arg})" for arg in (temporal.args[0], *later))
         every = f"{_name(temporal)}{interval}({inner})"
         whole = word.join([*(f"({arg})" for arg in args[:index]), every])
+        # eventually(p implies q) holds as soon as p fails once: nobody means it.
+        if _name(node) == "implies" and (
+            _name(temporal) != "always" or _enclosed(spec, temporal, node)
+        ):
+            whole = f"always({node})"
         whole = str(parse(whole, unit=spec.unit, constants=spec.constants).formula)
         raise spec.error(
             node,
@@ -130,6 +135,24 @@ def _bracketed(spec: Specification, temporal: Formula) -> bool:
         depth += (letter == "(") - (letter == ")")
         if depth == 0:
             return re.match(r"\s*(?:[=!+*/>]|<(?!->)|-(?!>))", rest[place + 1 :]) is None
+    return False
+
+
+def _enclosed(spec: Specification, temporal: Formula, node: Formula) -> bool:
+    """Return whether a temporal operator is written in brackets with its operand, as ``(G p)``."""
+    start, end = _offset(spec, temporal), _offset(spec, node)
+    if start is None or end is None:
+        return False
+    before = spec.text[:start].rstrip()
+    if spec.text[start] == "[":  # the place of an operator with an interval
+        before = re.sub(r"\w+$", "", before).rstrip()
+    if not before.endswith("("):
+        return False
+    depth = 1
+    for letter in spec.text[start:end]:
+        depth += (letter == "(") - (letter == ")")
+        if depth == 0:
+            return True
     return False
 
 
