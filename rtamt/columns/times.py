@@ -31,7 +31,7 @@ _FIRST_DATE, _LAST_DATE, _LONGEST = 9.4e8, 4.2e9, 1e8
 """Seconds since 1970 in the years 2000 and 2100, and the longest time since a start."""
 
 _FEW = 4
-"""The minimum number of values for a decision without a name."""
+"""The minimum number of values for a decision without a name; one less with exactly even steps."""
 
 
 def median(values: NDArray[Any]) -> float:
@@ -138,7 +138,8 @@ def _ticks(values: NDArray[Any], steps: NDArray[np.float64], *, rough: bool, who
     """
     usual = median(steps)
     off = np.abs(steps - usual)
-    if len(values) < _FEW or float((off <= 0.2 * usual).mean()) < 0.9:
+    exact = rough and bool((off <= 1e-6 * usual).all())
+    if len(values) < _FEW - exact or float((off <= 0.2 * usual).mean()) < 0.9:
         return False
     most = float(values[-1])
     dates = any(

@@ -446,3 +446,13 @@ def test_a_result_keeps_the_rows_that_were_selected(capsys: Output) -> None:
     assert main(["monitor", "always(speed > 5)", write("fcd.csv", FCD), *where]) == 1
     columns = json.loads(capsys.readouterr().out)["reading"]["columns"]
     assert columns == {"where": {"vehicle_id": "1"}}
+
+
+def test_three_even_rows_look_like_times(capsys: Output) -> None:
+    name = write("log.csv", {"a": [0, 0.5, 1], "v": [1, 1, 1]})
+    code, text = judged(capsys, "always[0:1](v > 0)", name)
+    assert code == 2
+    assert "'a', which nothing reads, looks like one. Give --time a --time-unit s" in text
+    for values in ([0, 0.5, 1.2], [3, 1, 2], [1, 2, 3]):  # uneven, no order, row numbers
+        write("log.csv", {"a": values, "v": [1, 1, 1]})
+        assert judged(capsys, "always[0:1](v > 0)", name)[0] != 2, values
