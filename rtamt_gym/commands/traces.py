@@ -178,6 +178,7 @@ def add_columns(group: argparse._ActionsContainer) -> None:
             "evaluate a table with a row per object and time as one trace, in which the column "
             "speed of the object Ego is speed.Ego; this column names the objects, and values of "
             "an absent object are unknown",
+            several=True,
         ),
         Option(
             "--as",

@@ -69,7 +69,8 @@ def clips_of(rows: Sequence[Trial], around: float, most: int) -> tuple[list[list
                 continue
             if found.unit != "s":
                 raise InputError(
-                    f"--clip: {row.name} has no times, by which clips are cut; give --time COLUMN"
+                    f"--clip: {row.name} has no times, by which clips are cut. If a column holds "
+                    "times, name it with --time COLUMN."
                 )
             total += len(found)
             for run in islice(found, most - count):

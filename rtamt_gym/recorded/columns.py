@@ -156,6 +156,7 @@ def read_columns(
     where: Sequence[str] = (),
     by: Sequence[str] = (),
     long: str | None = None,
+    wide: Sequence[str] = (),
     **others: Any,  # noqa: ANN401 - attributes of `Columns`
 ) -> Columns:
     r"""Read the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
@@ -192,6 +193,10 @@ def read_columns(
             raise InputError(
                 f"--where: expected one value of {column!r}, got {rows[column]!r} and {value!r}"
             )
+    if len({*wide}) > 1:
+        raise InputError(
+            f"--wide: expected one column of objects, got {' and '.join(dict.fromkeys(wide))}"
+        )
     return Columns(
         signals=named,
         separator="\t" if separator in ("tab", r"\t") else separator,
@@ -200,6 +205,7 @@ def read_columns(
         where=rows,
         by=tuple(dict.fromkeys(by)),
         long=None if long is None else _pair(long),
+        wide=wide[0] if wide else None,
         **others,
     )
 

@@ -139,6 +139,11 @@ def _checked(path: str, row: Format, columns: Columns) -> Columns:
         raise InputError(
             f"{shown(path)}: expected a table for --where, which selects rows, got {row.name}"
         )
+    if columns.one_trace and row.several and not row.table:
+        raise InputError(
+            f"{shown(path)}: expected a table for --one-trace, got {row.name}, which names the "
+            "trace of each row. Leave --one-trace out."
+        )
     if columns.stale is not None and not row.bag:
         raise InputError(f"{shown(path)}: expected --stale for a bag, got it for a table")
     if columns.wide is not None:

@@ -145,6 +145,12 @@ def test_object_of_one_step_has_the_step_of_the_file(tmp_path: Path) -> None:
     assert period == Fraction(1, 2)
 
 
+def test_one_trace_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_fcd(tmp_path / "fcd.xml", TWO)
+    assert main(["monitor", "always(speed < 10)", str(path), "--one-trace"]) == 2
+    assert "expected a table for --one-trace, got SUMO" in capsys.readouterr().err
+
+
 def test_attribute_of_another_kind_is_missing(tmp_path: Path) -> None:
     path = write_fcd(tmp_path / "fcd.xml", [*TWO, ("person", "p", 0, [7, 8])])
     spec = rtamt.parse("always(lane < 1)")

@@ -121,6 +121,7 @@ def test_wide_groups(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     ("text", "options", "error"),
     [
         (LOG, ["--wide", "nam"], "No column 'nam'."),
+        (LOG, ["--wide", "name", "--wide", "x"], "one column of objects, got name and x"),
         (LOG, ["--wide", "name", "--missing", "hold"], "--missing drop with --wide, got hold"),
         (LOG + "3,Ego,2\n", ["--wide", "name"], "line 9: expected times of 'Ego' that increase"),
         (LOG + "2,B2,2\n", ["--wide", "name"], "got a time before the row above"),
