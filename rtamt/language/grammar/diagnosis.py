@@ -61,18 +61,21 @@ _CLOSERS = frozenset({StlParser.CLOSE, StlParser.CLOSE_INTERVAL})
 _HEADS = {
     StlParser.SPECIFICATION: "write specification NAME",
     StlParser.FROM: "write from MODULE import TYPE",
-    StlParser.AT: "write @ topic(VARIABLE, path/of/the/topic)",
     StlParser.CONST: "write const float NAME = 5",
     StlParser.INPUT: "write input float NAME",
     StlParser.OUTPUT: "write output float NAME",
 }
 COLUMN_HINT = 'write @ column(VARIABLE, "Level [mm]")'
 ID_HINT = 'write @ id(NAME, "SYS-REQ-7")'
+ANNOTATION_HINT = (
+    f"write @ topic(VARIABLE, path), {COLUMN_HINT.removeprefix('write ')} or "
+    f"{ID_HINT.removeprefix('write ')}"
+)
 LINK_HINT = 'write @ id(NAME, "SYS-REQ-7", "https://reqs.example/{id}")'
 RANGE_HINT = "write in [0, 120]"
 _OR_STATEMENT = ", or ';' between two statements"
 _NEXT_STATEMENT = "write ';' or a new line between two statements"
-_BEFORE_ID = 5  # the tokens '@', 'id', '(', its name and ','
+_BEFORE_LABEL = 5  # the tokens '@', 'id' or 'column', '(', a name and ','
 _LONG = 60
 _INDEX = re.compile(r"\[\s*-?\d+\s*\]")
 _ASCII = "names have letters, digits, '_' and dots; operators are as in: not (x >= 3) -> y < 2"
@@ -122,8 +125,9 @@ def diagnose(
         return _at_start(text, token)
     before = tokens[index - 1]
     head = tokens[first]
-    if head.type == StlParser.AT and index > first + 1 and tokens[first + 1].text == "id":
-        return _in_id(text, tokens[first:], token, expected)
+    if head.type == StlParser.AT:
+        kind = tokens[first + 1].text if index > first + 1 else ""
+        return _in_annotation(text, kind, tokens[first:], token, expected)
     pair = index - first >= 2 and head.type == tokens[first + 1].type == StlParser.NAME
     typed = head.text in PRIMITIVES or (pair and any(t.type == StlParser.FROM for t in tokens))
     if head.type in _HEADS or (typed and (pair or index == first + 1)):
@@ -229,19 +233,37 @@ def _in_range(text: str, token: Token, expected: AbstractSet[int]) -> ParseError
     return fail(text, token, f"expected ']', got {_got(token)}", hint)
 
 
-def _in_id(
-    text: str, tokens: Sequence[Token], token: Token, expected: AbstractSet[int]
+def _in_annotation(
+    text: str, kind: str, tokens: Sequence[Token], token: Token, expected: AbstractSet[int]
 ) -> ParseError:
-    """Return the error in the tokens of ``@ id(NAME, "ID")``."""
-    label = tokens[_BEFORE_ID] if len(tokens) > _BEFORE_ID else None
-    if label and token.tokenIndex >= label.tokenIndex and label.type != StlParser.STRING:
-        hint = ID_HINT if token is label else "an id stands in quotes: " + ID_HINT
-        return fail(text, label, f"expected the id in quotes, got {_got(label)}", hint)
-    if StlParser.STRING in expected:
+    """Return the error in the tokens of an annotation, such as ``@ id(NAME, "ID")``."""
+    usage = _ANNOTATIONS.get(kind, ANNOTATION_HINT)
+    label = tokens[_BEFORE_LABEL] if len(tokens) > _BEFORE_LABEL else token
+    unquoted = token.tokenIndex >= label.tokenIndex and label.type != StlParser.STRING
+    if kind in _QUOTED and len(tokens) > _BEFORE_LABEL and unquoted:
+        expect, name = _QUOTED[kind]
+        hint = usage if token is label else f"{name} stands in quotes: {usage}"
+        return fail(text, label, f"expected {expect} in quotes, got {_got(label)}", hint)
+    if kind == "id" and StlParser.STRING in expected:
         reason = f"expected the link in quotes, got {_got(token)}"
         return fail(text, token, reason, LINK_HINT)
-    reason, hint = _in_declaration(token, expected, named=False)
-    return fail(text, token, reason, hint or ID_HINT)
+    if StlParser.STRING in expected and StlParser.NAME not in expected:
+        comma = tokens[tokens.index(token) - 1]  # a third value follows
+        return fail(text, comma, "expected ')', got ','", usage)
+    reason, hint = _in_declaration(token, expected, named=tokens[1] is token)
+    return fail(text, token, reason, hint or usage)
+
+
+_ANNOTATIONS = {
+    "topic": "write @ topic(VARIABLE, path/of/the/topic)",
+    "column": COLUMN_HINT,
+    "id": ID_HINT,
+}
+_QUOTED = {
+    "id": ("the id", "an id"),
+    "column": ("the name of a column", "the name of a column"),
+}
+"""The second value of an annotation, and the start of a sentence on it."""
 
 
 def _in_declaration(token: Token, expected: AbstractSet[int], *, named: bool) -> tuple[str, str]:

@@ -25,6 +25,7 @@ from rtamt.language.declarations import (
 )
 from rtamt.language.formula import Formula, Term, number, variable
 from rtamt.language.grammar.diagnosis import (
+    ANNOTATION_HINT,
     COLUMN_HINT,
     ID_HINT,
     LINK_HINT,
@@ -271,11 +272,7 @@ class TextReader:
     def _annotate(self, statement: Statement) -> None:
         if statement.kind.text != "topic":
             reason = f"unknown annotation '{statement.kind.text}'"
-            hint = (
-                f"write @ topic(VARIABLE, path), {COLUMN_HINT.removeprefix('write ')} or "
-                f"{ID_HINT.removeprefix('write ')}"
-            )
-            raise self._fail(statement.kind, reason, hint)
+            raise self._fail(statement.kind, reason, ANNOTATION_HINT)
         if statement.location is None:
             token = cast("Token", statement.label)
             reason = f"expected the path of a topic, got {token.text}"
