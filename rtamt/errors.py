@@ -42,6 +42,7 @@ __all__ = [
     "hint_line",
     "is_one_of",
     "name_text",
+    "near_name",
     "nearest",
     "no_such",
     "shown",
@@ -381,6 +382,35 @@ def closest(name: str, names: Iterable[object], cutoff: float = 0.6) -> str | No
 
 _MANY = 1000
 """The most names of which each is compared with another letter by letter."""
+
+
+_ALIKE = 0.8
+"""How similar two names are of which one is taken for a slip of the other."""
+
+
+def near_name(variable: str, names: Iterable[str]) -> str | None:
+    """Return the name that equals a variable's but for case, blanks, a unit or a typo, or None.
+
+    Example:
+        >>> near_name("speed", ["time", "Speed [km/h]"]), near_name("limit", ["limti"])
+        ('Speed [km/h]', 'limti')
+        >>> near_name("x1", ["x2"]), near_name("limit", ["speed"])
+        (None, None)
+    """
+    plain = {name: _plain(name) for name in names}
+    wanted = _plain(variable)
+    for name, other in plain.items():
+        if other == wanted:
+            return name
+    near = closest(wanted, plain.values(), _ALIKE) if len(wanted) > 2 else None
+    if near is None or re.sub(r"\d", "", near) == re.sub(r"\d", "", wanted):
+        return None  # x1 and x2 are two signals
+    return next(name for name, other in plain.items() if other == near)
+
+
+def _plain(name: str) -> str:
+    """Return a name without case, marks between words, and a unit in brackets."""
+    return re.sub(r"\s*[\[(].*[\])]$|[\s_./-]", "", name).lower()
 
 
 def alike(name: str, names: Iterable[str], count: int) -> list[str]:

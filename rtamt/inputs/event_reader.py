@@ -33,6 +33,7 @@ from rtamt.inputs.events import (
 from rtamt.inputs.messages import Messages
 from rtamt.inputs.samples import (
     NanPolicy,
+    check_near,
     ends_of,
     listed,
     refuse_term,
@@ -152,6 +153,8 @@ class EventReader:
         named = self._named(events)
         columns = {v: _read(named[v], v) if v in named else _NONE for v in self.variables}
         defaults = self.program.specification.defaults
+        absent = {v: value for v, value in defaults.items() if v in columns and v not in named}
+        check_near("signal", absent, named.keys() - columns.keys() - self._messages.names)
         times = [column.times for column in columns.values() if len(column.times)]
         for name, column in columns.items():
             if not len(column.times) and not (times and name in defaults):

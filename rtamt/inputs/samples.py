@@ -7,7 +7,7 @@ argument forms and for every error.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Literal, NoReturn, cast
 
@@ -23,6 +23,7 @@ from rtamt.errors import (
     brief,
     is_one_of,
     name_text,
+    near_name,
     nearest,
     no_such,
 )
@@ -282,8 +283,13 @@ class SampleReader:
             wanted = "" if n is None else f" and n={n}"
             raise InputError(f"expected columns of one length, got {got}{wanted}")
         if not lengths:
-            phrase = "every variable has its default" if held else "the formula has no variables"
-            raise InputError(f"{phrase}: pass the number of samples as n=")
+            reason, way = "the formula has no variables", "an array of shape (samples, 0)"
+            if held:
+                reason, way = "every variable has its default", "the values of a variable"
+            raise InputError(
+                f"{reason}, so that the number of samples is unknown; pass {way}, or n= for a "
+                "single trace"
+            )
         length = lengths.pop()
         columns = {v: np.full(length, value) for v, value in held.items()} | columns
         values = [columns[v] for v in self.variables]
@@ -333,6 +339,7 @@ class SampleReader:
             raise InputError(no_such("column", missing[0], original))
         if missing or not (extra or names <= self._known):
             self._refuse_names(dict.fromkeys(names | held.keys()))
+        check_near("column", held, names - self._known - self._messages.names)
         return {v: self._line(named[v], v) for v in self.variables if v in names}, held
 
     def _line(self, values: object, name: str) -> Floats:
@@ -450,6 +457,23 @@ def unknown_variable(name: object, variables: Sequence[str], messages: Messages)
     shown = name_text(name)
     near = nearest(shown, (*variables, *sorted(messages.names)))
     return InputError(f"unknown variable '{shown}'{near or listed(variables)}")
+
+
+def check_near(kind: str, defaults: Mapping[str, float], others: Collection[str]) -> None:
+    """Refuse a default if another column or signal has nearly the name of the variable.
+
+    Args:
+        kind: The word for a column or a signal.
+        defaults: The defaults of absent variables.
+        others: The names that are no variables.
+    """
+    for name, value in defaults.items() if others else ():
+        near = near_name(name, others)
+        if near is not None:
+            raise InputError(
+                f"No {kind} '{name}', which has the default {value:.12g}, but '{near}'. Rename it "
+                f"to '{name}' to read it, or leave it out to take the default."
+            )
 
 
 def listed(variables: Sequence[str]) -> str:

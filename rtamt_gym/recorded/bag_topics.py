@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import rtamt
 from rtamt import InputError
-from rtamt.errors import nearest
+from rtamt.errors import near_name, nearest
 from rtamt.language import SubscribedField, Subscription
 from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.columns import Columns, FieldPath, path_text, read_source
-from rtamt_gym.recorded.names import near_name, starts_of
+from rtamt_gym.recorded.names import starts_of
 
 if TYPE_CHECKING:
     from rtamt_gym.recorded.bag_reader import Bag

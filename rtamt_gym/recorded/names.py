@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import rtamt
 from rtamt import InputError
-from rtamt.errors import closest, nearest
+from rtamt.errors import near_name, nearest
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
@@ -85,35 +85,6 @@ def check_near(
                 f"{signal} to read it, or --default {name} to take the default "
                 f"{number(columns.starts[name])}"
             )
-
-
-_ALIKE = 0.8
-"""How similar two names are of which one is taken for a slip of the other."""
-
-
-def near_name(variable: str, names: Iterable[str]) -> str | None:
-    """Return the name that equals a variable's but for case, blanks, a unit or a typo, or None.
-
-    Example:
-        >>> near_name("speed", ["time", "Speed [km/h]"]), near_name("limit", ["limti"])
-        ('Speed [km/h]', 'limti')
-        >>> near_name("x1", ["x2"]), near_name("limit", ["speed"])
-        (None, None)
-    """
-    plain = {name: _plain(name) for name in names}
-    wanted = _plain(variable)
-    for name, other in plain.items():
-        if other == wanted:
-            return name
-    near = closest(wanted, plain.values(), _ALIKE) if len(wanted) > 2 else None
-    if near is None or re.sub(r"\d", "", near) == re.sub(r"\d", "", wanted):
-        return None  # x1 and x2 are two signals
-    return next(name for name, other in plain.items() if other == near)
-
-
-def _plain(name: str) -> str:
-    """Return a name without case, marks between words, and a unit in brackets."""
-    return re.sub(r"\s*[\[(].*[\])]$|[\s_./-]", "", name).lower()
 
 
 def needed_columns(

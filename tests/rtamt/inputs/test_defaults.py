@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -111,6 +114,10 @@ def test_variables_without_a_default_are_needed(backend: BackendName) -> None:
     no_column = "No column 'x'. The columns are 'limit'."
     no_signal = "No signal 'x'. The signals are 'limit'."
     none_at_all = "expected events of every variable, got none of 'limit'; the variables are limit"
+    no_count = (
+        "every variable has its default, so that the number of samples is unknown; pass the values "
+        "of a variable, or n= for a single trace"
+    )
     alone = "input float64 limit = 0.5; limit > 0"
     for call, message in (
         (lambda: monitor.update(limit=1.0), needed),
@@ -124,7 +131,7 @@ def test_variables_without_a_default_are_needed(backend: BackendName) -> None:
         ),
         (
             lambda: rtamt.evaluate(alone, {}, backend=backend),
-            "every variable has its default: pass the number of samples as n=",
+            no_count,
         ),
     ):
         with pytest.raises(rtamt.InputError) as caught:
@@ -132,6 +139,38 @@ def test_variables_without_a_default_are_needed(backend: BackendName) -> None:
         assert str(caught.value) == message
     assert rtamt.evaluate(alone, {}, n=2, backend=backend).tolist() == [0.5, 0.5]
     assert monitor.update(x=0.25) == 0.25
+
+
+NEAR = "input float64 x; input float64 limit = 20; always(x < limit)"
+COLUMNS: dict[str, list[float]] = {"x": [12.0, 13.0], "Limit": [11.0, 11.0], "o": [1, 1]}
+EVENTS = {"x": [(0, 12.0), (1, 13.0)], "Limit": [(0, 11.0), (1, 11.0)]}
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda spec: rtamt.evaluate(spec, COLUMNS),
+        lambda spec: rtamt.judge(spec, COLUMNS),
+        lambda spec: rtamt.judge(spec, pa.table(COLUMNS)),
+        lambda spec: rtamt.explain(spec, COLUMNS),
+        lambda spec: rtamt.occurrences(spec, COLUMNS),
+        lambda spec: rtamt.judge_many(spec, COLUMNS, by="o"),
+        lambda spec: rtamt.judge_many(spec, COLUMNS, lengths=[1, 1]),
+        lambda spec: rtamt.judge_many(spec, [COLUMNS]),
+        lambda spec: rtamt.dense.evaluate(spec, EVENTS),
+        lambda spec: rtamt.dense.judge(spec, EVENTS),
+        lambda spec: rtamt.dense.explain(spec, EVENTS),
+    ],
+)
+def test_default_next_to_a_similar_name_is_an_error(call: Callable[[str], object]) -> None:
+    expected = (
+        r"No (column|signal) 'limit', which has the default 20, but 'Limit'\. Rename it to 'limit' "
+        "to read it, or leave it out"
+    )
+    with pytest.raises(rtamt.InputError, match=expected):
+        call(NEAR)
+    call(NEAR.replace("limit", "bound"))  # takes the default
+    call(f"input float64 Limit; {NEAR} and always(Limit > 0)")  # a variable of its own
 
 
 values = st.sampled_from((-1.0, -0.0, 0.0, 0.5, 2.0))

@@ -274,7 +274,10 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
     (
         lambda b: evaluate("true", {}, backend=b),
         InputError,
-        "the formula has no variables: pass the number of samples as n=",
+        (
+            "the formula has no variables, so that the number of samples is unknown; pass an array "
+            "of shape (samples, 0), or n= for a single trace"
+        ),
     ),
     (
         lambda b: evaluate("true", {}, n=-1, backend=b),
