@@ -48,8 +48,12 @@ class WideRecording(Recording):
                 "got an empty cell"
             )
         kept = {key, *time.columns, *columns.where, *columns.by}
-        # The column and the object of each name.
-        self._places = {f"{n}.{o}": (n, o) for n in names if n not in kept for o in objects}
+        # The columns and objects of each name; a name with several cannot be read.
+        self._places: dict[str, list[tuple[str, str]]] = {}
+        for name in dict.fromkeys(names):
+            for of in objects if name not in kept else ():
+                self._places.setdefault(f"{name}.{of}", []).append((name, of))
+        self._columns = {*names}
         self.names = [*time.columns, *self._places]
         self.dates = [name for name in recording.dates if name in time.columns]
         self.days = [name for name in recording.days if name in time.columns]
@@ -68,7 +72,7 @@ class WideRecording(Recording):
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted columns; each is empty where its object has no row."""
-        numbers = [*dict.fromkeys(self._places[name][0] for name in wanted.numbers)]
+        numbers = [*dict.fromkeys(self._place(name)[0] for name in wanted.numbers)]
         gaps = numbers if wanted.gaps else ()
         base = replace(wanted, numbers=numbers, gaps=gaps, texts=(), cells=(), ends=False)
         rows = self._recording.read(self._with_objects(base))
@@ -78,7 +82,7 @@ class WideRecording(Recording):
         objects = np.array(self._objects(rows))
         columns, absent = {}, {}
         for name in wanted.numbers:
-            column, of = self._places[name]
+            column, of = self._place(name)
             if of not in of_objects:
                 (of_objects[of],) = np.nonzero(objects == of)
                 self._check(rows, places, of_objects[of], of)
@@ -97,6 +101,17 @@ class WideRecording(Recording):
             rows.unit,
             invalid=absent,
         )
+
+    def _place(self, name: str) -> tuple[str, str]:
+        """Return the column and the object of a name that can be read in one way only."""
+        readings = [f"the column '{column}' of '{of}'" for column, of in self._places[name]]
+        readings += ["a column of the file"] if name in self._columns else []
+        if len(readings) > 1:
+            raise InputError(
+                f"{self.source}: expected one meaning of '{name}', got {' or '.join(readings)}. "
+                "Give the column or the object another name."
+            )
+        return self._places[name][0]
 
     def _check(
         self, rows: Rows, places: NDArray[np.intp], own: NDArray[np.intp], name: str

@@ -106,6 +106,31 @@ def test_times_equal_up_to_rounding_are_one_instant(
     assert found[0][0] == 1
 
 
+@pytest.mark.parametrize("end", [".csv", ".parquet"])
+@pytest.mark.parametrize(
+    ("columns", "objects", "error"),
+    [
+        (("x", "x.a"), ("a.b", "b"), "'x.a.b', got the column 'x' of 'a.b' or the column 'x.a' of"),
+        (("x", "x.a.b"), ("a.b", "c"), "got the column 'x' of 'a.b' or a column of the file"),
+    ],
+)
+def test_name_with_two_meanings_error(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    end: str,
+    columns: tuple[str, str],
+    objects: tuple[str, str],
+    error: str,
+) -> None:
+    """Only a requirement that reads the name is refused."""
+    rows = [(time, name, 1.0, 2.0) for time in range(3) for name in objects]
+    log = written(tmp_path, pd.DataFrame(rows, columns=["time", "name", *columns]), end)
+    words = ["monitor", "always(y < 3)", log, "--wide", "name"]
+    assert main([*words, "--signal", "y=x.a.b"]) == 2
+    assert error in capsys.readouterr().err
+    assert main([*words, "--signal", f"y=x.{objects[1]}"]) == 0
+
+
 def test_wide_groups(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "log.csv"
     rows = [f"{run},{line}" for run in (1, 2) for line in LOG.splitlines()[1:]]
