@@ -77,15 +77,14 @@ def _with_period(
 ) -> tuple[Trace, Fraction | None]:
     """Return a trace with its period: the stated one, the one of its times, or None."""
     if reading.seconds is not None:
-        _check_bounds(specs, reading, _meant_period(trace, reading.seconds))
+        check_bounds(specs, reading, _meant_period(trace, reading.seconds))
         return _under(trace, reading.seconds), reading.seconds
     timed = any(spec.timed for spec in specs.values())
     period = trace.period(timed=timed)
     if period is None and trace.times is not None:
         period = trace.times.step  # of one sample, if the format states it
-    if period is not None and trace.times is not None and not trace.times.decided:
-        doubt = trace.times.unit_note and f"{trace.times.unit_note}; if seconds, --time-unit s"
-        _check_bounds(specs, reading.having(period=period), doubt)
+    if period is not None and trace.times is not None:
+        check_bounds(specs, reading.having(period=period), trace.times.unit_doubt)
     trace = _noted(trace, columns)
     if period is None and trace.times is not None and timed:
         raise InputError(
@@ -184,7 +183,7 @@ def _noted(trace: Trace, columns: Columns) -> Trace:
     return replace(trace, notes=[*trace.notes, *filter(None, notes)])
 
 
-def _check_bounds(
+def check_bounds(
     specs: Mapping[str, rtamt.Specification], reading: EvaluationOptions, doubt: str
 ) -> None:
     """Raise the error about a bound that does not fit the period, with a doubt about its unit.

@@ -362,7 +362,7 @@ class TextNumbers:
         """Notes on how numbers were read."""
         decimal, notes = self.decimal, []
         if self._option is None and decimal == ",":
-            notes.append("numbers are read with a decimal comma")
+            notes.append(COMMA_NOTE)
         if self._grouped:
             notes.append(
                 f"marks between groups of three digits are left out: '{self._grouped}' is "
@@ -370,11 +370,27 @@ class TextNumbers:
             )
         groups = {name: self._marks[name].grouped(decimal) for name in self._read}
         return notes + [
-            f"--decimal {decimal} reads '{cell}' as {_read(cell, decimal)}: every number of "
-            f"'{name}' has three digits after the mark, as numbers in groups of three digits have"
+            stated_mark_note(name, cell, decimal)
             for name, cell in groups.items()
             if cell and self._option is not None
         ]
+
+
+COMMA_NOTE: Final = "numbers are read with a decimal comma"
+
+
+def stated_mark_note(name: str, cell: str, decimal: str) -> str:
+    """Return the note that a stated mark may as well stand between groups of three digits.
+
+    Args:
+        name: The column.
+        cell: A cell of it.
+        decimal: The stated decimal mark.
+    """
+    return (
+        f"--decimal {decimal} reads '{cell}' as {_read(cell, decimal)}: every number of "
+        f"'{name}' has three digits after the mark, as numbers in groups of three digits have"
+    )
 
 
 def _evidence(columns: Mapping[str, ColumnMarks]) -> dict[str, tuple[str, MarkedCell]]:

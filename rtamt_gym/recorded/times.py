@@ -359,10 +359,23 @@ class TimeAxis:
 
     @property
     def unit_note(self) -> str:
-        """Says which unit was decided, or that the times may be milliseconds; empty otherwise.
+        """The note of `note_of_unit` on these times."""
+        return self.note_of_unit(float(self.since[-1]))
+
+    @property
+    def unit_doubt(self) -> str:
+        """Why a period from these times may be in another unit; empty without a doubt."""
+        note = "" if self.decided else self.unit_note
+        return note and f"{note}; if seconds, --time-unit s"
+
+    def note_of_unit(self, length: float) -> str:
+        """Return which unit was decided, or that the times may be milliseconds; empty otherwise.
 
         They may be if the unit is not stated, and the times are 1 or more apart: whole numbers, or
         others in nearly even steps.
+
+        Args:
+            length: The length of the trace in seconds, of which these may be the first times.
         """
         if self.decided:
             usual = median(np.abs(np.diff(self.since)))
@@ -381,9 +394,8 @@ class TimeAxis:
         even = float((np.abs(steps - usual) <= _UNEVEN * usual).mean()) >= _MOSTLY
         if (steps % 1).any() and not ((usual % 1) and even):
             return ""
-        length = number(float(self.since[-1]))
         return (
-            f"the times have no unit and count as seconds, {length} s in all: if these are "
+            f"the times have no unit and count as seconds, {number(length)} s in all: if these are "
             "milliseconds, --time-unit ms"
         )
 

@@ -164,12 +164,23 @@ def evidence_warnings(
             kind = "never answered"
             unanswered.append(VerdictWarning(text, kind, name, {cells: text}, fails=True))
     without = _without_implications(results, required)
-    return [*_bare_variables(results), *without, *never, *seldom, *partly, *unanswered]
+    return [
+        *bare_variable_warnings(results.requirements),
+        *without,
+        *never,
+        *seldom,
+        *partly,
+        *unanswered,
+    ]
 
 
-def _bare_variables(results: Results) -> Iterator[VerdictWarning]:
-    """Yield warnings on variables that stand alone as formulas, which 0 satisfies."""
-    for name, text in results.requirements.items():
+def bare_variable_warnings(requirements: Mapping[str, str]) -> Iterator[VerdictWarning]:
+    """Yield warnings on variables that stand alone as formulas, which 0 satisfies.
+
+    Args:
+        requirements: The formulas of the requirements as text.
+    """
+    for name, text in requirements.items():
         if bare := bare_variables(text):
             first = bare[0]
             yield VerdictWarning(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -91,10 +91,30 @@ class StreamClock:
             precision = np.maximum(precision, np.spacing(np.abs(raw)) * (self._unit / 1e9))
         return precision
 
-    def period(self, source: str, lines: Sequence[int]) -> Fraction:
-        """Return the distance of the first two rows."""
+    @property
+    def unit_doubt(self) -> str:
+        """Why a period from the first two rows may be in another unit; empty without a doubt."""
+        return self._axis.unit_doubt
+
+    def unit_note(self, since: Floats, length: float) -> str:
+        """Return the note on the unit of times; empty without one.
+
+        Args:
+            since: The first times in seconds since the first row.
+            length: The length of the trace in seconds.
+        """
+        return replace(self._axis, since=since).note_of_unit(length)
+
+    def period(self, source: str, lines: Sequence[int], *, timed: bool) -> Fraction:
+        """Return the distance of the first two rows.
+
+        Args:
+            source: The name of the stream, for messages.
+            lines: The lines of the rows.
+            timed: Whether a formula has time bounds, so that times cannot be left aside.
+        """
         trace = Trace(source, {}, 2, self._axis, lambda row: f"{source}, line {lines[row]}")
-        period = trace.period()
+        period = trace.period(timed=timed)
         assert period is not None, "there are two rows"  # noqa: S101 - for mypy
         return period
 

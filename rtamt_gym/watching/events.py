@@ -22,6 +22,9 @@ from rtamt_gym.watching.rows import RowFault
 from rtamt_gym.watching.states import RowValues, StreamRules
 from rtamt_gym.watching.values import without_place
 
+_FIRST = 1000
+"""The times from which the unit of times is doubted."""
+
 _TICK = 1e-9
 """The resolution of dense time in seconds."""
 
@@ -55,6 +58,7 @@ class EventGroup:
         self._raw: RawTimes | None = None
         self._fed = self._gap = self._unit_known = False
         self._time = self._judged = 0.0
+        self._first: list[float] = []
         self._changes: list[tuple[float, RowValues]] = []
         """The values from the row before on, with their times."""
         self.samples = self.rows = 0
@@ -131,7 +135,8 @@ class EventGroup:
     def _check_unit(self, raw: RawTimes, line: int) -> None:
         assert self._raw is not None, "a row came before"  # noqa: S101 - for mypy
         try:
-            self._clock_rules.axis(np.concatenate([self._raw, raw]), [line - 1, line])
+            both = np.concatenate([self._raw, raw])
+            self._clock = StreamClock(self._clock_rules, both, [line - 1, line])
         except InputError as error:
             raise RowFault(0, without_place(error), skippable=False) from None
         self._unit_known = True
@@ -159,12 +164,17 @@ class EventGroup:
             return
         for place, value in enumerate(self._pending):
             if not self._is_no_event(value):
+                if math.isnan(value):
+                    name = self._rules.variables[place]
+                    self._rules.notes.add_unknown_event(name, self._time)
                 self._held[place], self._known[place] = value, True
         row = [*self._held]
         for state in self._states:
             state.update(self._time, row, self._known)
         self._judged, self._fed = self._time, True
         self.samples += 1
+        if len(self._first) < _FIRST:
+            self._first.append(self._time)
         self._changes.append((self._time, row))
         self._look(row)
         del self._changes[:-1]
@@ -234,6 +244,10 @@ class EventGroup:
             return []
         if self._gap:
             end = "open"
+        if self._clock is not None and len(self._first) > 1:
+            since = np.array(self._first) - self._first[0]
+            length = self._judged - self._first[0]
+            self._rules.notes.add_unit(self._clock.unit_note(since, length))
         lines = []
         for state in self._states:
             state.finish(end, early=early)

@@ -15,6 +15,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.ruled import check_bounds
 from rtamt_gym.recorded.times import same_as_before
 from rtamt_gym.results.extent import Extent
 from rtamt_gym.tables import number, time_text
@@ -52,6 +53,7 @@ class SampledGroup:
         self.group, self._lost = group, lost
         self._period = rules.reading.seconds
         self._stated = self._period is not None
+        self._timed_specs = any(spec.timed for spec in rules.specs.values())
         self._clock: StreamClock | None = None
         self._states: list[SampledState] = []
         self._first: tuple[RowValues, RawTimes, int] | None = None
@@ -84,7 +86,7 @@ class SampledGroup:
         Raises:
             RowFault: At a row that cannot be judged; all rows before it are.
         """
-        values, kept = self._filled(values)
+        values, kept = self._filled(values, lines)
         if kept is not None:
             raw, lines = None if raw is None else raw[kept], [lines[i] for i in kept.tolist()]
         if not len(values):
@@ -140,7 +142,9 @@ class SampledGroup:
         self._check_back(first, raw, at)
         lines = [first_line, line]
         clock = StreamClock(self._clock_rules, both, lines)
-        self._period = clock.period(self._clock_rules.source, lines)
+        self._period = clock.period(self._clock_rules.source, lines, timed=self._timed_specs)
+        reading = self._rules.reading.having(period=self._period)
+        check_bounds(self._rules.specs, reading, clock.unit_doubt)
         self._clock, self._first = clock, None
         self._start()
         self._last, self._last_raw, self._last_row = float(clock.since(raw)[0]), raw, row
@@ -200,10 +204,11 @@ class SampledGroup:
             return
         start = 0.0 if self._clock is None else self._clock.start
         text = f"{time_text(start + since, period)} after {time_text(start + self._last, period)}"
+        aside = "" if self._timed_specs else ", or --period to leave the times aside"
         raise RowFault(
             at,
             f"expected samples {period:.6g} s apart, as the first two are, got {text}; give "
-            "--dense to take rows as events at any time, or --period to leave the times aside",
+            f"--dense to take rows as events at any time{aside}",
         )
 
     def _check_back(self, before: RawTimes, raw: RawTimes, at: int) -> None:
@@ -225,7 +230,7 @@ class SampledGroup:
                     f"{number(new)}",
                 )
 
-    def _filled(self, values: Floats) -> tuple[Floats, np.ndarray | None]:
+    def _filled(self, values: Floats, lines: Sequence[int]) -> tuple[Floats, np.ndarray | None]:
         """Return the rows after the treatment of empty cells, and their places if some are left."""
         empty = np.isnan(values)
         if self._columns.missing == "hold":
@@ -234,7 +239,10 @@ class SampledGroup:
             return values, None
         if self._columns.missing == "drop":
             (kept,) = np.nonzero(~empty.any(axis=1))
+            self._rules.notes.dropped += len(values) - len(kept)
             return values[kept], kept
+        if self._columns.missing == "unknown":
+            self._rules.notes.add_unknown(self._rules.variables, empty, lines)
         return values, None
 
     def _hold(self, values: Floats, empty: np.ndarray) -> RowValues:
@@ -253,6 +261,7 @@ class SampledGroup:
                             "got an empty cell; give --missing unknown",
                         )
                     cells[index] = value
+                    self._rules.notes.held[name] += 1
                 held = cells.tolist()
         last: RowValues = values[-1].tolist()
         return last
@@ -394,6 +403,7 @@ class SampledGroup:
             return []
         if self._gap:
             end = "open"
+        self._note_unit()
         lines = []
         for state in self._states:
             state.finish(end)
@@ -401,6 +411,12 @@ class SampledGroup:
             counts = state.counts(self.samples, end)
             lines.append(line._replace(end=end, final=True, instants=counts))
         return lines
+
+    def _note_unit(self) -> None:
+        if self._clock is not None and self._period is not None and not self._stated:
+            since = np.array([0.0, float(self._period)])
+            length = float((self.samples - 1) * self._period)
+            self._rules.notes.add_unit(self._clock.unit_note(since, length))
 
     def _open_line(self, name: str) -> Line:
         """Return the final line of a trace of one row, whose period is not known."""

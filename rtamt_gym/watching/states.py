@@ -19,6 +19,7 @@ from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.tables import number
 from rtamt_gym.watching.lines import Line
+from rtamt_gym.watching.notes import StreamNotes
 
 StreamStop = Literal["end", "violation", "decided"]
 """When a stream stops: at its end, at the first violation, or once everything is decided."""
@@ -39,6 +40,7 @@ class StreamRules:
         stop: When the stream stops.
         options: The keywords of monitors by the period.
         undecided: The number of undecided verdicts of all groups so far.
+        notes: The notes on how rows were read.
     """
 
     specs: Mapping[str, rtamt.Specification]
@@ -49,6 +51,7 @@ class StreamRules:
     stop: StreamStop = "end"
     options: dict[Fraction | None, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     undecided: int = 0
+    notes: StreamNotes = field(default_factory=StreamNotes)
 
     @property
     def by_step(self) -> bool:

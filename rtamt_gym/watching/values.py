@@ -37,6 +37,7 @@ from rtamt_gym.recorded.names import (
 )
 from rtamt_gym.recorded.recording import Floats, Recording
 from rtamt_gym.recorded.roles import has_time_bounds
+from rtamt_gym.recorded.text_numbers import COMMA_NOTE, ColumnMarks, stated_mark_note
 from rtamt_gym.recorded.times import TimeColumn, find_times, join_times
 from rtamt_gym.watching.one_trace import Guard, guards_of
 from rtamt_gym.watching.rows import ColumnCells, RowBlock, RowFault, cell_text
@@ -112,6 +113,7 @@ class StreamColumns:
         self.time: TimeColumn | None = None
         self.notes: list[str] = []
         self._group_kind = ""
+        self._marks: dict[str, ColumnMarks] = {}
         self._guards: list[Guard] = []
 
     def choose(self, names: Sequence[str], block: RowBlock) -> list[str]:
@@ -140,6 +142,8 @@ class StreamColumns:
             )
         check_near(self._source, names, variables, columns)
         self.there = recorded_variables(names, variables, columns)
+        if columns.decimal is not None:
+            self._marks = {columns.column(name): ColumnMarks() for name in self.there}
         needed = needed_columns(head, self.there, columns)
         for name in variables:
             if name not in self.there:
@@ -166,6 +170,21 @@ class StreamColumns:
             ]
         guarded = [guard.name for guard in self._guards]
         return [*dict.fromkeys([*needed, *times, *by, *guarded])]
+
+    def mark_notes(self) -> list[str]:
+        """Return the notes on the decimal mark, as files have them."""
+        stated, mark = self._columns.decimal is not None, self._mark or "."
+        notes = [COMMA_NOTE] * (not stated and mark == ",")
+        cells = {name: marks.grouped(mark) for name, marks in self._marks.items()}
+        return notes + [stated_mark_note(name, cell, mark) for name, cell in cells.items() if cell]
+
+    def _look_for_marks(self, block: RowBlock) -> None:
+        """Take in the evidence that a stated mark stands between groups of digits."""
+        for name, marks in [*self._marks.items()]:
+            cells = [cell for cell in block.columns[name] if isinstance(cell, str)]
+            marks.add(TextCells(cells), 0, brief=True)
+            if marks.evidence or marks.digits:
+                del self._marks[name]
 
     @property
     def absent(self) -> list[str]:
@@ -242,7 +261,10 @@ class StreamColumns:
             groups = [cell_text(cell).strip() for cell in block.columns[self._by]]
             if "" in groups:
                 raise RowFault(groups.index(""), f"column '{self._by}': expected a group, got none")
-        return Numbered(values, self._times(block), groups)
+        numbered = Numbered(values, self._times(block), groups)
+        if self._marks:
+            self._look_for_marks(block)
+        return numbered
 
     def _check_groups(self, cells: ColumnCells) -> None:
         """Check that the names of groups in JSON are of one kind, as 7 and "7" are not."""

@@ -1,0 +1,74 @@
+"""Notes on how the rows of a stream were read, in the words that files have."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt_gym.tables import number
+
+
+class StreamNotes:
+    """The notes on all traces of a stream.
+
+    Attributes:
+        held: The number of empty cells of each variable that hold the value before.
+        dropped: The number of rows with an empty cell that were left out.
+    """
+
+    def __init__(self) -> None:
+        self.held = Counter[str]()
+        self.dropped = 0
+        self._unknown = Counter[str]()
+        self._first: dict[str, str] = {}
+        self._unit = ""
+
+    def add_unknown(
+        self, names: Sequence[str], empty: NDArray[np.bool_], lines: Sequence[int]
+    ) -> None:
+        """Count empty cells that are unknown.
+
+        Args:
+            names: The variables.
+            empty: Whether each cell is empty, shape (rows, variables).
+            lines: The lines of the rows.
+        """
+        for place in np.nonzero(empty.any(axis=0))[0].tolist():
+            name, cells = names[place], empty[:, place]
+            self._unknown[name] += int(cells.sum())
+            self._first.setdefault(name, f"line {lines[int(cells.argmax())]}")
+
+    def add_unknown_event(self, name: str, time: float) -> None:
+        """Count an event without a number."""
+        self._unknown[name] += 1
+        self._first.setdefault(name, f"{number(time)} s")
+
+    def add_unit(self, text: str) -> None:
+        """Take in the note on the unit of a trace; the first of several is shown."""
+        self._unit = self._unit or text
+
+    def texts(self, *, dense: bool) -> list[str]:
+        """Return the notes in sentences.
+
+        Args:
+            dense: Whether rows are events.
+        """
+        texts = []
+        if self.held:
+            counts = ", ".join(f"{name}: {count}" for name, count in self.held.items())
+            texts.append(f"empty cells hold the value before ({counts})")
+        if self.dropped:
+            rows = f"{self.dropped} row{'s' * (self.dropped > 1)}"
+            texts.append(f"{rows} with an empty cell left out")
+        if self._unknown:
+            place = "at" if dense else "in"
+            counts = ("; " if dense else ", ").join(
+                f"{name}: {count}, the first {place} {self._first[name]}"
+                for name, count in self._unknown.items()
+            )
+            cells = "events without a number are unknown" if dense else "empty cells are unknown"
+            texts.append(f"{cells}{'' if dense else ' samples'} ({counts})")
+        return [*texts, *filter(None, [self._unit])]
