@@ -179,7 +179,8 @@ def run(options: argparse.Namespace) -> int:
     with screen or nullcontext(), _interrupts() as interrupts, few_collections():
         code = _judge(watch, blocks, output, interrupts)
     output.flush()
-    print(*watch.messages(), sep="\n", end="\n" * bool(watch.messages()), file=sys.stderr)
+    messages = [] if output.closed else watch.messages()
+    print(*messages, sep="\n", end="\n" * bool(messages), file=sys.stderr)
     for failure in watch.failures:
         print(f"rtamt: error: {failure}", file=sys.stderr)
     return watch.exit_code() if code is None else code

@@ -33,7 +33,6 @@ CASES = [
     ("comma", []),
     ("comma", ["--decimal", ","]),
     ("groups", ["--decimal", "."]),
-    ("groups", []),
     ("digits", ["--decimal", "."]),
     ("empty", ["--missing", "hold"]),
     ("empty", ["--missing", "drop"]),
