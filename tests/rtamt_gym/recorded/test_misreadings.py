@@ -505,3 +505,22 @@ def test_the_line_with_the_names_is_proposed(capsys: Output) -> None:
     code, text = judged(capsys, "always[0:2](CH1 > 0)", "log.csv")
     assert (code, "give --skip 3 if line 4, which has 'CH1', has the names" in text) == (2, True)
     assert judged(capsys, "always[0:2](CH1 > 0)", "log.csv", "--skip", "3")[0] == 1
+
+
+def test_accepted_tables_of_the_page(capsys: Output) -> None:
+    """Tables that `docs/traces.md` describes as read, next to a refused one of the same kind."""
+
+    def code(text: str) -> int:
+        Path("log.csv").write_text(text)
+        return judged(capsys, "always(v > 0)", "log.csv")[0]
+
+    rows = "0,1,0\n1,1,1\n2,1,0\n3,1,1\n"
+    assert code(f"time,v,done\n{rows}") == 0
+    assert code(f"time,v,terminated\n{rows}") == 2
+    assert code("v,done\n1,0\n1,1\n1,0\n1,1\n") == 2
+    assert code("time,v\n0,1\n1,1\n1,1\n2,1\n") == 0
+    assert code("time,v\n0,1\n1,1\n1,2\n2,1\n") == 2
+    assert code("time,v\n45413.5,1\n45413.6,1\n45413.7,1\n") == 0
+    assert code("time,v\n45413.5,1\n45413.500012,1\n45413.500024,1\n") == 2
+    assert code("time,v\n115945,1\n115946,1\n115947,1\n") == 0
+    assert code("time,v\n115930,1\n115945,1\n120000,1\n") == 2
