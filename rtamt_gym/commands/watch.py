@@ -231,7 +231,17 @@ def _replayed(
         raise InputError("--speed replays a file, and not a stream that comes by itself")
     if not 0 < options.speed < math.inf:
         raise InputError(f"--speed: expected a factor above 0, such as 10, got {options.speed:g}")
-    return paced(blocks, watch.seconds, options.speed)
+
+    def seconds() -> float | None:
+        at = watch.seconds()
+        if at is None and any(trace.samples for trace in watch.traces.values()):
+            raise InputError(
+                "--speed replays rows by their times, but they have none. Give --period TIME, the "
+                "time between two rows, or leave out --speed."
+            )
+        return at
+
+    return paced(blocks, seconds, options.speed)
 
 
 def _settings(options: argparse.Namespace) -> WatchOptions:

@@ -56,10 +56,15 @@ def step_limit(
     steps = int(exact(duration) / period)  # a float may lie a little below a number of periods
     if steps == 0:
         number = f"{float(period):g}"
+        in_milliseconds = (
+            (", or ", Argument("period", f"{number}ms"), f" if a step lasts {number} ms")
+            if period >= 1
+            else ()
+        )
         raise InputError(
             Argument("duration", duration),
             f" is shorter than a step of {number} s, so no step would be evaluated; give at least ",
             Argument("duration", float(period)),
-            *((", or ", Argument("period", f"{number}ms"), " for ms") if period >= 1 else ()),
+            *in_milliseconds,
         )
     return steps

@@ -135,7 +135,7 @@ def refused(
         refused(
             lambda: run(ROWS, LOW, period=100, duration=20),
             "duration=20.0 is shorter than a step of 100 s, so no step would be evaluated; give at "
-            "least duration=100.0, or period='100ms' for ms",
+            "least duration=100.0, or period='100ms' if a step lasts 100 ms",
         ),
         refused(
             lambda: run(CARTPOLE, LOW, {"level": "obs[0]"}, policy=lambda _: 0, duration=0.01),

@@ -104,6 +104,22 @@ def test_what_cannot_be_replayed_is_refused(
     assert "--speed" in capsys.readouterr().err
 
 
+def test_rows_without_times_are_not_replayed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("bare.csv").write_text("x\n1\n1\n")
+    arguments = ["watch", "always(x < 3)", "bare.csv", "--speed", "1e6"]
+    assert main(arguments) == 2
+    assert "Give --period TIME" in capsys.readouterr().err
+    assert main([*arguments, "--period", "0.1"]) == 0
+    assert main(arguments[:-2]) == 0
+    for rows in ("time,x\n0,1\n1,1\n", "date,x\n2024-05-01,1\n2024-05-02,1\n"):
+        Path("bare.csv").write_text(rows)
+        assert main(arguments) == 0
+        assert main([*arguments, "--dense"]) == 0
+
+
 @given(st.lists(st.integers(1, 50), min_size=2, max_size=20), st.integers(1, 8))
 def test_rows_come_when_they_are_due(steps: list[int], speed: int) -> None:
     times = [sum(steps[:i]) / 8 for i in range(len(steps))]
