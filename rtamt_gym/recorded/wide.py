@@ -77,9 +77,9 @@ class WideRecording(Recording):
         base = replace(wanted, numbers=numbers, gaps=gaps, texts=(), cells=(), ends=False)
         rows = self._recording.read(self._with_objects(base))
         assert rows.times is not None, "wanted"  # noqa: S101 - for mypy
-        instants, first, places = find_instants(rows.times)
-        of_objects: dict[str, NDArray[np.intp]] = {}
         objects = np.array(self._objects(rows))
+        instants, first, places = find_instants(rows.times, _least_step(rows.times, objects))
+        of_objects: dict[str, NDArray[np.intp]] = {}
         columns, absent = {}, {}
         for name in wanted.numbers:
             column, of = self._place(name)
@@ -127,22 +127,42 @@ class WideRecording(Recording):
             )
 
 
+_NEAR = 1e-9
+"""The part of a step by which clocks of two objects may differ at one instant."""
+
+
 def find_instants(
-    times: NDArray[Any],
+    times: NDArray[Any], step: float = 0.0
 ) -> tuple[NDArray[Any], NDArray[np.intp], NDArray[np.intp]]:
     """Return the instants of rows in order, the first row of each, and the instant of each row.
 
-    Floating-point times that differ by at most one unit in the last place are one instant.
+    Floating-point times are one instant if they differ by at most one unit in the last place, or a
+    billionth of a step, as sums of steps do.
 
     Args:
         times: The time of each row in the order of the file, shape (n,).
+        step: The smallest step of an object, in the unit of the times.
 
     Example:
         >>> [values.tolist() for values in find_instants(np.array([0.3, 0.1, 0.1 + 0.2]))]
         [[0.1, 0.3], [1, 0], [1, 0, 1]]
     """
     order = np.argsort(times, kind="stable")
-    starts = np.append(True, ~same_as_before(times[order]))
+    same = same_as_before(times[order])
+    if times.dtype.kind == "f":
+        same |= np.diff(times[order]) <= _NEAR * step
+    starts = np.append(True, ~same)
     places = np.empty(len(times), np.intp)
     places[order] = np.cumsum(starts) - 1
     return times[order][starts], order[starts], places
+
+
+def _least_step(times: NDArray[Any], objects: NDArray[np.str_]) -> float:
+    """Return the smallest step of an object; 0 if the times are not floating-point numbers."""
+    if times.dtype.kind != "f":
+        return 0.0
+    _, owners = np.unique(objects, return_inverse=True)
+    order = np.lexsort((times, owners))
+    steps = np.diff(times[order])[np.diff(owners[order]) == 0]
+    steps = steps[steps > 0]
+    return float(steps.min()) if len(steps) else 0.0

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given, settings
@@ -90,9 +91,10 @@ def test_absent_objects_are_unknown(
 def test_times_equal_up_to_rounding_are_one_instant(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, end: str
 ) -> None:
-    """A clock that counts k * 0.1 and one that rounds give the same trace."""
-    times = [(k * 0.1, round(k * 0.1, 9)) for k in range(8)]
-    assert times[3][0] != times[3][1]
+    """A clock that counts k * 0.1, one that adds and one that rounds give the same trace."""
+    added, counted = [0.0, *np.cumsum(np.full(39, 0.1)).tolist()], (np.arange(40) * 0.1).tolist()
+    times = [*zip(added, counted, strict=True)]
+    assert max(abs(first - second) for first, second in times) > 1e-15
     rows = [(time, name, k) for k, two in enumerate(times) for time, name in zip(two, "AB")]  # noqa: B905
     found = []
     for exact in (True, False):
