@@ -136,19 +136,18 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
     if command in OF_TRACES:
         argv = _separated(argv, command)
     options, remainder = parser.parse_known_args(argv)
-    if remainder and command in OF_TRACES and not any(text.startswith("-") for text in remainder):
+    plain = not any(text.startswith("-") for text in remainder)
+    if remainder and command in OF_TRACES and plain:
         # argparse ends the list of specifications at the first option after it.
         options.specs += [options.trace, *remainder]
         options.trace = options.specs.pop()
-    elif (
-        remainder
-        and "requirements" in options
-        and not any(text.startswith("-") for text in remainder)
-    ):
+    elif remainder and "requirements" in options and plain:
         options.requirements = [
             *options.requirements,
             *remainder,
         ]  # requirements after the first option
+    elif command == "watch" and options.source == "-" and len(remainder) == 1 and plain:
+        (options.source,) = remainder  # argparse takes the default before the first option
     elif remainder:
         # argparse leaves them to the parser of all commands.
         near = _instead(remainder, command)

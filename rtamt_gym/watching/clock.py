@@ -96,14 +96,19 @@ class StreamClock:
         """Why a period from the first two rows may be in another unit; empty without a doubt."""
         return self._axis.unit_doubt
 
-    def unit_note(self, since: Floats, length: float) -> str:
+    @property
+    def certain(self) -> bool:
+        """Whether the unit of the times is stated, or they are dates."""
+        return self._axis.certain and not self._axis.decided
+
+    def unit_note(self, raw: RawTimes, length: float) -> str:
         """Return the note on the unit of times; empty without one.
 
         Args:
-            since: The first times in seconds since the first row.
+            raw: The first times.
             length: The length of the trace in seconds.
         """
-        return replace(self._axis, since=since).note_of_unit(length)
+        return replace(self._axis, since=self.since(raw)).note_of_unit(length)
 
     def period(self, source: str, lines: Sequence[int], *, timed: bool) -> Fraction:
         """Return the distance of the first two rows.

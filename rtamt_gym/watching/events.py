@@ -22,8 +22,11 @@ from rtamt_gym.watching.rows import RowFault
 from rtamt_gym.watching.states import RowValues, StreamRules
 from rtamt_gym.watching.values import without_place
 
-_FIRST = 1000
+_FIRST = 512
 """The times from which the unit of times is doubted."""
+
+_SURE = 64
+"""The times up to which each shows whether all are seconds; after it, each power of two does."""
 
 _TICK = 1e-9
 """The resolution of dense time in seconds."""
@@ -56,9 +59,9 @@ class EventGroup:
         self._held: list[float] = []
         self._pending: list[float] = []
         self._raw: RawTimes | None = None
-        self._fed = self._gap = self._unit_known = False
+        self._fed = self._gap = False
         self._time = self._judged = 0.0
-        self._first: list[float] = []
+        self._first: RawTimes = np.zeros(0, np.int64)
         self._changes: list[tuple[float, RowValues]] = []
         """The values from the row before on, with their times."""
         self.samples = self.rows = 0
@@ -99,11 +102,12 @@ class EventGroup:
             self._flush()
             if self.stopped:
                 return
-        if self._raw is not None and not self._unit_known:
-            self._check_unit(raw, line)
         time = self._clock.start + float(self._clock.since(raw)[0])
         if not math.isfinite(time):
             raise RowFault(0, f"expected a finite time, got {raw[0]}")
+        if not self._clock.certain and len(self._first) < _FIRST:
+            self._clock = self._checked_clock(self._clock, raw, line)
+            time = self._clock.start + float(self._clock.since(raw)[0])
         if self._gap and self.samples:
             self._forget_values(time, len(row))
             self._held = [math.nan] * len(row)  # until the next event of each variable
@@ -132,14 +136,19 @@ class EventGroup:
             for state in self._states:
                 state.update(after, unknown, self._known)
 
-    def _check_unit(self, raw: RawTimes, line: int) -> None:
-        assert self._raw is not None, "a row came before"  # noqa: S101 - for mypy
+    def _checked_clock(self, clock: StreamClock, raw: RawTimes, line: int) -> StreamClock:
+        """Return the clock after a check that the first times can be seconds; more show more."""
+        self._first = np.concatenate([self._first, raw]) if len(self._first) else raw
+        count = len(self._first)
+        if count == 1 or (count > _SURE and count & (count - 1)):
+            return clock
         try:
-            both = np.concatenate([self._raw, raw])
-            self._clock = StreamClock(self._clock_rules, both, [line - 1, line])
+            if count == 2:  # they may decide the unit
+                return StreamClock(self._clock_rules, self._first, [line, line])
+            self._clock_rules.axis(self._first, [line] * count)
         except InputError as error:
             raise RowFault(0, without_place(error), skippable=False) from None
-        self._unit_known = True
+        return clock
 
     def _is_no_event(self, value: float) -> bool:
         return math.isnan(value) and self._columns.missing != "unknown"
@@ -154,7 +163,7 @@ class EventGroup:
                 raise RowFault(
                     0,
                     f"expected one value of '{self._rules.variables[place]}' at one time, got "
-                    f"{number(old)} and {number(value)}",
+                    f"{number(old)} and {number(value)}{self._rules.objects_hint(self.group)}",
                 )
             self._pending[place] = value
 
@@ -173,8 +182,6 @@ class EventGroup:
             state.update(self._time, row, self._known)
         self._judged, self._fed = self._time, True
         self.samples += 1
-        if len(self._first) < _FIRST:
-            self._first.append(self._time)
         self._changes.append((self._time, row))
         self._look(row)
         del self._changes[:-1]
@@ -245,9 +252,12 @@ class EventGroup:
         if self._gap:
             end = "open"
         if self._clock is not None and len(self._first) > 1:
-            since = np.array(self._first) - self._first[0]
-            length = self._judged - self._first[0]
-            self._rules.notes.add_unit(self._clock.unit_note(since, length))
+            try:
+                self._clock_rules.axis(self._first, [0] * len(self._first))
+            except InputError as error:
+                raise InputError(without_place(error)) from None
+            length = self._judged - self._clock.start
+            self._rules.notes.add_unit(self._clock.unit_note(self._first, length))
         lines = []
         for state in self._states:
             state.finish(end, early=early)

@@ -57,6 +57,8 @@ class SampledGroup:
         self._clock: StreamClock | None = None
         self._states: list[SampledState] = []
         self._first: tuple[RowValues, RawTimes, int] | None = None
+        self._two: RawTimes = np.zeros(0)
+        """The first two times, which give the period."""
         self._held: RowValues | None = None
         self._last_raw: RawTimes | None = None
         self._last_row: RowValues = ()
@@ -145,7 +147,7 @@ class SampledGroup:
         self._period = clock.period(self._clock_rules.source, lines, timed=self._timed_specs)
         reading = self._rules.reading.having(period=self._period)
         check_bounds(self._rules.specs, reading, clock.unit_doubt)
-        self._clock, self._first = clock, None
+        self._clock, self._first, self._two = clock, None, both
         self._start()
         self._last, self._last_raw, self._last_row = float(clock.since(raw)[0]), raw, row
         self._take(np.array([before, row]))
@@ -227,7 +229,7 @@ class SampledGroup:
                 raise RowFault(
                     at,
                     f"expected one value of '{name}' at one time, got {number(old)} and "
-                    f"{number(new)}",
+                    f"{number(new)}{self._rules.objects_hint(self.group)}",
                 )
 
     def _filled(self, values: Floats, lines: Sequence[int]) -> tuple[Floats, np.ndarray | None]:
@@ -414,9 +416,8 @@ class SampledGroup:
 
     def _note_unit(self) -> None:
         if self._clock is not None and self._period is not None and not self._stated:
-            since = np.array([0.0, float(self._period)])
             length = float((self.samples - 1) * self._period)
-            self._rules.notes.add_unit(self._clock.unit_note(since, length))
+            self._rules.notes.add_unit(self._clock.unit_note(self._two, length))
 
     def _open_line(self, name: str) -> Line:
         """Return the final line of a trace of one row, whose period is not known."""

@@ -58,6 +58,10 @@ class StreamRules:
         """Whether lines are about instants."""
         return self.reading.view == "step"
 
+    def objects_hint(self, group: str | None) -> str:
+        """Return the advice for two values at one time; empty in a group."""
+        return "" if group is not None else "; give --by COLUMN if rows are of several objects"
+
     def keywords(self, name: str, period: Fraction | None) -> Mapping[str, Any]:
         """Return the keywords of a monitor of a requirement."""
         if period not in self.options:

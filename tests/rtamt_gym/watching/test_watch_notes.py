@@ -5,7 +5,13 @@ from pathlib import Path
 
 import pytest
 
+import rtamt
+from rtamt import InputError
 from rtamt_gym.__main__ import main
+from rtamt_gym.options.evaluation import EvaluationOptions
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.watching.settings import WatchOptions
+from rtamt_gym.watching.watch import StreamWatch
 
 Output = pytest.CaptureFixture[str]
 
@@ -54,6 +60,69 @@ def test_a_stream_has_the_notes_of_its_file(
     expected = [note.replace(f"{path}, ", "") for note in trial.get("notes", [])]
     assert main(["watch", spec, str(path), *options]) == code
     assert capsys.readouterr().err.splitlines() == expected
+
+
+@pytest.mark.parametrize("size", [1, 10_000])
+@pytest.mark.parametrize(
+    "times",
+    [
+        ["115958", "115959", "120000"],
+        ["1158", "1159", "1200"],
+        [f"{120000 + 100 * (i // 60) + i % 60}" for i in range(150)],
+        [f"{1000 + i}" for i in range(150)],
+        ["115958.0", "115959.5", "115961.5", "116000.5"],
+        ["0", "1", "3", "3.5"],
+    ],
+)
+def test_times_of_day_without_marks_are_refused(
+    times: list[str], size: int, tmp_path: Path
+) -> None:
+    text = "time,x\n" + "".join(f"{time},1\n" for time in times)
+    path = tmp_path / "trace.csv"
+    path.write_text(text)
+    code = main(["monitor", "always[0:2](x > 0)", str(path), "--dense"])
+    specs = {"it": rtamt.parse("always[0:2](x > 0)")}
+    options = WatchOptions(specs, EvaluationOptions(dense=True), Columns())
+    watch = StreamWatch(options, "stream", lambda _: None)
+
+    def play() -> int:
+        for at in range(0, len(text), size):
+            watch.add(text[at : at + size].encode())
+        watch.end_of_input()
+        watch.finish(early=False)
+        return watch.exit_code()
+
+    if code == 2:
+        with pytest.raises(InputError, match="time of day"):
+            play()
+    else:
+        assert play() == code
+    assert main(["watch", "always[0:2](x > 0)", str(path), "--dense", "--time-unit", "s"]) == 0
+
+
+@pytest.mark.parametrize("kind", [[], ["--dense"]])
+def test_two_values_at_one_time_may_be_objects(
+    kind: list[str], capsys: Output, tmp_path: Path
+) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text("time,x,kind\n0.0,1,a\n0.0,2,b\n0.5,1,a\n0.5,2,b\n1.0,1,a\n1.0,3,b\n")
+    assert main(["watch", "always(x > 0)", str(path), *kind]) == 2
+    assert "give --by COLUMN if rows are of several objects" in capsys.readouterr().err
+    assert main(["watch", "always(x > 0)", str(path), *kind, "--by", "kind"]) == 0
+
+
+def test_the_source_may_follow_options(capsys: Output, tmp_path: Path) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text("time,x\n0,1\n1,-1\n")
+    codes = [
+        main(["watch", "always(x > 0)", "--period", "1", str(path)]),
+        main(["watch", "--period", "1", "always(x > 0)", str(path)]),
+        main(["watch", "always(x > 0)", str(path), "--period", "1"]),
+    ]
+    assert codes == [1, 1, 1]
+    capsys.readouterr()
+    assert main(["watch", "always(x > 0)", str(path), "--period", "1", "more.csv"]) == 2
+    assert "unrecognized arguments: more.csv" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("options", [[], ["--dense"]])
