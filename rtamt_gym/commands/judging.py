@@ -388,7 +388,12 @@ def _explanation(
     head, late = "", judgement.late_start
     if late is not None and late.counted:
         head = f"{judgement}\nfrom {number(late.time)} s on it is {late.verdict}:\n"
-    explanation = _explained(spec, judged, reading, judgement.from_start.verdict)
+    verdict = judgement.from_start.verdict
+    explanation = _explained(spec, judged, reading, verdict)
+    if not head and explanation is not None and verdict is not Verdict.UNDECIDED:
+        bound = "upper" if verdict is Verdict.VIOLATED else "lower"
+        if explanation.robustness != judgement.found.robustness:
+            head = f"{judgement}\nunder --end {reading.end} its {bound} bound decides:\n"
     return f"{head}{explanation or 'not explained: the verdict rests on no single value'}"
 
 

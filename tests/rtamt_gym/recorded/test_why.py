@@ -72,6 +72,13 @@ def test_why_names_no_undecided_request(dense: list[str], capsys: Output) -> Non
     assert reasons(capsys, formula, "late.csv", *dense) == expected
     main(["monitor", formula, "late.csv", *dense, "--junit", "out.xml"])
     assert "at 5 s" not in Path("out.xml").read_text()
+    capsys.readouterr()
+    main(["explain", formula, "late.csv", *dense])
+    text = capsys.readouterr().out
+    assert "VIOLATED, robustness -2, certain from 3 s on\nunder --end cut its upper bound" in text
+    assert "robustness -1 at 0 s, decided by gnt >= 3 at 2 s" in text
+    main(["explain", formula, "late.csv", *dense, "--end", "complete"])
+    assert "bound decides" not in capsys.readouterr().out
 
 
 def test_why_of_every_instant(capsys: Output) -> None:
