@@ -173,7 +173,7 @@ class CsvRecording(Recording):
         self.names = list(map(shown, names))
         self._notes = []
         if "".join(self._top[: layout.at]).strip():
-            self._notes.append(_skip_note(len(skipped), layout.at))
+            self._notes.append(skip_note(len(skipped), layout.at))
         if names != layout.names:
             self._notes.append(_LATIN)
         self.above = _settings([*skipped, *self._top[: layout.at]])
@@ -188,8 +188,7 @@ class CsvRecording(Recording):
         if layout.units is not None:
             self._units = dict(zip(self.names, layout.units, strict=True))
             self.last_above, _ = next(rows)
-            units = ", ".join(layout.units)
-            self._notes.append(f"line {self.last_above} is a row of units: {units}")
+            self._notes.append(units_note(self.last_above, layout.units))
         first = list(itertools.islice(rows, _FEW))
         self.rows = itertools.chain(first, rows)
         """The rows of values that are not empty, with their lines."""
@@ -247,17 +246,8 @@ class CsvRecording(Recording):
 
     def _unit_of(self, time: str | None) -> str:
         """Return the unit of the times in the row of units; empty if there is none."""
-        below = self._units.get(time, "") if time is not None else ""
-        if time is None or self._columns.time_unit is not None or below in ("", "-"):
-            return ""
-        unit, named = unit_of_times(f"t [{below}]"), unit_of_times(time)
-        if unit is None or unit not in UNITS or named not in (None, "", unit):
-            also = f", and {named!r} in its name" if named else ""
-            raise InputError(
-                f"{self.source}, line {self.last_above}, column '{time}': expected one unit of "
-                f"time, got {below!r}{also}; give the unit with --time-unit ({', '.join(UNITS)})"
-            )
-        return unit
+        where = f"{self.source}, line {self.last_above}"
+        return unit_below(where, time, self._units, self._columns)
 
     def _rows(self, wanted: Wanted, table: Mapping[str, TextCells] | None) -> Rows:
         """Return the wanted columns."""
@@ -411,8 +401,35 @@ def _is_text(cell: str) -> bool:
     return bool(cell.strip()) and floats_in([cell], gaps=True, nan=True) is None
 
 
-def _skip_note(before: int, lines: int) -> str:
+def skip_note(before: int, lines: int) -> str:
     """Return the note on lines before the names, after lines that an option skips."""
     first, last = before + 1, before + lines
     phrase = f"line {first} is" if lines == 1 else f"lines {first} to {last} are"
     return f"{phrase} skipped: the names of the columns are in line {last + 1}"
+
+
+def unit_below(where: str, time: str | None, units: Mapping[str, str], columns: Columns) -> str:
+    """Return the unit of the times in a row of units; empty if there is none.
+
+    Args:
+        where: The place of the row, for messages.
+        time: The column of times; None without one.
+        units: The cells of the row by column.
+        columns: How columns are read.
+    """
+    below = units.get(time, "") if time is not None else ""
+    if time is None or columns.time_unit is not None or below in ("", "-"):
+        return ""
+    unit, named = unit_of_times(f"t [{below}]"), unit_of_times(time)
+    if unit is None or unit not in UNITS or named not in (None, "", unit):
+        also = f", and {named!r} in its name" if named else ""
+        raise InputError(
+            f"{where}, column '{time}': expected one unit of "
+            f"time, got {below!r}{also}; give the unit with --time-unit ({', '.join(UNITS)})"
+        )
+    return unit
+
+
+def units_note(line: int, units: Sequence[str]) -> str:
+    """Return the note on a row of units."""
+    return f"line {line} is a row of units: {', '.join(units)}"

@@ -220,6 +220,13 @@ def _units_in(rows: Sequence[Sequence[str]], columns: int) -> list[str] | None:
     return None
 
 
+def may_be_units(line: str, separator: str) -> bool:
+    """Return whether a line below the names may be a row of units, which the next row shows."""
+    cells = next((row for _, row in rows_of([line], separator)), [])
+    units = {cell.strip().strip("[]()").strip().lower() for cell in cells}
+    return not any(map(_is_value, cells)) and not units.isdisjoint(_UNITS)
+
+
 def _is_value(cell: str) -> bool:
     """Return whether a cell is a number, a date or a truth value."""
     cell = cell.strip()

@@ -9,7 +9,8 @@ from rtamt import InputError
 from rtamt.errors import shown
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.text_layout import TOP, layout_of
+from rtamt_gym.recorded.csv_reader import skip_note, units_note
+from rtamt_gym.recorded.text_layout import TOP, layout_of, may_be_units
 from rtamt_gym.watching.rows import BadLine, RowBlock
 
 _MARKS = b"\xff\xfe", b"\xfe\xff"
@@ -32,6 +33,11 @@ class TextRows:
         self.names: list[str] = []
         self.header = 0
         """The number of the line of names."""
+        self.units: dict[str, str] = {}
+        """The cells of the row of units by column; empty without one."""
+        self.units_line = 0
+        self.notes: list[str] = []
+        """The notes on the lines above the rows."""
 
     def rows(self, lines: list[bytes], first: int) -> Iterator[RowBlock | BadLine]:
         """Yield the rows in lines, of which the first has a number."""
@@ -76,10 +82,22 @@ class TextRows:
         for at in full[1:]:
             layout = layout_of(self._top[: at + 1], self._columns.separator)
             if layout.names and layout.at < at:
+                rows = [row for row in full if layout.at < row <= at]
+                if len(rows) == 1 and may_be_units(self._top[at], layout.separator):
+                    continue  # the next row shows it
                 self.names = list(map(shown, layout.names))
                 self._separator, self._width = layout.separator, layout.width
                 self.header = self._top_line + layout.at
-                below, line = self._top[layout.at + 1 :], self.header + 1
+                if "".join(self._top[: layout.at]).strip():
+                    self.notes.append(skip_note(self._top_line - 1, layout.at))
+                begin = layout.at + 1
+                if layout.units is not None:
+                    row = rows[0]
+                    self.units_line = self._top_line + row
+                    self.units = dict(zip(self.names, layout.units, strict=False))
+                    self.notes.append(units_note(self.units_line, layout.units))
+                    begin = row + 1
+                below, line = self._top[begin:], self._top_line + begin
                 self._top = []
                 self.choose(self.names)
                 return below, line

@@ -14,6 +14,7 @@ import numpy as np
 from rtamt import InputError
 from rtamt.errors import shown
 from rtamt.typing import End
+from rtamt_gym.recorded.csv_reader import unit_below
 from rtamt_gym.recorded.names import starts_of
 from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.outcome import Word
@@ -208,9 +209,14 @@ class StreamWatch:
         time = self._cells.time
         if time is not None:
             unit = self._cells.unit_of_parts()
+            if isinstance(reader, TextRows):
+                where = f"{self._source}, line {reader.units_line}"
+                unit = unit or unit_below(where, time.name, reader.units, self._columns)
             self._clock = ClockRules(self._source, time.name, self._columns, unit)
         elif self._options.group_idle is not None:
             raise InputError(f"{self._source}: --group-idle needs a column of times, got none")
+        if isinstance(reader, TextRows):
+            self.notes[:0] = reader.notes
         self._chosen = True
 
     def _judge(self, numbered: Numbered, block: RowBlock) -> RowFault | None:

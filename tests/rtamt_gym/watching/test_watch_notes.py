@@ -64,6 +64,48 @@ def test_a_stream_has_the_notes_of_its_file(
 
 @pytest.mark.parametrize("size", [1, 10_000])
 @pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("time,x\ns,V\n0,1\n1,2\n2,1\n", 0),
+        ("time,x\nms,V\n0,1\n1000,2\n2000,1\n", 0),
+        ("time,x\n[s],[V]\n\n0,1\n1,-2\n2,1\n", 1),
+        ("# of a logger\ntime;x\ns;V\n0;1\n1;2\n2;1\n", 0),
+        ("time,x,y\n,V,\n0,1,2\n1,2,3\n2,1,1\n", 0),
+        ("time [s],x\nms,V\n0,1\n1,2\n", 2),
+        ("time,x\nfurlong,V\n0,1\n1,2\n", 2),
+        ("time,x\ns,V\n", 2),
+        ("time,x\ns,V\ns,V\n0,1\n1,1\n", 2),
+        ("time,x\ns,no\n0,1\n1,2\n", 0),
+    ],
+)
+def test_a_row_of_units_is_no_row(
+    text: str, code: int, size: int, capsys: Output, tmp_path: Path
+) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text(text)
+    spec = "always[0:1](x > 0)"
+    assert main(["monitor", spec, str(path), "--json"]) == code
+    ((trial,),) = [json.loads(capsys.readouterr().out)["trials"]] if code < 2 else [[{}]]
+    options = WatchOptions({"it": rtamt.parse(spec)}, EvaluationOptions(), Columns())
+    watch = StreamWatch(options, str(path), lambda _: None)
+
+    def play() -> tuple[int, list[str]]:
+        for at in range(0, len(text), size):
+            watch.add(text[at : at + size].encode())
+        watch.end_of_input()
+        watch.finish(early=False)
+        return watch.exit_code(), watch.messages()
+
+    if code == 2:
+        with pytest.raises(InputError):
+            play()
+    else:
+        assert play() == (code, trial["notes"])
+        assert any("is a row of units" in note for note in trial["notes"])
+
+
+@pytest.mark.parametrize("size", [1, 10_000])
+@pytest.mark.parametrize(
     "times",
     [
         ["115958", "115959", "120000"],
