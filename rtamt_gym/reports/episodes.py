@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import Explanation, RtamtError, Specification, Verdict
+from rtamt.internal import explain_verdict
+from rtamt.typing import End
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.summaries import case_lines
@@ -106,18 +108,33 @@ class PlayedEpisode:
         return result
 
     def _explanation(self) -> Explanation | None:
+        """Return the explanation of the verdict, or of the robustness if it is undecided.
+
+        The bounds of the outcome show how the trace ended: if they differ, the bound that decides
+        is explained.
+        """
+        outcome = self.outcome
+        arguments: dict[str, Any] = {"n": len(self.times), "align": self.align, **self.interface}
+        start = float(self.times[0])
+        violated = outcome.verdict is Verdict.VIOLATED
+        decided = outcome.upper if violated else outcome.lower
+        ends: tuple[End, ...] = ("open", "cut")
         try:
-            return rtamt.explain(
-                self.spec,
-                self.signals,
-                self.period,
-                start=float(self.times[0]),
-                n=len(self.times),
-                align=self.align,
-                **self.interface,
-            )
+            if outcome.verdict is Verdict.UNDECIDED or outcome.lower == outcome.upper:
+                return rtamt.explain(self.spec, self.signals, self.period, start=start, **arguments)
+            for end in ends:
+                explanation = explain_verdict(
+                    *(self.spec, self.signals, self.period),
+                    end=end,
+                    violated=violated,
+                    start=start,
+                    **arguments,
+                )
+                if explanation is not None and explanation.robustness == decided:
+                    return explanation
         except RtamtError:  # it was judged, but the available samples do not explain it
-            return None
+            pass
+        return None
 
     def _decisions(self, explanation: Explanation) -> tuple[Decision, ...]:
         """Return the predicate and the sample that decided; none for a window outside the trace."""

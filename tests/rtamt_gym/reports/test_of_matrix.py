@@ -157,6 +157,24 @@ def test_without_times_bounds_count_steps(
     assert section.requirements[0].worst[0].decided_at == Moment(1, None)
 
 
+@pytest.mark.parametrize(("end", "value"), [("cut", 2.0), ("open", 2.0), ("complete", 5.0)])
+def test_deciding_values_go_by_the_end_mode(
+    end: str,
+    value: float,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = ["0,0,0", "1,5,0", "2,0,2", "3,0,2", "4,0,0", "5,5,-10"]  # the last request is open
+    Path("t.csv").write_text("\n".join(["time,req,gnt", *rows, ""]), encoding="utf-8")
+    spec = "always(req >= 3 implies eventually[0:2](gnt >= 3))"
+    assert main(["monitor", spec, "--json", "t.csv", "--end", end]) == 1
+    section = of_matrix(json.loads(capsys.readouterr().out), tmp_path, ROOM)
+    (deciding,) = section.requirements[0].worst[0].deciding
+    assert [*deciding.values.values()] == [value]
+
+
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("samples", "drawn"), [(20_000, True), (20_001, False)])
 def test_of_a_very_long_trace_the_signals_are_drawn_and_no_bounds(
