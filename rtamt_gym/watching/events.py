@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+import rtamt
 from rtamt import InputError, Verdict
-from rtamt.typing import End
+from rtamt.typing import End, NanPolicy
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.recording import Floats
@@ -56,6 +57,8 @@ class EventGroup:
         self._clock: StreamClock | None = None
         self._states = [EventState(rules, name, absent) for name in rules.specs]
         rules.undecided += len(rules.specs)
+        rules.evidence.begin()
+        self._kept: list[tuple[float, RowValues]] = []
         self._held: list[float] = []
         self._pending: list[float] = []
         self._raw: RawTimes | None = None
@@ -133,6 +136,7 @@ class EventGroup:
         if after < time:
             unknown = [math.nan] * width
             self._changes.append((after, unknown))
+            self._keep(after, unknown)
             for state in self._states:
                 state.update(after, unknown, self._known)
 
@@ -178,6 +182,7 @@ class EventGroup:
                     self._rules.notes.add_unknown_event(name, self._time)
                 self._held[place], self._known[place] = value, True
         row = [*self._held]
+        self._keep(self._time, row)
         for state in self._states:
             state.update(self._time, row, self._known)
         self._judged, self._fed = self._time, True
@@ -185,6 +190,24 @@ class EventGroup:
         self._changes.append((self._time, row))
         self._look(row)
         del self._changes[:-1]
+
+    def _keep(self, time: float, row: RowValues) -> None:
+        """Keep a row for the count of triggers, once all variables have a value."""
+        evidence = self._rules.evidence
+        if not evidence.counted or not evidence.add(1):
+            self._kept.clear()
+        elif all(self._known):
+            self._kept.append((time, row))
+
+    def _judge_all(self, spec: rtamt.Specification, end: End) -> rtamt.Judgement:
+        """Judge a requirement on all rows again, with its triggers."""
+        places = {name: self._rules.variables.index(name) for name in spec.variables}
+        events = {
+            name: [(time, row[place]) for time, row in self._kept] for name, place in places.items()
+        }
+        reading = self._rules.reading
+        nan: NanPolicy = "unknown" if reading.nan == "unknown" else "raise"
+        return rtamt.dense.judge(spec, events, end, semantics=reading.semantics, nan=nan)
 
     def _values_at(self, time: float) -> RowValues:
         """Return the values at a time since the row before."""
@@ -258,6 +281,8 @@ class EventGroup:
                 raise InputError(without_place(error)) from None
             length = self._judged - self._clock.start
             self._rules.notes.add_unit(self._clock.unit_note(self._first, length))
+        if self._kept and self._rules.evidence.counted:
+            self._rules.evidence.finish(lambda _, spec: self._judge_all(spec, end))
         lines = []
         for state in self._states:
             state.finish(end, early=early)

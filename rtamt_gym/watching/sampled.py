@@ -9,6 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 
+import rtamt
 from rtamt import InputError, Verdict
 from rtamt.typing import End
 from rtamt_gym.checks.names import listing
@@ -66,7 +67,9 @@ class SampledGroup:
         self._gap = False
         self.samples = self.rows = 0
         self.stopped = False
+        self._kept: list[Floats] = []
         rules.undecided += len(rules.specs)
+        rules.evidence.begin()
         if self._stated or clock is None:
             self._start()
 
@@ -274,6 +277,10 @@ class SampledGroup:
     def _take(self, values: Floats) -> bool:
         """Update the monitors with samples; return whether the stream stops."""
         before = self.samples
+        if self._rules.evidence.add(len(values)):
+            self._kept.append(values)
+        else:
+            self._kept.clear()
         try:
             return self._update(values)
         except InputError as error:  # as of a term without a value, sqrt(-1)
@@ -406,6 +413,8 @@ class SampledGroup:
         if self._gap:
             end = "open"
         self._note_unit()
+        if self._kept and rules.evidence.counted:
+            rules.evidence.finish(lambda name, spec: self._judge_all(name, spec, end))
         lines = []
         for state in self._states:
             state.finish(end)
@@ -413,6 +422,14 @@ class SampledGroup:
             counts = state.counts(self.samples, end)
             lines.append(line._replace(end=end, final=True, instants=counts))
         return lines
+
+    def _judge_all(self, name: str, spec: rtamt.Specification, end: End) -> rtamt.Judgement:
+        """Judge a requirement on all samples again, with its triggers."""
+        values = np.concatenate(self._kept)[: self.samples]
+        places = {variable: self._rules.variables.index(variable) for variable in spec.variables}
+        columns = {variable: values[:, place] for variable, place in places.items()}
+        keywords = self._rules.keywords(name, self._period)
+        return rtamt.judge(spec, columns, end=end, n=self.samples, **keywords)
 
     def _note_unit(self) -> None:
         if self._clock is not None and self._period is not None and not self._stated:

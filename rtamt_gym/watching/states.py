@@ -18,6 +18,7 @@ from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.tables import number
+from rtamt_gym.watching.evidence import StreamEvidence
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.notes import StreamNotes
 
@@ -41,6 +42,7 @@ class StreamRules:
         options: The keywords of monitors by the period.
         undecided: The number of undecided verdicts of all groups so far.
         notes: The notes on how rows were read.
+        evidence: The triggers of implications.
     """
 
     specs: Mapping[str, rtamt.Specification]
@@ -52,6 +54,10 @@ class StreamRules:
     options: dict[Fraction | None, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     undecided: int = 0
     notes: StreamNotes = field(default_factory=StreamNotes)
+    evidence: StreamEvidence = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.evidence = StreamEvidence(self.specs, self.reading.view)
 
     @property
     def by_step(self) -> bool:

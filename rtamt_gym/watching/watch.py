@@ -18,7 +18,7 @@ from rtamt_gym.recorded.csv_reader import unit_below
 from rtamt_gym.recorded.names import starts_of
 from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.outcome import Word
-from rtamt_gym.results.warnings import VerdictWarning, bare_variable_warnings, exit_code
+from rtamt_gym.results.warnings import VerdictWarning, exit_code
 from rtamt_gym.tables import counted
 from rtamt_gym.watching.clock import ClockRules, StreamClock
 from rtamt_gym.watching.events import EventGroup
@@ -415,8 +415,7 @@ class StreamWatch:
 
     def messages(self) -> list[str]:
         """Return what weakens the verdicts, in sentences to print."""
-        requirements = {name: str(spec.standalone()) for name, spec in self._options.specs.items()}
-        warnings = [*bare_variable_warnings(requirements), *self._warnings]
+        warnings = [*self.rules.evidence.warnings(), *self._warnings]
         texts = [warning.text for warning in warnings]
         if self.bad:
             texts.append(f"{counted(self.bad, 'bad line')} left out, the first: {self._first_bad}")

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rtamt
@@ -10,6 +11,7 @@ from rtamt import InputError
 from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.watching import evidence
 from rtamt_gym.watching.settings import WatchOptions
 from rtamt_gym.watching.watch import StreamWatch
 
@@ -176,6 +178,63 @@ def test_a_variable_alone_is_a_warning(options: list[str], capsys: Output, tmp_p
     main(["watch", "always(p or q)", str(path), *options])
     assert capsys.readouterr().err.split() == expected
     assert "alone" in expected
+
+
+@pytest.mark.parametrize("options", [[], ["--dense"], ["--end", "complete"], ["--view", "step"]])
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "always(x > 5 implies y > 0)",
+        "always(x > 0 implies y > 0)",
+        "always(x > 5 implies y > 5) and always(x > 0 implies eventually[0:1](y > -9))",
+        "always(x > 0 implies eventually[0:9](y > 5))",
+        "always(x implies y)",
+        "x > 9 implies always(y > 9)",
+    ],
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_warnings_on_triggers_are_those_of_a_file(
+    seed: int, spec: str, options: list[str], capsys: Output, tmp_path: Path
+) -> None:
+    values = np.random.default_rng(seed).integers(-2, 4, (8, 2)).tolist()
+    path = tmp_path / "trace.csv"
+    rows = "".join(f"{i / 2},{x},{y}\n" for i, (x, y) in enumerate(values))
+    path.write_text(f"time,x,y\n{rows}")
+    spec = spec if spec.startswith("always") else f"({spec}) and always(x > -9)"
+    code = main(["monitor", spec, str(path), "--json", *options])
+    expected = capsys.readouterr().err.split()
+    assert main(["watch", spec, str(path), *options]) == code
+    assert capsys.readouterr().err.split() == expected
+
+
+@pytest.mark.parametrize("kind", [[], ["--dense"]])
+def test_groups_count_as_traces(kind: list[str], capsys: Output, tmp_path: Path) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text("time,x,car\n0.0,1,a\n0.0,2,b\n0.5,1,a\n0.5,2,b\n")
+    spec = "always(x > {} implies x < 9)"
+    assert main(["watch", spec.format(5), str(path), "--by", "car", *kind]) == 0
+    assert "never triggered: spec in 0 of 2 traces" in capsys.readouterr().err
+    assert main(["watch", spec.format(1.5), str(path), "--by", "car", *kind]) == 0
+    assert "never triggered" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", [[], ["--dense"]])
+@pytest.mark.parametrize(("rows", "counted"), [(10, True), (11, False)])
+def test_triggers_of_long_streams_are_not_counted(
+    rows: int,
+    counted: bool,  # noqa: FBT001
+    kind: list[str],
+    capsys: Output,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(evidence, "_MOST", 10 + evidence._TRACE)
+    path = tmp_path / "trace.csv"
+    path.write_text("time,x\n" + "".join(f"{i / 2},1\n" for i in range(rows)))
+    assert main(["watch", "always(x > 5 implies x < 9)", str(path), *kind]) == 0
+    errors = capsys.readouterr().err
+    assert ("never triggered: spec in 0 of 1 trace" in errors) == counted
+    assert ("triggers of implications are not counted" in errors) == (not counted)
 
 
 def test_the_unit_of_times_is_the_first_hint_at_a_bound(capsys: Output, tmp_path: Path) -> None:
