@@ -125,7 +125,7 @@ def test_event_files_of_tensorboard_hold_the_same(tmp_path: Path) -> None:
     events = EventAccumulator(str(tmp_path)).Reload()
     table = rows(tmp_path)
     tags = [tag for tag in events.Tags()["scalars"] if tag.startswith("stl/")]
-    assert len(tags) == len(stl(table[-1])) == 10
+    assert len(tags) == len(stl(table[-1])) == 14
     for tag in tags:
         points = [(event.step, event.value) for event in events.Scalars(tag)]
         cells = [(row["time/total_timesteps"], row[tag]) for row in table if tag in row]
