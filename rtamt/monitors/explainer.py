@@ -204,7 +204,11 @@ class FormulaSignals:
 
     def _best_of(self, formula: Formula, operand: int, *, best: bool) -> bool:
         """Return which bound of an operand a bound of a formula reads; see `_origin` for both."""
-        return best == operand_signs(formula).get(operand, True)
+        return best == self._signs(formula).get(operand, True)
+
+    def _signs(self, formula: Formula) -> Mapping[int, bool]:
+        timed = formula.op is not None and formula.op.timed
+        return operand_signs(formula, self._bounds(formula)) if timed else operand_signs(formula)
 
     def _origin(
         self, formula: Formula, place: int, *, best: bool, earliest: bool = False
@@ -229,7 +233,7 @@ class FormulaSignals:
         row = cast("Operator", formula.op)
         before = max(0, place - 1) if row.sampled else place
         for i, arg in enumerate(formula.args):
-            if i in operand_signs(formula):
+            if i in self._signs(formula):
                 continue
             low, high = self.signal(arg, False), self.signal(arg, True)  # noqa: FBT003 - bounds
             if any(low.at(p) != high.at(p) for p in (before, place)):

@@ -138,11 +138,11 @@ def _ways(name: str, operands: int, bounds: Bounds) -> tuple[_Way, ...]:
 _NO_BOUNDS: Bounds = (0, None)
 
 
-def operand_signs(node: Node) -> Mapping[int, bool]:
+def operand_signs(node: Node, bounds: Bounds = _NO_BOUNDS) -> Mapping[int, bool]:
     """Return whether operands keep the sign, without operands that count in both directions."""
     if node.op is None:
         return {}
-    paths = _ways(node.op.name, len(node.args), _NO_BOUNDS)
+    paths = _ways(node.op.name, len(node.args), bounds)
     return {path.operand: path.positive for path in paths}
 
 
