@@ -6,15 +6,15 @@ A file with its final name is complete, whenever the program or the machine dies
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final
 
 from rtamt import InputError
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.fleet_worker import FileRow, KnownFile, Mark
-from rtamt_gym.play.folder import WRITING, differing, locked, short_text, to_disk
+from rtamt_gym.play.folder import LockedFolder, differing, is_own, locked, short_text
 from rtamt_gym.results.folder import IDENTITY, RESULTS
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _MERGED: Final = 200
 _TEXTS: Final = ("path", "verdict", "error", "described", "notes", "etag", "sha256", "worker")
 
 
-class FleetFolder:
+class FleetFolder(LockedFolder):
     """The rows of files in a local folder, which one process at a time holds.
 
     Args:
@@ -56,8 +56,7 @@ class FleetFolder:
         self._check(identity)
         self._lock = locked(path, "rtamt monitor")
         try:
-            for left in path.glob(f"{WRITING}*"):
-                left.unlink()
+            self._delete_unfinished()
             if not (path / IDENTITY).exists():
                 text = json.dumps(identity, indent=1) + "\n"
                 self._write(IDENTITY, lambda file: file.write_text(text, encoding="utf-8"))
@@ -67,16 +66,6 @@ class FleetFolder:
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Release the lock."""
-        self._lock.close()
 
     def known(self) -> dict[str, KnownFile]:
         """Return the files whose rows stand, with their state; without rows to be tried again."""
@@ -145,7 +134,7 @@ class FleetFolder:
         file = self.path / IDENTITY
         if not file.exists():
             names = [entry.name for entry in self.path.iterdir()]
-            others = [n for n in names if n != "lock" and not n.startswith(WRITING)]
+            others = [name for name in names if not is_own(name)]
             if others:
                 raise InputError(
                     f"--results: expected a new folder or the folder of an earlier run, got "
@@ -171,14 +160,14 @@ class FleetFolder:
             listed.append({"gone": False, **row, **cells, **mark._asdict()})
         return pa.Table.from_pylist(listed, schema=self._schema)
 
-    def _write(self, name: str, write: Any) -> None:  # noqa: ANN401 - a function of a path
-        """Write a file that gets its name when it is complete and on the disk."""
-        unfinished = self.path / f"{WRITING}{name}"
+    def _write(
+        self,
+        name: str,
+        write: Callable[[Path], object],
+        called: Callable[[Path], str] | None = None,
+    ) -> None:
         try:
-            write(unfinished)
-            to_disk(unfinished)
-            unfinished.replace(self.path / name)
-            to_disk(self.path)
+            super()._write(name, write, called)
         except OSError as error:
             raise InputError(
                 f"cannot write {self.path / name}: {error.strerror or error}. Free space, or make "

@@ -39,7 +39,42 @@ _WHAT: Final = "a campaign with folder="
 """The feature that needs pyarrow, for messages."""
 
 
-class Folder:
+class LockedFolder:
+    """A folder that one process at a time writes; a file with its final name is complete."""
+
+    path: Path
+    _lock: IO[str]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the lock, so that another process may use the folder."""
+        self._lock.close()
+
+    def _delete_unfinished(self) -> None:
+        """Delete the files that a process left when it was killed."""
+        for left in self.path.glob(f"{WRITING}*"):
+            left.unlink()
+
+    def _write(
+        self,
+        name: str,
+        write: Callable[[Path], object],
+        called: Callable[[Path], str] | None = None,
+    ) -> None:
+        """Write a file that gets its name when it is complete and on the disk."""
+        unfinished = self.path / f"{WRITING}{name}"
+        write(unfinished)
+        to_disk(unfinished)
+        unfinished.replace(self.path / (name if called is None else called(unfinished)))
+        to_disk(self.path)
+
+
+class Folder(LockedFolder):
     """The folder of one campaign, which one process at a time holds."""
 
     def __init__(
@@ -74,24 +109,13 @@ class Folder:
         self.path.mkdir(parents=True, exist_ok=True)
         self._lock = locked(self.path)
         try:
-            for left in self.path.glob(f"{WRITING}*"):
-                left.unlink()
+            self._delete_unfinished()
             if stored is None:
                 self._write(CAMPAIGN, lambda path: path.write_text(text, encoding="utf-8"))
             self._number = max(map(part_number, self.path.glob(PARTS)), default=0)
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Release the lock, so that another process may use the folder."""
-        self._lock.close()
 
     def reuse(self, reused: int, total: int) -> Reuse:
         """Return how many results come from the folder, for the provenance of a record."""
@@ -135,7 +159,7 @@ class Folder:
                 "expected ", Argument("folder"), f" as a folder, got the file {self.path}"
             )
         if not (self.path / CAMPAIGN).exists():
-            others = [path.name for path in self.path.iterdir() if not _is_own(path.name)]
+            others = [path.name for path in self.path.iterdir() if not is_own(path.name)]
             if others:
                 raise InputError(
                     "expected ",
@@ -169,19 +193,6 @@ class Folder:
             self._mixtures += (Mixture(count, tuple(changes)),)
         return None
 
-    def _write(
-        self,
-        name: str,
-        write: Callable[[Path], object],
-        called: Callable[[Path], str] | None = None,
-    ) -> None:
-        """Write a file that gets its name when it is complete and on the disk."""
-        unfinished = self.path / f"{WRITING}{name}"
-        write(unfinished)
-        to_disk(unfinished)
-        unfinished.replace(self.path / (name if called is None else called(unfinished)))
-        to_disk(self.path)
-
 
 def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
     """Return a text that identifies the tasks."""
@@ -204,12 +215,10 @@ def locked(path: Path, what: str = "the campaign") -> IO[str]:
     except OSError as error:
         if not name.is_symlink():
             raise
-        raise InputError(
-            f"expected the lock of a campaign as a file, got the link {name}"
-        ) from error
+        raise InputError(f"expected a file as the lock of a folder, got the link {name}") from error
     if not stat.S_ISREG(os.fstat(opened).st_mode):
         os.close(opened)
-        raise InputError(f"expected the lock of a campaign as a file, got {name}")
+        raise InputError(f"expected a file as the lock of a folder, got {name}")
     lock = os.fdopen(opened, "r+", encoding="utf-8")
     try:
         import fcntl
@@ -225,7 +234,8 @@ def locked(path: Path, what: str = "the campaign") -> IO[str]:
     return lock
 
 
-def _is_own(name: str) -> bool:
+def is_own(name: str) -> bool:
+    """Return whether a file is the lock of a folder, or not written to its end."""
     return name == "lock" or name.startswith(WRITING)
 
 

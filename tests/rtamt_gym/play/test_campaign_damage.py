@@ -161,7 +161,7 @@ def test_the_lock_is_no_link_and_no_pipe(tmp_path: Path, kind: str) -> None:
             lock.symlink_to(victim)
         case "pipe":
             os.mkfifo(lock)
-    with pytest.raises(InputError, match="expected the lock of a campaign as a file, got"):
+    with pytest.raises(InputError, match="expected a file as the lock of a folder, got"):
         opened(path)
     if kind == "link":
         assert victim.read_text(encoding="utf-8") == "keep me"
