@@ -17,29 +17,63 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "commands.md
 
 _HEAD = """# Options of the commands
 
-Every command of `rtamt` with all that it takes, as `rtamt COMMAND --help` says it.
-[The command line](../commands.md) has what they print, and their exit codes.
+Every option of `rtamt COMMAND --help`. An option that several commands describe alike is in the
+first table only. [The command line](../commands.md) describes the output and the exit codes.
+
+## Options of several commands
+
+| | | Commands |
+|---|---|---|
 """
 
 
 def page() -> str:
-    """The page."""
-    return "\n".join([_HEAD, *(line for name in COMMANDS for line in _command(name))])
+    """Return the text of the page."""
+    parsers = {name: _parser(name) for name in COMMANDS}
+    rows = {name: _rows(parser) for name, parser in parsers.items()}
+    users: dict[tuple[str, str], list[str]] = {}
+    for name, its in rows.items():
+        for row in its:
+            users.setdefault(row, []).append(name)
+    shared = {row: names for row, names in users.items() if len(names) > 1}
+    lines = [
+        f"| {option} | {text} | {', '.join(shared[option, text])} |" for option, text in shared
+    ]
+    for name, parser in parsers.items():
+        lines += ["", *_command(name, parser, rows[name], set(shared))]
+    return _HEAD + "\n".join(lines) + "\n"
 
 
-def _command(name: str) -> Iterator[str]:
+def _parser(name: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f"rtamt {name}", add_help=False)
     import_module(f"rtamt_gym.commands.{name}").add_arguments(parser)
-    yield f"## rtamt {name}\n"
-    yield f"{_text(parser.description or '')}\n"
+    return parser
+
+
+def _rows(parser: argparse.ArgumentParser) -> list[tuple[str, str]]:
+    """Return each argument as it is written, and its help."""
     actions = [each for each in parser._actions if each.help != argparse.SUPPRESS]
-    if actions:
-        yield "| | |\n|---|---|"
-        for action in actions:
-            yield f"| {_written(action)} | {_text(_help(action, parser))} |"
-        yield ""
+    return [(_written(action), _text(_help(action, parser))) for action in actions]
+
+
+def _command(
+    name: str,
+    parser: argparse.ArgumentParser,
+    rows: list[tuple[str, str]],
+    shared: set[tuple[str, str]],
+) -> Iterator[str]:
+    yield f"## rtamt {name}\n\n{_text(parser.description or '')}"
+    own = [row for row in rows if row not in shared]
+    if own:
+        yield "\n| | |\n|---|---|"
+        yield from (f"| {option} | {text} |" for option, text in own)
+    others = [
+        re.split(r"[ =\[]", option.split("`")[1])[0] for option, _ in rows if (option, _) in shared
+    ]
+    if others:
+        yield f"\nOf several commands: {', '.join(f'`{flag}`' for flag in others)}."
     if parser.epilog:
-        yield f"{_example(parser.epilog)}\n"
+        yield f"\n{_example(parser.epilog)}"
 
 
 def _written(action: argparse.Action) -> str:
