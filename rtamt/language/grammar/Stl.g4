@@ -25,7 +25,7 @@ specification
       )* EOF
     ;
 
-importing : 'from' module=NAME 'import' name=NAME ;
+importing : 'from' module=NAME 'import' names+=NAME (',' names+=NAME)* ;
 
 annotation
     : '@' kind=NAME '(' variable=NAME ',' (location=path | label=STRING (',' link=STRING)?) ')'

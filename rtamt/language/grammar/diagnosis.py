@@ -60,7 +60,7 @@ _OPERANDS = frozenset(
 _CLOSERS = frozenset({StlParser.CLOSE, StlParser.CLOSE_INTERVAL})
 _HEADS = {
     StlParser.SPECIFICATION: "write specification NAME",
-    StlParser.FROM: "write from MODULE import TYPE",
+    StlParser.FROM: "write from MODULE import TYPE; ',' separates several types",
     StlParser.CONST: "write const float NAME = 5",
     StlParser.INPUT: "write input float NAME",
     StlParser.OUTPUT: "write output float NAME",
@@ -132,6 +132,8 @@ def diagnose(
     typed = head.text in PRIMITIVES or (pair and any(t.type == StlParser.FROM for t in tokens))
     if head.type in _HEADS or (typed and (pair or index == first + 1)):
         reason, hint = _in_declaration(token, expected, named=index == first + 1)
+        if head.type == StlParser.FROM and StlParser.END in expected:
+            hint = "write ',' between two types of an import"
         return fail(text, token, reason, hint or _HEADS.get(head.type, ""))
     if pair and rule not in ("expression", "operand"):
         return _no_operator(text, head, tokens[first + 1], bracketed=False)

@@ -162,8 +162,12 @@ class TextReader:
         )
 
     def _import(self, statement: Statement) -> None:
-        module, name = statement.module.text, cast("Token", statement.name)
-        self._imports[name.text] = module
+        module = statement.module.text
+        for name in statement.names:
+            other = self._imports.setdefault(name.text, module)
+            if other != module:
+                reason = f"'{name.text}' is already imported from '{other}'"
+                raise self._fail(name, reason, "a type has one module: remove one of the imports")
         if self._modules is None:  # then a type is a name
             return
         if module not in self._modules:
@@ -172,12 +176,13 @@ class TextReader:
             )
             raise self._fail(statement.module, f"module '{module}' was not given", hint)
         known = dir(self._modules[module])
-        if name.text not in known:
-            reason = f"module '{module}' has no type '{name.text}'"
-            raise self._fail(name, reason, similar(name.text, known))
-        kind = getattr(self._modules[module], name.text)
-        if isinstance(kind, type):
-            self._types[name.text] = kind
+        for name in statement.names:
+            if name.text not in known:
+                reason = f"module '{module}' has no type '{name.text}'"
+                raise self._fail(name, reason, similar(name.text, known))
+            kind = getattr(self._modules[module], name.text)
+            if isinstance(kind, type):
+                self._types[name.text] = kind
 
     def _constant(self, statement: Statement) -> None:
         name = self._new(statement, PRIMITIVES, self._defined)

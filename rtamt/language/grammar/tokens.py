@@ -49,6 +49,7 @@ class Statement(Protocol):
     label: Token | None
     link: Token | None
     module: Token
+    names: Sequence[Token]
     io: Token | None
     name: Token | None
     within: Token | None
@@ -178,7 +179,9 @@ class _Scanner:
         """Return whether the next bracket holds the operands of a function."""
         if not self.tokens or self.tokens[-1].type != StlParser.NAME:
             return False
-        named = len(self.tokens) > 1 and self.tokens[-2].type in _NAMING
+        before = self.tokens[-2].type if len(self.tokens) > 1 else None
+        # Outside brackets, a comma stands between the types of an import only.
+        named = before in _NAMING or (before == StlParser.COMMA and not self.brackets)
         return not named and self.tokens[-1].text in OPERATORS.words
 
     def _check(self, token: Token) -> None:

@@ -156,6 +156,44 @@ def test_nothing_is_imported_from_text() -> None:
     assert spec.variables == spec.inputs == ("x.y",)
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from m import A, B, min",
+        "from m import A,B ; from m import min, A",
+        "from m import A, B\nfrom m import min",
+    ],
+)
+def test_one_import_has_several_types(line: str) -> None:
+    text = "input A a; input B b; output min c\n(a.x > b.y or b.z.w > c.v)\n@ topic(b, r/b)"
+    lines = "from m import A\nfrom m import B\nfrom m import min"
+    spec, other = rtamt.parse(f"{line}\n{text}"), rtamt.parse(f"{lines}\n{text}")
+    assert spec.imports == {"A": "m", "B": "m", "min": "m"}
+    assert str(spec) == str(other)
+    assert spec.subscriptions() == other.subscriptions()
+    assert rtamt.parse(str(spec)) == spec == pickle.loads(pickle.dumps(spec))
+    assert {name: d.type for name, d in spec.declarations.items()} == {
+        "a": "A",
+        "b": "B",
+        "c": "min",
+    }
+
+
+def test_every_type_of_an_import_is_looked_up() -> None:
+    twist, point = type("Twist", (), {}), type("Point", (), {})
+    given = {"m": types.SimpleNamespace(Twist=twist, Point=point)}
+    spec = rtamt.parse("from m import Twist, Point\ninput Point p\np.x > 0", modules=given)
+    assert spec.types == {"Twist": twist, "Point": point}
+    with pytest.raises(ParseError) as caught:
+        rtamt.parse("from m import Twist, Piont\ninput Twist t\nt.x > 0", modules=given)
+    assert str(caught.value).splitlines() == [
+        "STL:1:22: module 'm' has no type 'Piont'",
+        "  from m import Twist, Piont",
+        "                       ^",
+        "  hint: did you mean 'Point'?",
+    ]
+
+
 def test_modules_that_are_given_have_what_is_imported() -> None:
     given = {"m": types.SimpleNamespace(Twist=1)}
     for modules in ({}, given):

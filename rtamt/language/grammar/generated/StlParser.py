@@ -10,80 +10,82 @@ else:
 
 def serializedATN():
     return [
-        4,1,33,204,2,0,7,0,2,1,7,1,2,2,7,2,2,3,7,3,2,4,7,4,2,5,7,5,2,6,7,
+        4,1,33,210,2,0,7,0,2,1,7,1,2,2,7,2,2,3,7,3,2,4,7,4,2,5,7,5,2,6,7,
         6,2,7,7,7,2,8,7,8,2,9,7,9,2,10,7,10,2,11,7,11,2,12,7,12,2,13,7,13,
         2,14,7,14,1,0,5,0,32,8,0,10,0,12,0,35,9,0,1,0,1,0,1,0,4,0,40,8,0,
         11,0,12,0,41,3,0,44,8,0,1,0,1,0,1,0,1,0,1,0,3,0,51,8,0,1,0,4,0,54,
         8,0,11,0,12,0,55,5,0,58,8,0,10,0,12,0,61,9,0,1,0,1,0,1,1,1,1,1,1,
-        1,1,1,1,1,2,1,2,1,2,1,2,1,2,1,2,1,2,1,2,1,2,3,2,79,8,2,3,2,81,8,
-        2,1,2,1,2,1,3,3,3,86,8,3,1,3,1,3,1,3,5,3,91,8,3,10,3,12,3,94,9,3,
-        1,4,1,4,1,5,1,5,1,5,1,5,1,5,1,5,1,6,3,6,105,8,6,1,6,1,6,1,6,1,6,
-        3,6,111,8,6,1,6,1,6,3,6,115,8,6,1,7,1,7,1,7,1,7,1,7,1,7,1,8,3,8,
-        124,8,8,1,8,1,8,1,9,3,9,129,8,9,1,9,1,9,1,10,1,10,3,10,135,8,10,
-        1,10,1,10,1,11,1,11,1,11,3,11,142,8,11,1,11,1,11,1,11,3,11,147,8,
-        11,1,11,5,11,150,8,11,10,11,12,11,153,9,11,1,12,1,12,3,12,157,8,
-        12,1,12,1,12,5,12,161,8,12,10,12,12,12,164,9,12,1,12,1,12,1,12,1,
-        12,1,12,1,12,1,12,1,12,1,12,1,12,1,12,1,12,1,12,5,12,179,8,12,10,
-        12,12,12,182,9,12,1,12,1,12,3,12,186,8,12,1,13,1,13,1,13,1,13,1,
-        13,1,13,1,13,3,13,195,8,13,1,14,3,14,198,8,14,1,14,1,14,3,14,202,
-        8,14,1,14,0,0,15,0,2,4,6,8,10,12,14,16,18,20,22,24,26,28,0,5,4,0,
-        1,7,11,11,14,14,28,33,1,0,5,6,1,0,16,17,3,0,7,7,11,11,14,14,2,0,
-        20,20,22,22,225,0,33,1,0,0,0,2,64,1,0,0,0,4,69,1,0,0,0,6,85,1,0,
-        0,0,8,95,1,0,0,0,10,97,1,0,0,0,12,104,1,0,0,0,14,116,1,0,0,0,16,
-        123,1,0,0,0,18,128,1,0,0,0,20,134,1,0,0,0,22,138,1,0,0,0,24,162,
-        1,0,0,0,26,187,1,0,0,0,28,197,1,0,0,0,30,32,5,23,0,0,31,30,1,0,0,
-        0,32,35,1,0,0,0,33,31,1,0,0,0,33,34,1,0,0,0,34,43,1,0,0,0,35,33,
-        1,0,0,0,36,37,5,1,0,0,37,39,5,11,0,0,38,40,5,23,0,0,39,38,1,0,0,
-        0,40,41,1,0,0,0,41,39,1,0,0,0,41,42,1,0,0,0,42,44,1,0,0,0,43,36,
-        1,0,0,0,43,44,1,0,0,0,44,59,1,0,0,0,45,51,3,2,1,0,46,51,3,4,2,0,
-        47,51,3,10,5,0,48,51,3,12,6,0,49,51,3,20,10,0,50,45,1,0,0,0,50,46,
-        1,0,0,0,50,47,1,0,0,0,50,48,1,0,0,0,50,49,1,0,0,0,51,53,1,0,0,0,
-        52,54,5,23,0,0,53,52,1,0,0,0,54,55,1,0,0,0,55,53,1,0,0,0,55,56,1,
-        0,0,0,56,58,1,0,0,0,57,50,1,0,0,0,58,61,1,0,0,0,59,57,1,0,0,0,59,
-        60,1,0,0,0,60,62,1,0,0,0,61,59,1,0,0,0,62,63,5,0,0,1,63,1,1,0,0,
-        0,64,65,5,2,0,0,65,66,5,11,0,0,66,67,5,3,0,0,67,68,5,11,0,0,68,3,
-        1,0,0,0,69,70,5,18,0,0,70,71,5,11,0,0,71,72,5,19,0,0,72,73,5,11,
-        0,0,73,80,5,17,0,0,74,81,3,6,3,0,75,78,5,13,0,0,76,77,5,17,0,0,77,
-        79,5,13,0,0,78,76,1,0,0,0,78,79,1,0,0,0,79,81,1,0,0,0,80,74,1,0,
-        0,0,80,75,1,0,0,0,81,82,1,0,0,0,82,83,5,20,0,0,83,5,1,0,0,0,84,86,
-        5,10,0,0,85,84,1,0,0,0,85,86,1,0,0,0,86,87,1,0,0,0,87,92,3,8,4,0,
-        88,89,5,10,0,0,89,91,3,8,4,0,90,88,1,0,0,0,91,94,1,0,0,0,92,90,1,
-        0,0,0,92,93,1,0,0,0,93,7,1,0,0,0,94,92,1,0,0,0,95,96,7,0,0,0,96,
-        9,1,0,0,0,97,98,5,4,0,0,98,99,5,11,0,0,99,100,5,11,0,0,100,101,5,
-        15,0,0,101,102,3,18,9,0,102,11,1,0,0,0,103,105,7,1,0,0,104,103,1,
-        0,0,0,104,105,1,0,0,0,105,106,1,0,0,0,106,107,5,11,0,0,107,110,5,
-        11,0,0,108,109,5,11,0,0,109,111,3,14,7,0,110,108,1,0,0,0,110,111,
-        1,0,0,0,111,114,1,0,0,0,112,113,5,15,0,0,113,115,3,18,9,0,114,112,
-        1,0,0,0,114,115,1,0,0,0,115,13,1,0,0,0,116,117,5,21,0,0,117,118,
-        3,16,8,0,118,119,7,2,0,0,119,120,3,16,8,0,120,121,5,22,0,0,121,15,
-        1,0,0,0,122,124,5,9,0,0,123,122,1,0,0,0,123,124,1,0,0,0,124,125,
-        1,0,0,0,125,126,7,3,0,0,126,17,1,0,0,0,127,129,5,9,0,0,128,127,1,
-        0,0,0,128,129,1,0,0,0,129,130,1,0,0,0,130,131,5,14,0,0,131,19,1,
-        0,0,0,132,133,5,11,0,0,133,135,5,15,0,0,134,132,1,0,0,0,134,135,
-        1,0,0,0,135,136,1,0,0,0,136,137,3,22,11,0,137,21,1,0,0,0,138,151,
-        3,24,12,0,139,141,5,30,0,0,140,142,3,26,13,0,141,140,1,0,0,0,141,
-        142,1,0,0,0,142,147,1,0,0,0,143,147,5,31,0,0,144,147,5,9,0,0,145,
-        147,5,10,0,0,146,139,1,0,0,0,146,143,1,0,0,0,146,144,1,0,0,0,146,
-        145,1,0,0,0,147,148,1,0,0,0,148,150,3,24,12,0,149,146,1,0,0,0,150,
-        153,1,0,0,0,151,149,1,0,0,0,151,152,1,0,0,0,152,23,1,0,0,0,153,151,
-        1,0,0,0,154,156,5,28,0,0,155,157,3,26,13,0,156,155,1,0,0,0,156,157,
-        1,0,0,0,157,161,1,0,0,0,158,161,5,29,0,0,159,161,5,9,0,0,160,154,
-        1,0,0,0,160,158,1,0,0,0,160,159,1,0,0,0,161,164,1,0,0,0,162,160,
-        1,0,0,0,162,163,1,0,0,0,163,185,1,0,0,0,164,162,1,0,0,0,165,186,
-        5,11,0,0,166,186,5,12,0,0,167,186,5,14,0,0,168,186,5,33,0,0,169,
-        170,5,19,0,0,170,171,3,22,11,0,171,172,5,20,0,0,172,186,1,0,0,0,
-        173,174,5,32,0,0,174,175,5,19,0,0,175,180,3,22,11,0,176,177,5,17,
-        0,0,177,179,3,22,11,0,178,176,1,0,0,0,179,182,1,0,0,0,180,178,1,
-        0,0,0,180,181,1,0,0,0,181,183,1,0,0,0,182,180,1,0,0,0,183,184,5,
-        20,0,0,184,186,1,0,0,0,185,165,1,0,0,0,185,166,1,0,0,0,185,167,1,
-        0,0,0,185,168,1,0,0,0,185,169,1,0,0,0,185,173,1,0,0,0,186,25,1,0,
-        0,0,187,188,5,21,0,0,188,189,3,28,14,0,189,194,7,2,0,0,190,191,3,
-        28,14,0,191,192,7,4,0,0,192,195,1,0,0,0,193,195,5,20,0,0,194,190,
-        1,0,0,0,194,193,1,0,0,0,195,27,1,0,0,0,196,198,5,9,0,0,197,196,1,
-        0,0,0,197,198,1,0,0,0,198,199,1,0,0,0,199,201,7,3,0,0,200,202,5,
-        11,0,0,201,200,1,0,0,0,201,202,1,0,0,0,202,29,1,0,0,0,27,33,41,43,
-        50,55,59,78,80,85,92,104,110,114,123,128,134,141,146,151,156,160,
-        162,180,185,194,197,201
+        1,1,1,1,1,1,5,1,71,8,1,10,1,12,1,74,9,1,1,2,1,2,1,2,1,2,1,2,1,2,
+        1,2,1,2,1,2,3,2,85,8,2,3,2,87,8,2,1,2,1,2,1,3,3,3,92,8,3,1,3,1,3,
+        1,3,5,3,97,8,3,10,3,12,3,100,9,3,1,4,1,4,1,5,1,5,1,5,1,5,1,5,1,5,
+        1,6,3,6,111,8,6,1,6,1,6,1,6,1,6,3,6,117,8,6,1,6,1,6,3,6,121,8,6,
+        1,7,1,7,1,7,1,7,1,7,1,7,1,8,3,8,130,8,8,1,8,1,8,1,9,3,9,135,8,9,
+        1,9,1,9,1,10,1,10,3,10,141,8,10,1,10,1,10,1,11,1,11,1,11,3,11,148,
+        8,11,1,11,1,11,1,11,3,11,153,8,11,1,11,5,11,156,8,11,10,11,12,11,
+        159,9,11,1,12,1,12,3,12,163,8,12,1,12,1,12,5,12,167,8,12,10,12,12,
+        12,170,9,12,1,12,1,12,1,12,1,12,1,12,1,12,1,12,1,12,1,12,1,12,1,
+        12,1,12,1,12,5,12,185,8,12,10,12,12,12,188,9,12,1,12,1,12,3,12,192,
+        8,12,1,13,1,13,1,13,1,13,1,13,1,13,1,13,3,13,201,8,13,1,14,3,14,
+        204,8,14,1,14,1,14,3,14,208,8,14,1,14,0,0,15,0,2,4,6,8,10,12,14,
+        16,18,20,22,24,26,28,0,5,4,0,1,7,11,11,14,14,28,33,1,0,5,6,1,0,16,
+        17,3,0,7,7,11,11,14,14,2,0,20,20,22,22,232,0,33,1,0,0,0,2,64,1,0,
+        0,0,4,75,1,0,0,0,6,91,1,0,0,0,8,101,1,0,0,0,10,103,1,0,0,0,12,110,
+        1,0,0,0,14,122,1,0,0,0,16,129,1,0,0,0,18,134,1,0,0,0,20,140,1,0,
+        0,0,22,144,1,0,0,0,24,168,1,0,0,0,26,193,1,0,0,0,28,203,1,0,0,0,
+        30,32,5,23,0,0,31,30,1,0,0,0,32,35,1,0,0,0,33,31,1,0,0,0,33,34,1,
+        0,0,0,34,43,1,0,0,0,35,33,1,0,0,0,36,37,5,1,0,0,37,39,5,11,0,0,38,
+        40,5,23,0,0,39,38,1,0,0,0,40,41,1,0,0,0,41,39,1,0,0,0,41,42,1,0,
+        0,0,42,44,1,0,0,0,43,36,1,0,0,0,43,44,1,0,0,0,44,59,1,0,0,0,45,51,
+        3,2,1,0,46,51,3,4,2,0,47,51,3,10,5,0,48,51,3,12,6,0,49,51,3,20,10,
+        0,50,45,1,0,0,0,50,46,1,0,0,0,50,47,1,0,0,0,50,48,1,0,0,0,50,49,
+        1,0,0,0,51,53,1,0,0,0,52,54,5,23,0,0,53,52,1,0,0,0,54,55,1,0,0,0,
+        55,53,1,0,0,0,55,56,1,0,0,0,56,58,1,0,0,0,57,50,1,0,0,0,58,61,1,
+        0,0,0,59,57,1,0,0,0,59,60,1,0,0,0,60,62,1,0,0,0,61,59,1,0,0,0,62,
+        63,5,0,0,1,63,1,1,0,0,0,64,65,5,2,0,0,65,66,5,11,0,0,66,67,5,3,0,
+        0,67,72,5,11,0,0,68,69,5,17,0,0,69,71,5,11,0,0,70,68,1,0,0,0,71,
+        74,1,0,0,0,72,70,1,0,0,0,72,73,1,0,0,0,73,3,1,0,0,0,74,72,1,0,0,
+        0,75,76,5,18,0,0,76,77,5,11,0,0,77,78,5,19,0,0,78,79,5,11,0,0,79,
+        86,5,17,0,0,80,87,3,6,3,0,81,84,5,13,0,0,82,83,5,17,0,0,83,85,5,
+        13,0,0,84,82,1,0,0,0,84,85,1,0,0,0,85,87,1,0,0,0,86,80,1,0,0,0,86,
+        81,1,0,0,0,87,88,1,0,0,0,88,89,5,20,0,0,89,5,1,0,0,0,90,92,5,10,
+        0,0,91,90,1,0,0,0,91,92,1,0,0,0,92,93,1,0,0,0,93,98,3,8,4,0,94,95,
+        5,10,0,0,95,97,3,8,4,0,96,94,1,0,0,0,97,100,1,0,0,0,98,96,1,0,0,
+        0,98,99,1,0,0,0,99,7,1,0,0,0,100,98,1,0,0,0,101,102,7,0,0,0,102,
+        9,1,0,0,0,103,104,5,4,0,0,104,105,5,11,0,0,105,106,5,11,0,0,106,
+        107,5,15,0,0,107,108,3,18,9,0,108,11,1,0,0,0,109,111,7,1,0,0,110,
+        109,1,0,0,0,110,111,1,0,0,0,111,112,1,0,0,0,112,113,5,11,0,0,113,
+        116,5,11,0,0,114,115,5,11,0,0,115,117,3,14,7,0,116,114,1,0,0,0,116,
+        117,1,0,0,0,117,120,1,0,0,0,118,119,5,15,0,0,119,121,3,18,9,0,120,
+        118,1,0,0,0,120,121,1,0,0,0,121,13,1,0,0,0,122,123,5,21,0,0,123,
+        124,3,16,8,0,124,125,7,2,0,0,125,126,3,16,8,0,126,127,5,22,0,0,127,
+        15,1,0,0,0,128,130,5,9,0,0,129,128,1,0,0,0,129,130,1,0,0,0,130,131,
+        1,0,0,0,131,132,7,3,0,0,132,17,1,0,0,0,133,135,5,9,0,0,134,133,1,
+        0,0,0,134,135,1,0,0,0,135,136,1,0,0,0,136,137,5,14,0,0,137,19,1,
+        0,0,0,138,139,5,11,0,0,139,141,5,15,0,0,140,138,1,0,0,0,140,141,
+        1,0,0,0,141,142,1,0,0,0,142,143,3,22,11,0,143,21,1,0,0,0,144,157,
+        3,24,12,0,145,147,5,30,0,0,146,148,3,26,13,0,147,146,1,0,0,0,147,
+        148,1,0,0,0,148,153,1,0,0,0,149,153,5,31,0,0,150,153,5,9,0,0,151,
+        153,5,10,0,0,152,145,1,0,0,0,152,149,1,0,0,0,152,150,1,0,0,0,152,
+        151,1,0,0,0,153,154,1,0,0,0,154,156,3,24,12,0,155,152,1,0,0,0,156,
+        159,1,0,0,0,157,155,1,0,0,0,157,158,1,0,0,0,158,23,1,0,0,0,159,157,
+        1,0,0,0,160,162,5,28,0,0,161,163,3,26,13,0,162,161,1,0,0,0,162,163,
+        1,0,0,0,163,167,1,0,0,0,164,167,5,29,0,0,165,167,5,9,0,0,166,160,
+        1,0,0,0,166,164,1,0,0,0,166,165,1,0,0,0,167,170,1,0,0,0,168,166,
+        1,0,0,0,168,169,1,0,0,0,169,191,1,0,0,0,170,168,1,0,0,0,171,192,
+        5,11,0,0,172,192,5,12,0,0,173,192,5,14,0,0,174,192,5,33,0,0,175,
+        176,5,19,0,0,176,177,3,22,11,0,177,178,5,20,0,0,178,192,1,0,0,0,
+        179,180,5,32,0,0,180,181,5,19,0,0,181,186,3,22,11,0,182,183,5,17,
+        0,0,183,185,3,22,11,0,184,182,1,0,0,0,185,188,1,0,0,0,186,184,1,
+        0,0,0,186,187,1,0,0,0,187,189,1,0,0,0,188,186,1,0,0,0,189,190,5,
+        20,0,0,190,192,1,0,0,0,191,171,1,0,0,0,191,172,1,0,0,0,191,173,1,
+        0,0,0,191,174,1,0,0,0,191,175,1,0,0,0,191,179,1,0,0,0,192,25,1,0,
+        0,0,193,194,5,21,0,0,194,195,3,28,14,0,195,200,7,2,0,0,196,197,3,
+        28,14,0,197,198,7,4,0,0,198,201,1,0,0,0,199,201,5,20,0,0,200,196,
+        1,0,0,0,200,199,1,0,0,0,201,27,1,0,0,0,202,204,5,9,0,0,203,202,1,
+        0,0,0,203,204,1,0,0,0,204,205,1,0,0,0,205,207,7,3,0,0,206,208,5,
+        11,0,0,207,206,1,0,0,0,207,208,1,0,0,0,208,29,1,0,0,0,28,33,41,43,
+        50,55,59,72,84,86,91,98,110,116,120,129,134,140,147,152,157,162,
+        166,168,186,191,200,203,207
     ]
 
 class StlParser ( Parser ):
@@ -360,7 +362,8 @@ class StlParser ( Parser ):
             super().__init__(parent, invokingState)
             self.parser = parser
             self.module = None # Token
-            self.name = None # Token
+            self._NAME = None # Token
+            self.names = list() # of Tokens
 
         def FROM(self):
             return self.getToken(StlParser.FROM, 0)
@@ -374,6 +377,12 @@ class StlParser ( Parser ):
             else:
                 return self.getToken(StlParser.NAME, i)
 
+        def COMMA(self, i:int=None):
+            if i is None:
+                return self.getTokens(StlParser.COMMA)
+            else:
+                return self.getToken(StlParser.COMMA, i)
+
         def getRuleIndex(self):
             return StlParser.RULE_importing
 
@@ -384,6 +393,7 @@ class StlParser ( Parser ):
 
         localctx = StlParser.ImportingContext(self, self._ctx, self.state)
         self.enterRule(localctx, 2, self.RULE_importing)
+        self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
             self.state = 64
@@ -393,7 +403,21 @@ class StlParser ( Parser ):
             self.state = 66
             self.match(StlParser.IMPORT)
             self.state = 67
-            localctx.name = self.match(StlParser.NAME)
+            localctx._NAME = self.match(StlParser.NAME)
+            localctx.names.append(localctx._NAME)
+            self.state = 72
+            self._errHandler.sync(self)
+            _la = self._input.LA(1)
+            while _la==17:
+                self.state = 68
+                self.match(StlParser.COMMA)
+                self.state = 69
+                localctx._NAME = self.match(StlParser.NAME)
+                localctx.names.append(localctx._NAME)
+                self.state = 74
+                self._errHandler.sync(self)
+                _la = self._input.LA(1)
+
         except RecognitionException as re:
             localctx.exception = re
             self._errHandler.reportError(self, re)
@@ -459,33 +483,33 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 69
+            self.state = 75
             self.match(StlParser.AT)
-            self.state = 70
+            self.state = 76
             localctx.kind = self.match(StlParser.NAME)
-            self.state = 71
+            self.state = 77
             self.match(StlParser.OPEN)
-            self.state = 72
+            self.state = 78
             localctx.variable = self.match(StlParser.NAME)
-            self.state = 73
+            self.state = 79
             self.match(StlParser.COMMA)
-            self.state = 80
+            self.state = 86
             self._errHandler.sync(self)
             token = self._input.LA(1)
             if token in [1, 2, 3, 4, 5, 6, 7, 10, 11, 14, 28, 29, 30, 31, 32, 33]:
-                self.state = 74
+                self.state = 80
                 localctx.location = self.path()
                 pass
             elif token in [13]:
-                self.state = 75
+                self.state = 81
                 localctx.label = self.match(StlParser.STRING)
-                self.state = 78
+                self.state = 84
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
                 if _la==17:
-                    self.state = 76
+                    self.state = 82
                     self.match(StlParser.COMMA)
-                    self.state = 77
+                    self.state = 83
                     localctx.link = self.match(StlParser.STRING)
 
 
@@ -493,7 +517,7 @@ class StlParser ( Parser ):
             else:
                 raise NoViableAltException(self)
 
-            self.state = 82
+            self.state = 88
             self.match(StlParser.CLOSE)
         except RecognitionException as re:
             localctx.exception = re
@@ -537,25 +561,25 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 85
+            self.state = 91
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==10:
-                self.state = 84
+                self.state = 90
                 self.match(StlParser.SLASH)
 
 
-            self.state = 87
+            self.state = 93
             self.part()
-            self.state = 92
+            self.state = 98
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             while _la==10:
-                self.state = 88
-                self.match(StlParser.SLASH)
-                self.state = 89
-                self.part()
                 self.state = 94
+                self.match(StlParser.SLASH)
+                self.state = 95
+                self.part()
+                self.state = 100
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
 
@@ -633,7 +657,7 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 95
+            self.state = 101
             _la = self._input.LA(1)
             if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 16911452414) != 0)):
                 self._errHandler.recoverInline(self)
@@ -687,15 +711,15 @@ class StlParser ( Parser ):
         self.enterRule(localctx, 10, self.RULE_constant)
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 97
+            self.state = 103
             self.match(StlParser.CONST)
-            self.state = 98
+            self.state = 104
             localctx.kind = self.match(StlParser.NAME)
-            self.state = 99
+            self.state = 105
             localctx.name = self.match(StlParser.NAME)
-            self.state = 100
+            self.state = 106
             self.match(StlParser.EQUALS)
-            self.state = 101
+            self.state = 107
             localctx.default = self.value()
         except RecognitionException as re:
             localctx.exception = re
@@ -755,11 +779,11 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 104
+            self.state = 110
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==5 or _la==6:
-                self.state = 103
+                self.state = 109
                 localctx.io = self._input.LT(1)
                 _la = self._input.LA(1)
                 if not(_la==5 or _la==6):
@@ -769,27 +793,27 @@ class StlParser ( Parser ):
                     self.consume()
 
 
-            self.state = 106
+            self.state = 112
             localctx.kind = self.match(StlParser.NAME)
-            self.state = 107
+            self.state = 113
             localctx.name = self.match(StlParser.NAME)
-            self.state = 110
+            self.state = 116
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==11:
-                self.state = 108
+                self.state = 114
                 localctx.within = self.match(StlParser.NAME)
-                self.state = 109
+                self.state = 115
                 localctx.bounds = self.range_()
 
 
-            self.state = 114
+            self.state = 120
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==15:
-                self.state = 112
+                self.state = 118
                 self.match(StlParser.EQUALS)
-                self.state = 113
+                self.state = 119
                 localctx.default = self.value()
 
 
@@ -843,20 +867,20 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 116
+            self.state = 122
             self.match(StlParser.OPEN_INTERVAL)
-            self.state = 117
+            self.state = 123
             localctx.lower = self.limit()
-            self.state = 118
+            self.state = 124
             _la = self._input.LA(1)
             if not(_la==16 or _la==17):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
                 self.consume()
-            self.state = 119
+            self.state = 125
             localctx.upper = self.limit()
-            self.state = 120
+            self.state = 126
             self.match(StlParser.CLOSE_INTERVAL)
         except RecognitionException as re:
             localctx.exception = re
@@ -899,15 +923,15 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 123
+            self.state = 129
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==9:
-                self.state = 122
+                self.state = 128
                 self.match(StlParser.MINUS)
 
 
-            self.state = 125
+            self.state = 131
             _la = self._input.LA(1)
             if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 18560) != 0)):
                 self._errHandler.recoverInline(self)
@@ -949,15 +973,15 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 128
+            self.state = 134
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==9:
-                self.state = 127
+                self.state = 133
                 self.match(StlParser.MINUS)
 
 
-            self.state = 130
+            self.state = 136
             self.match(StlParser.NUMBER)
         except RecognitionException as re:
             localctx.exception = re
@@ -999,17 +1023,17 @@ class StlParser ( Parser ):
         self.enterRule(localctx, 20, self.RULE_definition)
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 134
+            self.state = 140
             self._errHandler.sync(self)
-            la_ = self._interp.adaptivePredict(self._input,15,self._ctx)
+            la_ = self._interp.adaptivePredict(self._input,16,self._ctx)
             if la_ == 1:
-                self.state = 132
+                self.state = 138
                 localctx.name = self.match(StlParser.NAME)
-                self.state = 133
+                self.state = 139
                 self.match(StlParser.EQUALS)
 
 
-            self.state = 136
+            self.state = 142
             localctx.formula = self.expression()
         except RecognitionException as re:
             localctx.exception = re
@@ -1078,45 +1102,45 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 138
+            self.state = 144
             self.operand()
-            self.state = 151
+            self.state = 157
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             while (((_la) & ~0x3f) == 0 and ((1 << _la) & 3221227008) != 0):
-                self.state = 146
+                self.state = 152
                 self._errHandler.sync(self)
                 token = self._input.LA(1)
                 if token in [30]:
-                    self.state = 139
+                    self.state = 145
                     self.match(StlParser.BINDING)
-                    self.state = 141
+                    self.state = 147
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
                     if _la==21:
-                        self.state = 140
+                        self.state = 146
                         self.interval()
 
 
                     pass
                 elif token in [31]:
-                    self.state = 143
+                    self.state = 149
                     self.match(StlParser.INFIX)
                     pass
                 elif token in [9]:
-                    self.state = 144
+                    self.state = 150
                     self.match(StlParser.MINUS)
                     pass
                 elif token in [10]:
-                    self.state = 145
+                    self.state = 151
                     self.match(StlParser.SLASH)
                     pass
                 else:
                     raise NoViableAltException(self)
 
-                self.state = 148
+                self.state = 154
                 self.operand()
-                self.state = 153
+                self.state = 159
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
 
@@ -1208,87 +1232,87 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 162
+            self.state = 168
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             while (((_la) & ~0x3f) == 0 and ((1 << _la) & 805306880) != 0):
-                self.state = 160
+                self.state = 166
                 self._errHandler.sync(self)
                 token = self._input.LA(1)
                 if token in [28]:
-                    self.state = 154
+                    self.state = 160
                     self.match(StlParser.TEMPORAL)
-                    self.state = 156
+                    self.state = 162
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
                     if _la==21:
-                        self.state = 155
+                        self.state = 161
                         self.interval()
 
 
                     pass
                 elif token in [29]:
-                    self.state = 158
+                    self.state = 164
                     self.match(StlParser.PREFIX)
                     pass
                 elif token in [9]:
-                    self.state = 159
+                    self.state = 165
                     self.match(StlParser.MINUS)
                     pass
                 else:
                     raise NoViableAltException(self)
 
-                self.state = 164
+                self.state = 170
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
 
-            self.state = 185
+            self.state = 191
             self._errHandler.sync(self)
             token = self._input.LA(1)
             if token in [11]:
-                self.state = 165
+                self.state = 171
                 self.match(StlParser.NAME)
                 pass
             elif token in [12]:
-                self.state = 166
+                self.state = 172
                 self.match(StlParser.ELEMENT)
                 pass
             elif token in [14]:
-                self.state = 167
+                self.state = 173
                 self.match(StlParser.NUMBER)
                 pass
             elif token in [33]:
-                self.state = 168
+                self.state = 174
                 self.match(StlParser.TRUTH)
                 pass
             elif token in [19]:
-                self.state = 169
+                self.state = 175
                 self.match(StlParser.OPEN)
-                self.state = 170
+                self.state = 176
                 self.expression()
-                self.state = 171
+                self.state = 177
                 self.match(StlParser.CLOSE)
                 pass
             elif token in [32]:
-                self.state = 173
+                self.state = 179
                 self.match(StlParser.FUNCTION)
-                self.state = 174
-                self.match(StlParser.OPEN)
-                self.state = 175
-                self.expression()
                 self.state = 180
+                self.match(StlParser.OPEN)
+                self.state = 181
+                self.expression()
+                self.state = 186
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
                 while _la==17:
-                    self.state = 176
-                    self.match(StlParser.COMMA)
-                    self.state = 177
-                    self.expression()
                     self.state = 182
+                    self.match(StlParser.COMMA)
+                    self.state = 183
+                    self.expression()
+                    self.state = 188
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
 
-                self.state = 183
+                self.state = 189
                 self.match(StlParser.CLOSE)
                 pass
             else:
@@ -1345,24 +1369,24 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 187
+            self.state = 193
             self.match(StlParser.OPEN_INTERVAL)
-            self.state = 188
+            self.state = 194
             self.bound()
-            self.state = 189
+            self.state = 195
             _la = self._input.LA(1)
             if not(_la==16 or _la==17):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
                 self.consume()
-            self.state = 194
+            self.state = 200
             self._errHandler.sync(self)
             token = self._input.LA(1)
             if token in [7, 9, 11, 14]:
-                self.state = 190
+                self.state = 196
                 self.bound()
-                self.state = 191
+                self.state = 197
                 _la = self._input.LA(1)
                 if not(_la==20 or _la==22):
                     self._errHandler.recoverInline(self)
@@ -1371,7 +1395,7 @@ class StlParser ( Parser ):
                     self.consume()
                 pass
             elif token in [20]:
-                self.state = 193
+                self.state = 199
                 self.match(StlParser.CLOSE)
                 pass
             else:
@@ -1421,26 +1445,26 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 197
+            self.state = 203
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==9:
-                self.state = 196
+                self.state = 202
                 self.match(StlParser.MINUS)
 
 
-            self.state = 199
+            self.state = 205
             _la = self._input.LA(1)
             if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 18560) != 0)):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
                 self.consume()
-            self.state = 201
+            self.state = 207
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==11:
-                self.state = 200
+                self.state = 206
                 self.match(StlParser.NAME)
 
 
