@@ -67,6 +67,6 @@ def measure(generation: int, seconds: float, *, busy: int) -> Restarts:
         for worker in (told, sink):
             worker.ask_to_end()
             worker.ended()
-        (_, restarts, violations), *_ = running.load("told").tolist()
+        (_, restarts, violations, *_), *_ = running.load("told").tolist()
         verdicts = tuple(running.load("sink")[:, 0].astype(int).tolist())
     return Restarts(count, restarts, violations, verdicts)

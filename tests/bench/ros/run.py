@@ -119,8 +119,11 @@ def _late_row(what: str, busy: int, found: late.Late) -> Row:
 def agreements(
     generation: int, _peers: list[Subject], *, quick: bool, seconds: float | None = None
 ) -> Iterator[Row]:
-    """Rows of the comparison with an evaluator of its own, processors free and taken."""
-    for busy in (0, os.cpu_count() or 1):
+    """Rows of the comparison with an evaluator of its own, processors free and taken.
+
+    With ``seconds``, only a row on the machine as it is.
+    """
+    for busy in (0, *(() if seconds else (os.cpu_count() or 1,))):
         seconds = seconds or (20.0 if quick else 600.0)
         found = agree.measure(generation, seconds, busy=busy)
         yield {"what": "sampled", "s": seconds, "busy": busy} | vars(found)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import json
 import operator
+import re
 import signal
 import struct
 import sys
@@ -80,12 +81,12 @@ def sink(ros: int, topic: str, message: str, field: str, file: str) -> None:
     node.close()
 
 
-def noise(ros: int, topic: str, rate: float, count: int, file: str) -> None:
+def noise(ros: int, topic: str, rate: float, count: int, readers: int, file: str) -> None:
     """Publishes Twists of random numbers at random times, the same in every run; saves how many."""
     node = bare.node(ros, "noise")
     twist = bare.message_class("geometry_msgs", "Twist")()
     publisher = node.publisher(topic, type(twist))
-    wait(lambda: node.readers(publisher) > 1, f"two readers of {topic}")
+    wait(lambda: node.readers(publisher) >= readers, f"{readers} readers of {topic}")
     time.sleep(1.0)
     print("ready", flush=True)
     random = np.random.default_rng(0)
@@ -99,6 +100,22 @@ def noise(ros: int, topic: str, rate: float, count: int, file: str) -> None:
         publisher.publish(twist)
     time.sleep(0.3)  # less than an input takes to be stale
     np.save(file, count)
+    node.close()
+
+
+def listener(ros: int, topic: str, file: str) -> None:
+    """Save the arrival of every Twist, and its `x` and `z` as the bits of floats."""
+    node = bare.node(ros, "listener")
+    wall, bits = time.time_ns, struct.Struct("<dd")
+    rows: list[tuple[int, bytes]] = []
+
+    def receive(twist: object) -> None:
+        rows.append((wall(), bits.pack(twist.linear.x, twist.angular.z)))
+
+    node.subscribe(topic, bare.message_class("geometry_msgs", "Twist"), receive)
+    until_told()
+    of_numbers = struct.Struct("<qq")
+    np.save(file, np.array([(came, *of_numbers.unpack(row)) for came, row in rows], np.int64))
     node.close()
 
 
@@ -132,22 +149,32 @@ def evaluator(ros: int, topic: str, outputs: dict[str, str], file: str) -> None:
 
 
 def told(ros: int, file: str) -> None:
-    """Saves late samples, restarts and violations of every requirement, by the last diagnostics."""
+    """Save the counts of every requirement in the last diagnostics.
+
+    The columns are late samples, restarts, violations, late arrivals, and lost messages, which are
+    -1 if unknown.
+    """
     node = bare.node(ros, "told")
     late: dict[str, tuple[int, ...]] = {}
-    counts = ("late samples", "restarts", "violations")
+    counts = ("late samples", "restarts", "violations", "late arrivals")
+
+    def total(text: str) -> int:  # "x: 12, y: 3" or "x: loss unknown: no numbers"
+        return -1 if "unknown" in text else sum(map(int, re.findall(r": (\d+)", text)))
 
     def receive(array: object) -> None:
         for status in array.status:
             pairs = {pair.key: pair.value for pair in status.values}
             if counts[0] in pairs:  # a requirement
-                late[status.name] = tuple(int(pairs[name]) for name in counts)
+                late[status.name] = (
+                    *(int(pairs[name]) for name in counts),
+                    total(pairs["lost messages"]),
+                )
 
     node.subscribe(
         "/diagnostics", bare.message_class("diagnostic_msgs", "DiagnosticArray"), receive
     )
     until_told()
-    np.save(file, np.array(list(late.values()), np.int64).reshape(-1, len(counts)))
+    np.save(file, np.array(list(late.values()), np.int64).reshape(-1, 5))
     node.close()
 
 
@@ -245,5 +272,5 @@ def hour(
 
 
 if __name__ == "__main__":
-    roles = (source, noise, sink, told, evaluator, ticks, relay, hour)
+    roles = (source, noise, sink, told, listener, evaluator, ticks, relay, hour)
     {role.__name__: role for role in roles}[sys.argv[1]](**json.loads(sys.argv[2]))
