@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any, Literal
 
-from rtamt import InputError, SpecificationError
+from rtamt import InputError, Specification
 from rtamt.errors import nearest
+from rtamt.language import SubscribedField
 
 
 def installed(
@@ -57,46 +58,54 @@ def installed(
     return cls
 
 
-def check_input(message: type, class_name: str, variable: str, path: Iterable[str | int]) -> None:
+def check_input(
+    spec: Specification, field: SubscribedField, message: type, class_name: str
+) -> None:
     """Raise SpecificationError if a message class has no number at the path of a variable.
 
     Elements of lists cannot be checked.
     """
-    try:
-        value = _follow(message(), class_name, path)
-    except SpecificationError as error:
-        raise SpecificationError(f"{variable}: {error}") from None
+    value = _follow(spec, field.variable, field.path, message(), class_name)
     if value is not None and not _is_number(value):
-        raise SpecificationError(
-            f"expected a number as '{variable}', got a value of type "
-            f"{type(value).__name__}{_fields(value)}"
+        reason = (
+            f"expected a number as '{field.variable}', got a value of type {type(value).__name__}"
         )
+        raise spec.name_error(field.variable, reason, _fields(value), part=-1)
 
 
-def check_output(message: type, class_name: str, path: Iterable[str]) -> None:
-    """Raise SpecificationError if a message class has no float at a path."""
-    path = tuple(path)
-    value = _follow(message(), class_name, path)
+def check_output(
+    spec: Specification, formula: str, path: tuple[str, ...], message: type, class_name: str
+) -> None:
+    """Raise SpecificationError if a message class has no float at the path of a formula."""
+    value = _follow(spec, formula, path, message(), class_name)
     if not isinstance(value, float):
-        raise SpecificationError(
+        reason = (
             f"expected a floating-point field for a robustness, got {class_name}.{'.'.join(path)} "
             f"of type {type(value).__name__}"
         )
+        raise spec.name_error(formula, reason, part=-1)
 
 
-def _follow(message: Any, class_name: str, path: Iterable[str | int]) -> object:  # noqa: ANN401
+def _follow(
+    spec: Specification,
+    name: str,
+    path: Sequence[str | int],
+    message: Any,  # noqa: ANN401 - the classes of ROS have no types
+    class_name: str,
+) -> object:
     """Return the value at a path of a new message; None from an element of a list on."""
-    value, name = message, class_name
-    for step in path:
+    value, kind = message, class_name
+    for index, step in enumerate(path):
         if isinstance(step, int):
             if not hasattr(value, "__len__") or isinstance(value, str):
-                raise SpecificationError(f"{name} is no list and has no element [{step}]")
+                reason = f"{kind} is not a list and has no element [{step}]"
+                raise spec.name_error(name, reason, part=index - len(path))
             return None
         if not hasattr(value, step):
-            raise SpecificationError(
-                f"{name} has no field '{step}'{nearest(step, _names(value)) or _fields(value)}"
-            )
-        value, name = getattr(value, step), f"{name}.{step}"
+            hint = nearest(step, _names(value)).removeprefix("; ") or _fields(value)
+            reason = f"{kind} has no field '{step}'"
+            raise spec.name_error(name, reason, hint, part=index - len(path))
+        value, kind = getattr(value, step), f"{kind}.{step}"
     return value
 
 
@@ -113,4 +122,4 @@ def _names(message: object) -> list[str]:
 
 def _fields(message: object) -> str:
     names = _names(message)
-    return f"; its fields are {', '.join(names)}" if names else ""
+    return f"its fields are {', '.join(names)}" if names else ""

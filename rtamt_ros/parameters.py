@@ -122,7 +122,9 @@ def _loaded(path: str, settings: Settings | None) -> Specification:
     try:
         Judges([specification], replace(settings, stale_of={}, record=None))
     except RtamtError as error:
-        error.add_note(f"in {path}")
+        note = f"in {path}"
+        if note not in getattr(error, "__notes__", ()):
+            error.add_note(note)
         raise
     return specification
 

@@ -46,14 +46,17 @@ class Plan:
         wanted |= {class_of(each) for each in judges.inputs}
         wanted |= {COMBINED} if self.settings.combined else set()
         self.classes = {each: middleware.message_class(*each) for each in sorted(wanted)}
-        for source in judges.inputs:
-            for field in source.fields:
-                name = "/".join(class_of(source))
-                check_input(self.of(source), name, field.variable, field.path)
+        parts = {each.name: each.specification for each in judges.requirements}
+        for requirement in judges.requirements:
+            for subscription in requirement.specification.subscriptions():
+                for field in subscription.fields:
+                    key = class_of(requirement.cells[field.variable][0])
+                    check_input(requirement.specification, field, self.classes[key], "/".join(key))
         for output in self.outputs:
             key = output.package, output.message
-            for path in output.formulas.values():
-                check_output(self.classes[key], "/".join(key), path)
+            for (name, formula), path in output.formulas.items():
+                title = formula or parts[name].publications(name)[-1].formula
+                check_output(parts[name], title, path, self.classes[key], "/".join(key))
 
     def judges(self) -> Judges:
         """Return new judges."""

@@ -235,5 +235,5 @@ def _some(specifications: list[Specification]) -> list[Specification]:
 
 
 def _text(error: RtamtError) -> str:
-    """Return the text of an error, with its notes."""
-    return "\n".join([str(error), *getattr(error, "__notes__", ())])
+    """Return the text of an error, after its notes, such as the file."""
+    return ": ".join([*getattr(error, "__notes__", ()), str(error)])

@@ -6,9 +6,10 @@ import copyreg
 import importlib
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
-from os import PathLike
+from os import PathLike, fspath
 from types import SimpleNamespace
 from typing import cast
 
@@ -184,7 +185,8 @@ def load(
         raise InputTypeError(f"expected the path of a file as text or a Path, got {brief(path)}")
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
-        return parse(text, unit=unit, constants=constants, modules=modules)
+        specification = parse(text, unit=unit, constants=constants, modules=modules)
+        return replace(specification, path=fspath(path))
     except FileNotFoundError:
         raise MissingFileError(path) from None
     except UnicodeDecodeError as error:
@@ -238,12 +240,14 @@ def _specification_from_text(
     chains: bool,  # noqa: FBT001 - in a pickle arguments have no names
     imports: dict[str, tuple[str, type | None]],
     requirement: str | None = None,
+    path: str | None = None,
 ) -> Specification:
     modules: dict[str, SimpleNamespace] = {}
     for name, (module, kind) in imports.items():
         vars(modules.setdefault(module, SimpleNamespace()))[name] = kind
     classes = any(kind is not None for _, kind in imports.values())
     spec = _parsed(text, unit, overrides, modules if classes else None, chains=chains)
+    spec = spec if path is None else replace(spec, path=path)
     return spec if requirement is None else spec.requirements[requirement]
 
 
@@ -253,7 +257,7 @@ def _reduced(spec: Specification) -> tuple[Callable[..., Specification], tuple[o
         name: (module, _importable(spec.types.get(name))) for name, module in spec.imports.items()
     }
     overrides = dict(spec.overrides)
-    arguments = (spec.text, spec.unit, overrides, spec.chains, imports, spec.requirement)
+    arguments = (spec.text, spec.unit, overrides, spec.chains, imports, spec.requirement, spec.path)
     return _specification_from_text, arguments
 
 

@@ -20,9 +20,11 @@ from rtamt.errors import ParseError, SpecificationError, hint_line
 from rtamt.language.declarations import (
     Declaration,
     RequirementId,
+    joined,
     lineage,
     range_of_type,
     range_text,
+    steps,
 )
 from rtamt.language.formula import Formula, make, predicates, scaled
 from rtamt.language.interval import UNITS, Interval, number_text
@@ -67,6 +69,7 @@ class Specification:
         requirement: The name of this part among the `requirements` of the text; None for the whole
             text.
         bounding: Names of the constants that are bounds of intervals.
+        path: The file that `load` read, for errors; None for other texts. Equality ignores it.
     """
 
     text: str
@@ -87,6 +90,7 @@ class Specification:
     uses: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     requirement: str | None = None
     bounding: frozenset[str] = frozenset()
+    path: str | None = None
 
     given = OldName("overrides")
 
@@ -147,7 +151,7 @@ class Specification:
         ids = {name: id_ for name, id_ in self.ids.items() if name in self.formulas}
         other = replace(self, formula=formula, positions={}, uses=uses, ids=ids, requirement=None)
         other = replace(other, columns=_columns_of(other))
-        return replace(other, text=str(other))
+        return replace(other, text=str(other), path=None)
 
     def in_words(self, names: Mapping[str, str] | None = None, *, unit: str | None = None) -> str:
         """Return the result in plain English, in one sentence that can be read in one way only.
@@ -468,6 +472,46 @@ class Specification:
         if node in self.positions:
             return ParseError(reason, self.text, *self.positions[node], hint)
         return SpecificationError(f"{reason}\n  in {node}", hint_line(hint))
+
+    def name_error(
+        self, name: str, reason: str, hint: str = "", *, part: int = 0
+    ) -> SpecificationError:
+        """Return the error about a name in the text, with its file, line and column.
+
+        Args:
+            name: A formula, whose definition the error shows, or a variable, whose first use it
+                shows.
+            reason: The reason, without the place.
+            hint: How to correct the text; default: nothing.
+            part: The index of the part of the name at the caret; negative from the end, so that
+                -1 is ``x`` of ``cmd.linear.x``; default: the first.
+
+        Returns:
+            A `ParseError`; a `SpecificationError` if the text does not have the name.
+
+        Example:
+            >>> from rtamt import parse
+            >>> print(parse("cmd.linaer.x > 0").name_error("cmd.linaer.x", "no such field", part=1))
+            STL:1:5: no such field
+              cmd.linaer.x > 0
+                  ^
+        """
+        from rtamt.language.grammar.tokens import read
+
+        statements, tokens = read(self.text)
+        places = [each.name for each in statements.definitions if each.name is not None]
+        for each in statements.definitions:
+            places += tokens[each.formula.start.tokenIndex : each.formula.stop.tokenIndex + 1]
+        token = next((token for token in places if token.text == name), None)
+        if token is None:  # such as a formula that Python made
+            return SpecificationError(f"{name}: {reason}", hint_line(hint))
+        parts = steps(name)
+        before, step = joined(parts[:part]), parts[part]
+        offset = len(before) + (bool(before) and isinstance(step, str))  # its dot
+        error = ParseError(reason, self.text, token.line, token.column + offset + 1, hint)
+        if self.path is not None:
+            error.add_note(f"in {self.path}")
+        return error
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Specification):

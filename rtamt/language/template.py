@@ -123,6 +123,7 @@ class SpecificationTemplate:
             overrides=overrides,
             types=self._spec.types,
             positions=positions,
+            path=self._spec.path,
         )
 
     def _replaced(

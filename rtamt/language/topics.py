@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from operator import attrgetter, itemgetter
 from typing import Any
 
-from rtamt.errors import SpecificationError
 from rtamt.language.declarations import PRIMITIVES, PathStep, joined, lineage, steps
 from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
@@ -165,10 +164,9 @@ def _number_path(spec: Specification, name: str) -> tuple[PathStep, ...]:
     declared = _message_class(spec, name)
     if declared is None or (declared[0] == "std_msgs" and declared[1] in _STD.values()):
         return ("data",)
-    raise SpecificationError(
-        f"expected a field of the message '{name}', such as {name}.x, got '{name}' as a number; a "
-        f"{'/'.join(declared)} is not a number"
-    )
+    reason = f"expected a field of the message '{name}', got '{name}' as a number"
+    hint = f"write a field, such as {name}.x: a {'/'.join(declared)} is not a number"
+    raise spec.name_error(name, reason, hint)
 
 
 def _reader(path: tuple[PathStep, ...]) -> Callable[[Any], Any]:

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rtamt import InputError
 from rtamt.errors import nearest, shown
-from rtamt_gym.recorded.columns import FieldPath, path_text
+from rtamt_gym.recorded.columns import FieldError, FieldPath, path_text
 from rtamt_gym.tables import shorten
 
 _KINDS = {".mcap": "an MCAP file of ROS 2", ".bag": "a bag of ROS 1"}
@@ -107,21 +107,26 @@ class Bag:
             where = (
                 f"{self.source}: '{here}' of {position}" if here else f"{self.source}: {position}"
             )
-            kind = self._within(kind, step, where)
+            kind = self._within(kind, step, where, depth)
         match kind:
             case (Nodetype.NAME, str(name)):
                 return _short(name)
             case (Nodetype.BASE, (name, _)) if name not in _TEXTS:
                 return None
             case (Nodetype.BASE, _):
-                got = "text"
+                got, hint = "text", ""
             case _:
-                got = f"a list; write an element, such as {path_text(path)}[0]"
-        raise InputError(
-            f"{self.source}: expected a number in '{path_text(path)}' of {position}, got {got}"
-        )
+                got, hint = "a list", f"write an element, such as {path_text(path)}[0]"
+        reason = f"{self.source}: expected a number in '{path_text(path)}' of {position}, got {got}"
+        raise FieldError(len(path) - 1, reason, hint)
 
-    def _within(self, kind: Any, step: str | int, where: str) -> Any:  # noqa: ANN401 - as rosbags
+    def _within(
+        self,
+        kind: Any,  # noqa: ANN401 - as rosbags
+        step: str | int,
+        where: str,
+        depth: int,
+    ) -> Any:  # noqa: ANN401
         """Return the type of a field or an element of something of a type."""
         match kind:
             case (Nodetype.NAME, str(name)) if isinstance(step, str):
@@ -129,20 +134,24 @@ class Bag:
                 if fields is None:
                     raise InputError(f"{where}: the bag does not define {_short(name)}")
                 if step not in fields:
-                    hint = nearest(step, fields) or f"; its fields are {', '.join(fields)}"
-                    raise InputError(f"{where} has no field '{step}'{hint}")
+                    hint = nearest(step, fields).removeprefix("; ")
+                    hint = hint or f"its fields are {', '.join(fields)}"
+                    raise FieldError(depth, f"{where} has no field '{step}'", hint)
                 return fields[step]
             case (Nodetype.ARRAY, (_, count)) if isinstance(step, int) and step >= count:
-                raise InputError(f"{where} ends with element [{count - 1}], got [{step}]")
+                reason = f"{where} ends with element [{count - 1}], got [{step}]"
+                raise FieldError(depth, reason)
             case (Nodetype.ARRAY | Nodetype.SEQUENCE, (element, _)) if isinstance(step, int):
                 return element
             case (Nodetype.ARRAY | Nodetype.SEQUENCE, _):
-                raise InputError(f"{where} is a list; write an element, such as [0].{step}")
+                raise FieldError(
+                    depth, f"{where} is a list", f"write an element, such as [0].{step}"
+                )
         is_message = isinstance(step, str)
         phrase, got = (
             ("message", f"field '{step}'") if is_message else ("list", f"element [{step}]")
         )
-        raise InputError(f"{where} is no {phrase}, got {got}")
+        raise FieldError(depth, f"{where} is no {phrase}, got {got}")
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
         """Yield the messages of some topics: topic, time of recording, and the message."""

@@ -11,7 +11,7 @@ from rtamt import InputError
 from rtamt.errors import near_name, nearest
 from rtamt.language import SubscribedField, Subscription
 from rtamt_gym.checks.names import listing
-from rtamt_gym.recorded.columns import Columns, FieldPath, path_text, read_source
+from rtamt_gym.recorded.columns import Columns, FieldError, FieldPath, path_text, read_source
 from rtamt_gym.recorded.names import starts_of
 
 if TYPE_CHECKING:
@@ -93,11 +93,14 @@ def topic_fields(
                 f"{bag.types[topic]}, for '{variable}', got none; give --signal "
                 f"{variable}={topic}.FIELD; its fields are {', '.join(fields)}"
             )
-        if held := bag.class_at(topic, full_path):
-            raise InputError(
-                f"{bag.source}: expected a number for '{variable}', got '{path_text(full_path)}' "
-                f"of {topic}, a {held}; write a field of it"
-            )
+        try:
+            _check_number(bag, topic, full_path, variable)
+        except FieldError as error:
+            if variable in columns.signals or message in columns.signals:
+                raise
+            spec = next(spec for spec in specs.values() if variable in spec.variables)
+            part = error.depth - len(full_path)
+            raise spec.name_error(variable, error.reason, error.hint, part=part) from None
         fields_of.setdefault(topic, []).append(SubscribedField(variable, full_path))
     heard = {field.variable for fields in fields_of.values() for field in fields}
     for spec in specs.values():
@@ -107,6 +110,16 @@ def topic_fields(
                 f"defaults alone are not a trace; the topics are {_listed(bag.types)}"
             )
     return [TopicFields(topic, tuple(fields)) for topic, fields in fields_of.items()]
+
+
+def _check_number(bag: Bag, topic: str, path: FieldPath, variable: str) -> None:
+    """Raise FieldError if a path does not lead to a number in the messages of a topic."""
+    if message := bag.class_at(topic, path):
+        reason = (
+            f"{bag.source}: expected a number for '{variable}', got '{path_text(path)}' of "
+            f"{topic}, a {message}"
+        )
+        raise FieldError(len(path) - 1, reason, "write a field of it")
 
 
 def _check_near(

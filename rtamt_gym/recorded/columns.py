@@ -272,6 +272,20 @@ def path_text(path: FieldPath) -> str:
     return "".join(steps).removeprefix(".")
 
 
+class FieldError(InputError):
+    """A path that does not lead to a number in the messages of a topic.
+
+    Attributes:
+        depth: The index of the wrong step of the path.
+        reason: The reason, without a hint.
+        hint: How to correct the path, or an empty string.
+    """
+
+    def __init__(self, depth: int, reason: str, hint: str = "") -> None:
+        super().__init__(f"{reason}; {hint}" if hint else reason)
+        self.depth, self.reason, self.hint = depth, reason, hint
+
+
 def read_source(text: str) -> tuple[str, FieldPath]:
     """Return the topic, whose name has no dots, and the path behind it, which may be empty.
 

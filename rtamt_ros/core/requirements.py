@@ -183,7 +183,7 @@ def outputs_of(
             key = (requirement.origin, publication.variable)
             if key not in outputs:
                 topic = publication.topic or _free(publication.default, taken)
-                _refuse_no_number(publication)
+                _refuse_no_number(requirement.specification, publication)
                 _refuse_twice(topic, outputs.values(), publication.variable)
                 _refuse_loop(topic, requirement, publication.variable)
                 outputs[key] = Output(topic, publication.package, publication.message)
@@ -218,14 +218,13 @@ def _free(topic: str, taken: set[str]) -> str:
     return free
 
 
-def _refuse_no_number(publication: Publication) -> None:
+def _refuse_no_number(specification: Specification, publication: Publication) -> None:
     if not publication.path:
         name = publication.variable
         kind = f"{publication.package}/{publication.message}"
-        raise SpecificationError(
-            f"The formula '{name}' has the name of a message, but a {kind} is not a number. Name "
-            f"the formula after a field, such as {name}.value."
-        )
+        reason = f"the formula '{name}' has the name of a message, but a {kind} is not a number"
+        hint = f"name the formula after a field, such as {name}.value"
+        raise specification.name_error(name, reason, hint)
 
 
 def _refuse_twice(topic: str, outputs: Iterable[Output], name: str) -> None:

@@ -253,8 +253,9 @@ def test_exit_code_of_the_node(played: Played) -> None:
 
 
 REFUSED = {
-    "from geometry_msgs.msg import Twist; input Twist cmd; x = cmd.linaer.x > 1": "cmd.linaer.x: "
-    "geometry_msgs/Twist has no field 'linaer'; did you mean 'linear'?",
+    "from geometry_msgs.msg import Twist\ninput Twist cmd\nx = cmd.linaer.x > 1": "STL:3:9: "
+    "geometry_msgs/Twist has no field 'linaer'\n  x = cmd.linaer.x > 1\n          ^\n"
+    "  hint: did you mean 'linear'?",
     "from absent_msgs.msg import Thing; input Thing it; x = it.y > 1": "absent_msgs is not "
     "installed",
 }
@@ -266,6 +267,22 @@ def test_refused_specifications_exit_with_2(
 ) -> None:
     assert main(["--spec", text]) == 2
     assert capsys.readouterr().err == f"ros_stl_monitor.py: error: {REFUSED[text]}\n"
+    assert played.closed
+
+
+def test_field_errors_name_the_file(
+    tmp_path: Path, played: Played, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, path = next(iter(REFUSED)), tmp_path / "bad.stl"
+    whole = (
+        "STL:3:5: expected a field of the message 'cmd', got 'cmd' as a number\n"
+        "  x = cmd > 1\n      ^\n"
+        "  hint: write a field, such as cmd.x: a geometry_msgs/Twist is not a number"
+    )
+    for line, wrong in ((REFUSED[text], text), (whole, text.replace(".linaer.x", ""))):
+        path.write_text(wrong, encoding="utf-8")
+        assert main(["--stl", str(path)]) == 2
+        assert capsys.readouterr().err == f"ros_stl_monitor.py: error: in {path}: {line}\n"
     assert played.closed
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from memory_middleware import MemoryMiddleware, message
 from memory_nodes import MS, send, started, topics
 
 import rtamt
-from rtamt import InputError, SpecificationError
+from rtamt import InputError, ParseError, SpecificationError
 from rtamt_ros.node import MonitorNode, Settings
 
 PAPER = """
@@ -112,46 +114,110 @@ def test_unreadable_field_affects_one_requirement(dense: bool) -> None:  # noqa:
     assert [report.stale for report in node.reports] == [("s",), (), ("front",)]
 
 
+TWIST = "from geometry_msgs.msg import Twist\ninput Twist cmd\n"
+ODOMETRY = "from nav_msgs.msg import Odometry\ninput Odometry o\n"
+
+
 @pytest.mark.parametrize(
-    ("texts", "text"),
+    ("text", "caret", "reason", "hint"),
     [
         (
-            ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linear.w > 0"],
-            "cmd.linear.w: geometry_msgs/Twist.linear has no field 'w'; its fields are x, y, z",
+            f"{TWIST}a = cmd.linear.x > 0\nb = a and cmd.linear.w > 0",
+            "w > 0",
+            "geometry_msgs/Twist.linear has no field 'w'",
+            "its fields are x, y, z",
         ),
         (
-            ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linar.x > 0"],
-            "cmd.linar.x: geometry_msgs/Twist has no field 'linar'; did you mean 'linear'?",
+            f"{TWIST}// the speed\ncmd.linar.x > 0",
+            "linar.x > 0",
+            "geometry_msgs/Twist has no field 'linar'",
+            "did you mean 'linear'?",
         ),
         (
-            ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linear > 0"],
-            (
-                "expected a number as 'cmd.linear', got a value of type Message; "
-                "its fields are x, y, z"
-            ),
+            f"{TWIST}cmd.linear > 0",
+            "linear > 0",
+            "expected a number as 'cmd.linear', got a value of type Message",
+            "its fields are x, y, z",
         ),
         (
-            ["from nav_msgs.msg import Odometry; input Odometry o; o.header.frame_id > 0"],
+            f"{TWIST}cmd.linear.x > cmd + 1",
+            "cmd + 1",
+            "expected a field of the message 'cmd', got 'cmd' as a number",
+            "write a field, such as cmd.x: a geometry_msgs/Twist is not a number",
+        ),
+        (
+            f"{ODOMETRY}o.header.frame_id > 0",
+            "frame_id > 0",
             "expected a number as 'o.header.frame_id', got a value of type str",
+            "",
         ),
         (
-            ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linear.x[2] > 0"],
-            "cmd.linear.x[2]: geometry_msgs/Twist.linear.x is no list and has no element [2]",
+            f"{TWIST}cmd.linear.x[2] > 0",
+            "[2] > 0",
+            "geometry_msgs/Twist.linear.x is not a list and has no element [2]",
+            "",
         ),
         (
-            ["from nav_msgs.msg import Odometry; input Odometry o; o.child_frame_id[0] > 0"],
-            (
-                "o.child_frame_id[0]: nav_msgs/Odometry.child_frame_id is no list and has no "
-                "element [0]"
-            ),
+            f"{ODOMETRY}o.child_frame_id[0] > 0",
+            "[0] > 0",
+            "nav_msgs/Odometry.child_frame_id is not a list and has no element [0]",
+            "",
         ),
         *(
             (
-                [f"from nav_msgs.msg import Odometry; input Odometry o; o.{of}.covariance > 0"],
+                f"{ODOMETRY}o.{of}.covariance > 0",
+                "covariance > 0",
                 f"expected a number as 'o.{of}.covariance', got a value of type {kind}",
+                "",
             )
             for of, kind in (("pose", "list"), ("twist", "ndarray"))
         ),
+        (
+            f"{MESSAGES}output Parts out\nout = x > 0",
+            "out = x > 0",
+            "the formula 'out' has the name of a message, but a my_msgs/Parts is not a number",
+            "name the formula after a field, such as out.value",
+        ),
+        (
+            f"{MESSAGES}output Parts out\nout.count = x > 0",
+            "count = x > 0",
+            "expected a floating-point field for a robustness, got my_msgs/Parts.count of type int",
+            "",
+        ),
+        (
+            f"{MESSAGES}output Parts out\nout.a = x > 0\nout.d = always(out.a)",
+            "d = always(out.a)",
+            "my_msgs/Parts has no field 'd'",
+            "its fields are header, a, b, inner, count",
+        ),
+        (
+            f"{MESSAGES}output Parts out\nout.inner.f = x > 0\nout.a = always(out.inner.f)",
+            "f = x > 0",
+            "my_msgs/Parts.inner has no field 'f'",
+            "its fields are x, y, z",
+        ),
+    ],
+)
+def test_field_errors_show_their_place(
+    tmp_path: Path, text: str, caret: str, reason: str, hint: str
+) -> None:
+    path = tmp_path / "bad.stl"
+    path.write_text(text, encoding="utf-8")
+    ros = MemoryMiddleware()
+    for specification in (text, rtamt.load(path)):
+        with pytest.raises(ParseError) as caught:
+            MonitorNode(ros, [specification])
+        error = caught.value
+        assert (error.reason, error.hint) == (reason, hint)
+        assert text.split("\n")[error.line - 1][error.column - 1 :] == caret
+        in_a_file = isinstance(specification, rtamt.Specification)
+        assert getattr(error, "__notes__", []) == ([f"in {path}"] if in_a_file else [])
+    assert open_ends(ros) == (0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("texts", "text"),
+    [
         (
             ["robot.pose.x > 0"],
             (
@@ -165,21 +231,6 @@ def test_unreadable_field_affects_one_requirement(dense: bool) -> None:  # noqa:
                 "expected one class of messages on the topic a, got std_msgs/Float64 as 'x' and "
                 "std_msgs/Int64 as 'y'"
             ),
-        ),
-        (
-            [f"{MESSAGES}output Parts out; out = x > 0"],
-            (
-                "The formula 'out' has the name of a message, but a my_msgs/Parts is not a number. "
-                "Name the formula after a field, such as out.value."
-            ),
-        ),
-        (
-            [f"{MESSAGES}output Parts out; out.count = x > 0"],
-            "expected a floating-point field for a robustness, got my_msgs/Parts.count of type int",
-        ),
-        (
-            [f"{MESSAGES}output Parts out; out.d = x > 0"],
-            "my_msgs/Parts has no field 'd'; its fields are header, a, b, inner, count",
         ),
         (
             ["float64 x; @ topic(out, c); out = x > 0", "float64 x; @ topic(p, c); p = x > 1"],

@@ -175,6 +175,24 @@ class RobotContract:
             publish(robots[0], 1.0)
         assert 1.0 in [value for _, value in world.listener.ask("kept", topic)[before:]]
 
+    def test_field_errors_show_file_line_and_caret(self, world: World) -> None:
+        """On real classes of messages; one line imports two of them."""
+        text = """from geometry_msgs.msg import Twist, PointStamped
+        input Twist cmd
+        input PointStamped p
+        fast = cmd.linear.x > 1
+        out = always(fast implies p.point.{} > 0)"""
+        path = world.ros.folder / "fields.stl"
+        for field, hint in (("w", "its fields are x, y, z"), ("x.y", "")):
+            path.write_text(text.format(field), encoding="utf-8")
+            node = world.ros.start("-m", "rtamt_ros", "--stl", path, name="fields")
+            assert node.ended() == 2
+            line = text.format(field).split("\n")[-1]
+            column = line.index(f"point.{field}") + len(f"point.{field}")  # of the last letter
+            assert f"in {path}: STL:5:{column}: " in node.output
+            assert f"\n  {line}\n  {' ' * (column - 1)}^\n" in node.output
+            assert (f"  hint: {hint}" in node.output) == bool(hint)
+
     def test_losses_of_a_burst_are_counted(
         self, world: World, topic: str, started: Starter
     ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from fractions import Fraction
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -146,6 +147,20 @@ def test_pickles_keep_text_and_arguments() -> None:
     assert (twin.text, twin.unit, twin.imports) == (text, "ms", {"Twist": "m"})
     assert twin.overrides == {"T": Fraction(1, 10), "K": 3}
     assert twin.positions == spec.positions
+
+
+def test_a_loaded_specification_keeps_its_path(tmp_path: Path) -> None:
+    text = "const float K = 1\na = x > K\nb = y > K"
+    path = tmp_path / "two.stl"
+    path.write_text(text, encoding="utf-8")
+    spec = rtamt.load(path)
+    assert spec == rtamt.parse(text)
+    assert rtamt.parse(text).path is None
+    filled = rtamt.language.SpecificationTemplate(spec).at({"K": 2})
+    parts = spec.requirements.values()
+    for known in (spec, filled, *parts, *(pickle.loads(pickle.dumps(part)) for part in parts)):
+        assert known.path == str(path)
+    assert spec.always().path is None  # its text is canonical
 
 
 def test_specifications_are_frozen() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt import SpecificationError
+from rtamt.errors import ParseError
 from rtamt.language import SubscribedField
 from rtamt.language.topics import publications, subscriptions
 
@@ -103,12 +103,14 @@ def test_a_message_that_holds_a_number_may_stand_for_it() -> None:
     [("geometry_msgs", "Twist"), ("std_msgs", "Header"), ("other_msgs", "Float32")],
 )
 def test_a_message_that_holds_no_number_does_not_stand_for_one(package: str, message: str) -> None:
-    with pytest.raises(SpecificationError) as error:
+    with pytest.raises(ParseError) as error:
         subscriptions(f"from {package}.msg import {message}; input {message} cmd; cmd > 0")
-    assert str(error.value) == (
-        "expected a field of the message 'cmd', such as cmd.x, got 'cmd' as a number; "
-        f"a {package}/{message} is not a number"
+    text = f"from {package}.msg import {message}; input {message} cmd; cmd > 0"
+    assert (error.value.reason, error.value.hint) == (
+        "expected a field of the message 'cmd', got 'cmd' as a number",
+        f"write a field, such as cmd.x: a {package}/{message} is not a number",
     )
+    assert text[error.value.column - 1 :] == "cmd > 0"
 
 
 def test_every_formula_of_a_text_is_subscribed_for_and_nothing_that_none_uses() -> None:

@@ -174,6 +174,45 @@ def test_a_field_that_is_no_number_is_refused(bag: str, source: str) -> None:
     assert refused(bag, "x > 0", x=source) == FIELDS[source]
 
 
+TEXT_FIELDS = {
+    "{twist}always(cmd.linaer.x > 0)": ("linaer.x > 0)", "did you mean 'linear'?"),
+    "{twist}a = cmd.linear.x > 0\nalways(a and cmd.linear.w > 0)": (
+        "w > 0)",
+        "its fields are x, y, z",
+    ),
+    "{twist}always(cmd.linear.x.y > 0)": ("y > 0)", ""),
+    "{twist}always(cmd.linear > 0)": ("linear > 0)", "write a field of it"),
+    "{scan}always(scan.ranges > 0)": ("ranges > 0)", "write an element, such as ranges[0]"),
+    "{base}always(b.wheels[4].turn > 0)": ("[4].turn > 0)", ""),
+    "{base}always(b.wheels[1].turm > 0)": ("turm > 0)", "did you mean 'turn'?"),
+    "{base}always(b.wheels.turn > 0)": ("turn > 0)", "write an element, such as [0].turn"),
+}
+"""Texts, and for each the text from the caret on, and the hint."""
+TOPICS = {
+    "twist": "from geometry_msgs.msg import Twist\ninput Twist cmd\n@ topic(cmd, robot0/cmd_vel)\n",
+    "scan": "from sensor_msgs.msg import LaserScan\ninput LaserScan scan\n@ topic(scan, scan)\n",
+    "base": "from lab_msgs.msg import Base\ninput Base b\n@ topic(b, base)\n",
+}
+
+
+@pytest.mark.parametrize("form", [*TEXT_FIELDS])
+def test_field_errors_of_a_text_show_their_place(
+    bag: str, form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, (caret, hint) = form.format(**TOPICS), TEXT_FIELDS[form]
+    path = tmp_path / "bad.stl"
+    path.write_text(text, encoding="utf-8")
+    assert main(["monitor", str(path), bag, "--period", "1s"]) == 2
+    error = capsys.readouterr().err
+    lines = text.split("\n")
+    assert f"in {path}: STL:{len(lines)}:{lines[-1].index(caret) + 1}: " in error
+    first_line, shown, arrow, *more = error.splitlines()
+    assert f"{Path(bag).name}: " in first_line
+    assert shown == f"  {lines[-1]}"
+    assert arrow == f"  {' ' * lines[-1].index(caret)}^"
+    assert more == ([f"  hint: {hint}"] if hint else [])
+
+
 def test_a_source_that_cannot_be_read_is_refused(bag: str) -> None:
     for source in ("/scan.ranges[x]", "/scan.", ".x", "/scan..ranges"):
         with pytest.raises(rtamt.InputError) as caught:
