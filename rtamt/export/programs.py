@@ -16,8 +16,7 @@ from rtamt.export.program_file import (
 from rtamt.language.interval import Traced
 from rtamt.language.specification import Specification
 from rtamt.monitors.options import Options, SampleOptions, compiled, compiled_dense
-from rtamt.program.dense_lowering import DenseProgram
-from rtamt.program.dense_regions import compile_regions
+from rtamt.program.dense_lowering import DenseProgram, compile_regions
 from rtamt.program.encoding import (
     clock_of,
     encoded_dense,

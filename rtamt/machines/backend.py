@@ -47,8 +47,7 @@ from rtamt.machines.protocols import (
 )
 from rtamt.machines.terms import FindRanges, FindTerms, term_columns, term_ranges
 from rtamt.machines.walk import FoldPairs
-from rtamt.program.dense_lowering import DenseProgram
-from rtamt.program.dense_regions import RegionProgram
+from rtamt.program.dense_lowering import DenseProgram, RegionProgram
 from rtamt.program.program import Program
 
 BackendName = Literal["native", "python"]

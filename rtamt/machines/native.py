@@ -21,7 +21,7 @@ from rtamt.machines.books import BankOutcomes, BookFunctions, LaneColumn, spread
 from rtamt.machines.clocks import OperatorClock
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.outlook import PythonDenseSigns, everywhere
-from rtamt.machines.dense.rows import RegionRows, declared_of, dense_of
+from rtamt.machines.dense.rows import RegionRows, declared_of
 from rtamt.machines.protocols import (
     DenseSigns,
     End,
@@ -33,8 +33,7 @@ from rtamt.machines.protocols import (
 )
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import RefusesRanges
-from rtamt.program.dense_lowering import DenseProgram
-from rtamt.program.dense_regions import RegionProgram
+from rtamt.program.dense_lowering import DenseProgram, RegionProgram
 from rtamt.program.encoding import (
     DiscreteRow,
     FormulaRow,
@@ -178,7 +177,7 @@ def dense_episode_on_regions(
     program: RegionProgram, reader: EventReader
 ) -> PythonDenseEpisodeMachine:
     """Return the machine in Python on registers in C++."""
-    counting = reader.with_clock(NativeClock(DenseProgram(program.program, program.resolution)))
+    counting = reader.with_clock(NativeClock(program))
     return PythonDenseEpisodeMachine(program, counting, _Regions, term_columns, term_ranges)
 
 
@@ -191,7 +190,7 @@ def dense_episode_machine(
         (encoded_terms(variant), encoded_regions(place(variant)))
         for variant in variants_of(program.program)
     ]
-    variables, clock = program.program.variables, clock_of(dense_of(program).tick)
+    variables, clock = program.program.variables, clock_of(program.tick)
     declared = declared_of(program.program).before
     return _native.DenseEpisodeMachine(readings, variables, clock, declared, program.reach, reader)
 
@@ -213,7 +212,7 @@ def _encoded_signs(
     program: RegionProgram,
 ) -> tuple[tuple[DiscreteRow, ...], tuple[FormulaRow, ...], int, tuple[float, int, int]]:
     (known,) = variants_of(program.program)
-    rows, clock = encoded_regions(everywhere(known)).rows, clock_of(dense_of(program).tick)
+    rows, clock = encoded_regions(everywhere(known)).rows, clock_of(program.tick)
     return encoded_terms(known), rows, known.result, clock
 
 

@@ -1,7 +1,7 @@
 """Runs of places at which a formula fails, holds, or may do either.
 
 A segment is a run of places with equal values: one sample, or a run of positions of dense time
-(`rtamt.program.dense_regions`). Values are the integers of `rtamt.program.algebra.ordered`.
+(`rtamt.program.dense_lowering`). Values are the integers of `rtamt.program.algebra.ordered`.
 """
 
 from __future__ import annotations

@@ -25,8 +25,7 @@ from rtamt.monitors.options import (
     listed_in_signature,
 )
 from rtamt.monitors.verdict import Verdict
-from rtamt.program.dense_lowering import DenseProgram
-from rtamt.program.dense_regions import compile_regions
+from rtamt.program.dense_lowering import DenseProgram, compile_regions
 from rtamt.program.timing import Period, as_period
 
 _UPDATE = """Take in new events, and return the breakpoints that they settle.

@@ -20,7 +20,7 @@ from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS, BackendName
 from rtamt.machines.dense.outlook import DenseOutlook, with_robustness
-from rtamt.machines.dense.rows import dense_of, rows_between, rows_of
+from rtamt.machines.dense.rows import rows_between, rows_of
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import DenseSigns, End
 from rtamt.machines.readout import verdict_of
@@ -29,7 +29,7 @@ from rtamt.monitors.trace import TraceClock, TraceRegisters, UnseenPlace
 from rtamt.monitors.triggers import DenseTriggerCount, reads_hidden
 from rtamt.program.algebra import ordered
 from rtamt.program.bodies import body_reads, with_one_body
-from rtamt.program.dense_regions import RegionProgram, compile_regions
+from rtamt.program.dense_lowering import RegionProgram, compile_regions
 from rtamt.program.implications import Counted, InstantRuns, Reads, Routes, TraceSpan, unanswered
 from rtamt.program.interface import STANDARD, Interface
 
@@ -108,7 +108,7 @@ class DenseTrace:
         regions = compile_regions(
             specification, self._regions.resolution, interface=self._interface
         )
-        machine = self._machines.dense_episode_machine(regions, self._reader.of(dense_of(regions)))
+        machine = self._machines.dense_episode_machine(regions, self._reader.of(regions))
         machine.run(self._events_of(regions))
         machine.finish(self._end)
         return verdict_of(machine.lower, machine.upper) == 1
@@ -145,7 +145,7 @@ class DenseTrace:
 
     def bounds_of(self, formula: Node) -> Bounds:
         """Return the bounds of an operator in ticks."""
-        return dense_of(self._regions).bounds(formula)
+        return self._regions.bounds(formula)
 
     def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
         """Return the values of a part of the formula over the trace.
@@ -192,7 +192,7 @@ class DenseTrace:
     def _runs(self, formula: Formula, *, standard: bool = False) -> tuple[Runs, Runs, Runs]:
         """Return robustness and bounds of a part of the formula."""
         regions = self._regions_of(formula, STANDARD if standard else self._interface)
-        reader = self._reader.of(dense_of(regions))
+        reader = self._reader.of(regions)
         given = self._events_of(regions)
         counted = reader.counted(given, [-math.inf] * len(given), None)
         terms = self._machines.term_columns, self._machines.term_ranges
@@ -214,7 +214,7 @@ class DenseTrace:
 
 @functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
 def _routes(regions: RegionProgram) -> Routes:
-    return Routes(regions.program.specification.formula, dense_of(regions).bounds)
+    return Routes(regions.program.specification.formula, regions.bounds)
 
 
 @functools.lru_cache(maxsize=512)
@@ -235,7 +235,7 @@ def _opposite(
     if not left.variables:
         opposite = _with_result(specification, ~left)
     regions = compile_regions(opposite, whole.resolution, interface=STANDARD)
-    dense = dense_of(regions)
+    dense = regions
     reader = EventReader(dense, nan, max_gap, bounds=True)
     reader.unknown = unknown
     return regions, reader.with_clock(BACKENDS[backend].clock(dense))

@@ -36,7 +36,6 @@ from rtamt.machines.dense.rows import (
     RegionRows,
     TraceValues,
     Waiting,
-    dense_of,
     terms_of,
     together,
 )
@@ -80,8 +79,7 @@ from rtamt.monitors.origins import (
     holds_by_sign,
     origin_of,
 )
-from rtamt.program.dense_lowering import MAX_TICKS
-from rtamt.program.dense_regions import RegionProgram, regions_of_all
+from rtamt.program.dense_lowering import MAX_TICKS, RegionProgram, compile_regions
 from rtamt.program.implications import operand_signs
 from rtamt.program.instructions import Const, Map, operands
 from rtamt.program.interface import Interface, PredicateValue
@@ -592,7 +590,7 @@ def _explained_dense(
     begin = max(int(ticks[0]) for ticks, _ in columns)
     end = min(int(ticks[-1]) for ticks, _ in columns)
     tick = begin if time is None else _tick(time, reader, begin, end, dated=bool(dated))
-    regions = regions_of_all(observed, program.resolution, interface=interface)
+    regions = compile_regions(observed, program.resolution, interface=interface, named=True)
     if end - begin + regions.reach >= MAX_TICKS:
         reader.refuse_length(end - begin + regions.reach)
     terms = machines.term_columns, machines.term_ranges
@@ -744,7 +742,7 @@ class _RegionRun:
         trace: _TraceEvents,
         end: End,
     ) -> None:
-        self._program, self._bounds = regions.program, dense_of(regions).bounds
+        self._program, self._bounds = regions.program, regions.bounds
         outputs = regions.program.outputs
         self._registers: dict[Node, int] = {f: outputs[name] for name, f in names.items()}
         self._unneeded = _unneeded(regions.program)

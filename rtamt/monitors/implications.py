@@ -9,7 +9,6 @@ from rtamt.errors import InputTypeError, brief
 from rtamt.inputs.events import EventsLike
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
-from rtamt.machines.dense.rows import dense_of
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.dense_trace import DenseTrace
@@ -27,7 +26,7 @@ from rtamt.monitors.options import (
 from rtamt.monitors.sample_trace import SampleTrace
 from rtamt.monitors.triggers import DenseTriggerCount, Evidence, TriggerCount, evidence_of, texts_of
 from rtamt.monitors.verdict import Verdict
-from rtamt.program.dense_regions import compile_regions
+from rtamt.program.dense_lowering import compile_regions
 from rtamt.program.timing import Period
 
 
@@ -183,7 +182,7 @@ class DenseImplications(_Implications):
             return _NOTHING
         specification, interface, backend, program = self._compiled
         regions = compile_regions(specification, program.resolution, interface=interface)
-        reader = event_reader(dense_of(regions), self._options)
+        reader = event_reader(regions, self._options)
         events = reader.whole(signals)
         trace = DenseTrace(specification, interface, mode, regions, events, reader, backend)
         satisfied = verdict_of(*trace.values[1:]) if verdict is None else verdict

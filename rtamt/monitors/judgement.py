@@ -12,7 +12,7 @@ from typing import Any, Unpack
 from rtamt.inputs.between import identical
 from rtamt.inputs.events import EventsLike, Until
 from rtamt.inputs.samples import SampleReader, TraceColumns
-from rtamt.machines.dense.rows import dense_of, unknown_of
+from rtamt.machines.dense.rows import unknown_of
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.dense_trace import DenseTrace
@@ -33,7 +33,7 @@ from rtamt.monitors.trace import JudgedTrace
 from rtamt.monitors.triggers import Evidence, evidence_of, text_of
 from rtamt.monitors.unrecorded import Unrecorded, unrecorded_of
 from rtamt.monitors.verdict import Verdict, holds, zero_text
-from rtamt.program.dense_regions import compile_regions
+from rtamt.program.dense_lowering import compile_regions
 from rtamt.program.memory import limit_beyond
 from rtamt.program.timing import Align, Period
 from rtamt.renamed import OldName
@@ -364,7 +364,7 @@ def judge_dense(
         judge_dense, spec, resolution, options, online=False, bounds=True
     )
     regions = compile_regions(specification, program.resolution, interface=interface)
-    reader = event_reader(dense_of(regions), options)
+    reader = event_reader(regions, options)
     events = reader.whole(signals)
     if until is not None:
         events = reader.held(events, until)

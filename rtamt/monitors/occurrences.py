@@ -14,7 +14,6 @@ from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS, Bounds
-from rtamt.machines.dense.rows import dense_of
 from rtamt.machines.protocols import End
 from rtamt.machines.segments import PlaceNumbers, PlaceRuns, SegmentRuns, Segments
 from rtamt.machines.walk import numbers_of
@@ -42,7 +41,7 @@ from rtamt.monitors.sample_trace import SampleTrace
 from rtamt.monitors.trace import UnseenPlace
 from rtamt.monitors.triggers import text_of
 from rtamt.program.bodies import bodies
-from rtamt.program.dense_regions import compile_regions
+from rtamt.program.dense_lowering import compile_regions
 from rtamt.program.implications import InstantRuns, TraceSpan, implications
 from rtamt.program.memory import limit_beyond
 from rtamt.program.timing import Period
@@ -358,7 +357,7 @@ def occurrences_dense(
         occurrences_dense, spec, resolution, options, online=False, bounds=True
     )
     regions = compile_regions(specification, program.resolution, interface=interface)
-    reader = event_reader(dense_of(regions), options)
+    reader = event_reader(regions, options)
     events = reader.whole(signals)
     if until is not None:
         events = reader.held(events, until)

@@ -4,8 +4,7 @@ The meaning of an operator in `rtamt.language.operators` only chooses among the 
 operands, by minimum and maximum, and changes their sign. Run on values that carry their origin, it
 shows which value it chose, so an operator needs no other code for its explanation.
 
-A place is the number of a sample. In dense time the tick t is place 2t, and the open interval up to
-the next tick is place 2t + 1 (`rtamt.program.dense_regions`); at each place everything is constant.
+A place is the number of a sample, or a position of dense time (`rtamt.program.dense_lowering`).
 
 To add an operator, nothing is needed here. `FormulaSignals` in `rtamt.monitors.explainer` follows
 the origins through a formula, over samples and over dense time alike.

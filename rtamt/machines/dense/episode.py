@@ -40,8 +40,7 @@ from rtamt.machines.readout import moved, verdict_of
 from rtamt.machines.state import Retiring, StateFields
 from rtamt.machines.terms import FindRanges, FindTerms, Registers, term_columns, term_ranges
 from rtamt.program.algebra import FOLDS, FUNCTIONS
-from rtamt.program.dense_lowering import MAX_TICKS
-from rtamt.program.dense_regions import RegionProgram
+from rtamt.program.dense_lowering import MAX_TICKS, RegionProgram
 from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import Placement, place, variants_of
 

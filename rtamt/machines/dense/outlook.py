@@ -17,7 +17,7 @@ from rtamt.machines.dense.rows import FindBoth, RegionRows, rows_between
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import End
 from rtamt.machines.terms import term_columns, term_ranges
-from rtamt.program.dense_regions import RegionProgram
+from rtamt.program.dense_lowering import RegionProgram
 from rtamt.program.implications import Counted, InstantRuns
 from rtamt.program.instructions import Const, Window
 from rtamt.program.placement import Placement, variants_of

@@ -1,7 +1,7 @@
 """Registers over the regions of dense time, as runs: settled values, and open ones in each world.
 
 `rtamt.machines.episode.machine` explains settled and open values, worlds and unknowns, and
-`rtamt.program.dense_regions` positions. Here open values have no end: the last run lasts for ever.
+`rtamt.program.dense_lowering` positions. Here open values have no end: the last run lasts for ever.
 A trace may end at any time, now included. So after the last position t nothing exists in ``NOW``; a
 future fold reads only what has been seen, and its own position, in ``LOWER`` if it is a maximum and
 in ``UPPER`` if it is a minimum. A trace that was cut goes on: bounded windows read everything, and

@@ -18,8 +18,7 @@ from rtamt.inputs.samples import in_between
 from rtamt.machines.dense.runs import Positions
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import FindRanges, FindTerms
-from rtamt.program.dense_lowering import DenseProgram
-from rtamt.program.dense_regions import RegionProgram
+from rtamt.program.dense_lowering import RegionProgram
 from rtamt.program.placement import variants_of
 from rtamt.program.program import Program
 
@@ -184,11 +183,6 @@ class RegionRows(NamedTuple):
         if after - first == len(self.positions):
             return self
         return RegionRows(self.positions[first:after], [a[first:after] for a in self.terms])
-
-
-def dense_of(regions: RegionProgram) -> DenseProgram:
-    """Return the program for a reader of its events."""
-    return DenseProgram(regions.program, regions.resolution)
 
 
 def rows_of(

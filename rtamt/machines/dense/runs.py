@@ -1,6 +1,6 @@
 """Signals over the regions of dense time as runs of equal values, and their folds.
 
-`rtamt.program.dense_regions` explains positions. A run lasts from its start to the next one; the
+`rtamt.program.dense_lowering` explains positions. A run lasts from its start to the next one; the
 last run lasts as far as the caller knows the signal. The last axis of values counts runs; previous
 axes count corners (`rtamt.machines.episode.machine`).
 """

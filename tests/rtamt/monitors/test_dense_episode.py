@@ -24,9 +24,7 @@ from rtamt import Formula, InputError, StateError, Verdict, variable
 from rtamt.inputs.event_reader import EventReader
 from rtamt.language.parser import as_specification
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.dense.rows import dense_of
-from rtamt.program.dense_lowering import NANOSECOND
-from rtamt.program.dense_regions import compile_regions
+from rtamt.program.dense_lowering import NANOSECOND, compile_regions
 from rtamt.typing import End
 
 Backend = Literal["native", "python"]
@@ -249,7 +247,7 @@ def test_nothing_is_settled_before_all_variables_are_known(backend: Backend) -> 
 
 def test_a_whole_trace_is_refused_by_the_machine_where_nothing_overlaps(backend: Backend) -> None:
     regions = compile_regions(as_specification("always(x > y)"), NANOSECOND)
-    reader = EventReader(dense_of(regions), bounds=True)
+    reader = EventReader(regions, bounds=True)
     machine = BACKENDS[backend].dense_episode_machine(regions, reader)
     apart = reader.whole({"x": [(0, 1), (1, 2)], "y": [(3, 1)]})
     with pytest.raises(InputError, match=r"^expected signals that overlap in time, got 'x', which"):

@@ -21,8 +21,7 @@ from rtamt import Formula
 from rtamt.inputs.event_reader import EventReader
 from rtamt.language.parser import as_specification
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.dense.rows import dense_of
-from rtamt.program.dense_regions import compile_regions
+from rtamt.program.dense_lowering import compile_regions
 from rtamt.program.implications import InstantRuns
 from rtamt.program.interface import STANDARD
 from rtamt.typing import End, SemanticsName
@@ -141,11 +140,11 @@ def test_where_a_formula_fails_and_holds_for_certain_is_counted(
         for name in formula.variables
     }
     regions = compile_regions(as_specification(formula), Fraction(1), interface=STANDARD)
-    reader = EventReader(dense_of(regions))
+    reader = EventReader(regions)
     made = BACKENDS[backend]
     given = reader.whole(whole)
     signs = made.dense_signs(
-        regions, reader.with_clock(made.clock(dense_of(regions))), given, (0, steps), end
+        regions, reader.with_clock(made.clock(regions)), given, (0, steps), end
     )
     at = Regions(whole, 1).at(formula, end)
     bounds = [at(i) for i in range(2 * steps + 1)]

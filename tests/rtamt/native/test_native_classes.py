@@ -11,8 +11,7 @@ import pytest
 
 from rtamt.language.parser import as_specification
 from rtamt.machines.clocks import OperatorClock
-from rtamt.program.dense_lowering import NANOSECOND, compile_dense
-from rtamt.program.dense_regions import compile_regions
+from rtamt.program.dense_lowering import NANOSECOND, compile_dense, compile_regions
 from rtamt.program.encoding import encoded_regions
 from rtamt.program.lowering import compile_program
 from rtamt.program.placement import place

@@ -16,8 +16,7 @@ from strategies import VARIABLES, Trace, formulas, traces
 import rtamt
 from rtamt import Formula, SpecificationError
 from rtamt.language.parser import as_specification
-from rtamt.program.dense_lowering import compile_dense
-from rtamt.program.dense_regions import compile_regions
+from rtamt.program.dense_lowering import compile_dense, compile_regions
 from rtamt.program.encoding import encoded_episode
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.lowering import compile_program
