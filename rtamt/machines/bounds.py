@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,28 +13,12 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.machines.backend import Factories
 from rtamt.machines.offline import without_nan
 from rtamt.machines.protocols import End
+from rtamt.machines.segments import FOREVER, PlaceRuns
 from rtamt.machines.walk import FoldPairs, Keys, TraceEnd, Walk, initial_registers, to_keys
 from rtamt.program.instructions import Const, Load, Map, Window, latencies_of
 from rtamt.program.memory import limit_beyond, sufficient
 from rtamt.program.placement import positive
 from rtamt.program.program import Program
-
-
-class Flags(NamedTuple):
-    """Whether something is true at each time; the last value stays."""
-
-    values: NDArray[np.bool_]
-
-    def at(self, time: int) -> bool:
-        return bool(self.values[min(time, len(self.values) - 1)])
-
-    def first(self, begin: int, end: int) -> int | None:
-        """Return the first time from begin to end at which it is true."""
-        times = np.flatnonzero(self.values[begin : max(0, end + 1)])
-        if len(times):
-            return begin + int(times[0])
-        last = len(self.values) - 1
-        return max(begin, last) if end > last and self.values[-1] else None
 
 
 class TraceBounds:
@@ -179,20 +162,13 @@ class TraceBounds:
         register = root.args[-1] if isinstance(root, Window) else program.result
         return self._best.beyond(register, _endings(end)[1])
 
-    def undecided(self, registers: tuple[int, ...], end: End) -> list[Flags]:
-        """Return where registers of the formulas may have either sign, on a trace that goes on."""
+    def undecided(self, register: int, end: End) -> PlaceRuns:
+        """Return where a register of the formulas may have either sign, on a trace that goes on."""
         lower, upper = _endings(end)
-        return [
-            Flags(
-                np.concatenate(
-                    [
-                        _differ(self._worst.recorded(r, lower), self._best.recorded(r, upper)),
-                        _differ(self._worst.beyond(r, lower), self._best.beyond(r, upper)),
-                    ]
-                )
-            )
-            for r in registers
-        ]
+        worst, best, r = self._worst, self._best, register
+        recorded = _differ(worst.recorded(r, lower), best.recorded(r, upper))
+        beyond = _differ(worst.beyond(r, lower), best.beyond(r, upper))
+        return PlaceRuns.where(np.concatenate([recorded, beyond]), None, FOREVER)
 
 
 _COMPLETE = TraceEnd("complete", best=False)

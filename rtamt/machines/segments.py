@@ -17,6 +17,9 @@ from rtamt.program.implications import InstantRuns
 PlaceNumbers = NDArray[np.int64]
 Flagged = NDArray[np.bool_]
 
+FOREVER = np.iinfo(np.int64).max
+"""The last place of a run without an end."""
+
 _SHORT_RUN = 32
 """Segments of each run that are compared with its minimum one by one."""
 
@@ -38,6 +41,39 @@ class PlaceRuns(NamedTuple):
         known = [(first, int(min(final, last))) for first, final in instants if first <= last]
         return PlaceRuns(*np.array(known, np.int64).reshape(-1, 2).T)
 
+    @staticmethod
+    def where(flags: Flagged, starts: PlaceNumbers | None, last: int) -> PlaceRuns:
+        """Return the runs with a flag; without ``starts`` each place has its own flag."""
+        places = _changes(flags)
+        if starts is not None:
+            places = starts[places]
+        first, final = places[::2], places[1::2] - 1
+        return PlaceRuns(first, final if len(final) == len(first) else np.append(final, last))
+
+    def within(self, instants: InstantRuns) -> PlaceRuns:
+        """Return the parts of the runs inside others, which do not touch."""
+        if not len(self.first):
+            return self
+        if len(instants) == 1:
+            ((begin, end),) = instants
+            if begin <= self.first[0] and self.last[-1] <= end:
+                return self
+        first, last = [self.first[:0]], [self.last[:0]]
+        for begin, end in instants:
+            low = int(np.searchsorted(self.last, begin))
+            high = int(np.searchsorted(self.first, end, "right"))
+            first.append(np.maximum(self.first[low:high], begin))
+            last.append(np.minimum(self.last[low:high], end).astype(np.int64))
+        return PlaceRuns(np.concatenate(first), np.concatenate(last))
+
+    def first_between(self, begin: int, end: int) -> int | None:
+        """Return the first place of a run from begin to end."""
+        run = int(np.searchsorted(self.last, begin))
+        if run == len(self.first):
+            return None
+        place = max(begin, int(self.first[run]))
+        return place if place <= end else None
+
     def length(self, step: int) -> int:
         """Return the number of samples, or of ticks of dense time, of `step` places each."""
         return int(np.sum((self.last + 1) // step - self.first // step))
@@ -49,6 +85,12 @@ class PlaceRuns(NamedTuple):
         run = np.searchsorted(self.last, places)
         first = self.first[np.minimum(run, len(self.first) - 1)]
         return np.where(run < len(self.first), np.maximum(places, first), -1)
+
+
+def _changes(flags: Flagged) -> PlaceNumbers:
+    """Return where flags begin and end, in turn."""
+    changes = np.flatnonzero(flags[1:] != flags[:-1]) + 1
+    return np.concatenate([np.zeros(1, np.int64), changes]) if flags[0] else changes
 
 
 class Minima(NamedTuple):
@@ -129,9 +171,7 @@ class Segments(NamedTuple):
 
     def runs(self, flags: Flagged) -> SegmentRuns:
         """Return the longest runs of segments with a flag."""
-        changes = np.flatnonzero(flags[1:] != flags[:-1]) + 1
-        if flags[0]:
-            changes = np.concatenate([np.zeros(1, np.int64), changes])
+        changes = _changes(flags)
         first, after = changes[::2], changes[1::2]
         if len(after) < len(first):
             after = np.append(after, len(flags))

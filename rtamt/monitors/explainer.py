@@ -30,7 +30,7 @@ from rtamt.language.operators import Bounds, Operator
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.dense.outlook import recorded, with_robustness
+from rtamt.machines.dense.outlook import with_robustness
 from rtamt.machines.dense.rows import (
     FindBoth,
     RegionRows,
@@ -39,6 +39,7 @@ from rtamt.machines.dense.rows import (
     terms_of,
     together,
 )
+from rtamt.machines.dense.runs import clipped
 from rtamt.machines.offline import run_outputs
 from rtamt.machines.protocols import End
 from rtamt.monitors.bound_signals import (
@@ -775,11 +776,11 @@ class _RegionRun:
         places = 2 * (self._values.ticks - self._begin)
         tables = terms_of(variants_of(part), self._terms, self._reader, self._values)
         rows = [RegionRows(places, table) for table in tables]
+        _, *bounds = with_robustness(part, rows, self._last, self._end)
         if self._end == "complete":
-            _, runs = recorded(part, rows, self._last, "complete")
+            runs = clipped(bounds[1], 0, self._last)
             signal = RobustnessSignal(runs.last, runs.starts)
             return signal, signal
-        _, *bounds = with_robustness(part, rows, self._last, self._end)
         seen = part.result < part.terms and not isinstance(part.instructions[part.result], Const)
         if seen:  # a predicate, which is unknown after the trace
             low, high = (

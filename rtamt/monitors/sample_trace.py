@@ -17,10 +17,10 @@ from rtamt.language.node import Node
 from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.bounds import Flags, TraceBounds
+from rtamt.machines.bounds import TraceBounds
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
-from rtamt.machines.segments import Segments
+from rtamt.machines.segments import PlaceRuns, Segments
 from rtamt.machines.walk import number_of
 from rtamt.monitors.options import Compiled
 from rtamt.monitors.trace import TraceClock, TraceRegisters, UnseenPlace
@@ -166,8 +166,8 @@ class SampleTrace:
         """Return the registers of the formula, for an end that is not complete."""
         bounds, end, exact = self.bounds, self._end, self.bounds.split.exact
 
-        def undecided(register: int) -> Flags:
-            return bounds.undecided((register,), end)[0]
+        def undecided(register: int) -> PlaceRuns:
+            return bounds.undecided(register, end)
 
         def reach(register: int) -> tuple[Node, int, int | None]:
             node, window = exact.sources[register], exact.window(register)

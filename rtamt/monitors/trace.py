@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.machines.protocols import DenseSigns
+from rtamt.machines.segments import PlaceRuns
 from rtamt.program.implications import Counted, Reads, TraceSpan
 from rtamt.program.program import Program
 
@@ -55,13 +56,6 @@ class UnseenPlace(NamedTuple):
     robustness: float
 
 
-class UndecidedPlaces(Protocol):
-    """Places at which a register may have either sign."""
-
-    def first(self, begin: int, end: int) -> int | None:
-        """Return the first of them from begin to end."""
-
-
 @dataclass(frozen=True)
 class TraceRegisters:
     """The registers of a program over a trace that goes on.
@@ -82,7 +76,7 @@ class TraceRegisters:
     last: int
     beyond: int
     cut: bool
-    undecided: Callable[[int], UndecidedPlaces]
+    undecided: Callable[[int], PlaceRuns]
     reach: Callable[[int], tuple[Node, int, int | None]]
 
 

@@ -82,18 +82,20 @@ def _search(registers: TraceRegisters) -> dict[tuple[Node, int], tuple[int, int 
         instruction = program.instructions[register]
         if isinstance(instruction, Map):
             below = [operand for operand in instruction.args if operand >= program.terms]
-            stack += [(r, sample) for r in below if undecided(r).first(sample, sample) is not None]
+            stack += [
+                (r, sample) for r in below if undecided(r).first_between(sample, sample) is not None
+            ]
         elif isinstance(instruction, Window):
             begin = 0 if instruction.lo is None else max(0, sample + instruction.lo)
             end = None if instruction.hi is None else sample + instruction.hi
             missing = _lacks(registers, instruction, sample)
             for operand in instruction.args:
                 places = undecided(operand)
-                first = places.first(begin, last if end is None else min(end, last))
+                first = places.first_between(begin, last if end is None else min(end, last))
                 if first is not None:
                     stack.append((operand, first))
                 if not missing and end is not None:
-                    missing = places.first(max(begin, last + 1), end) is not None
+                    missing = places.first_between(max(begin, last + 1), end) is not None
             if missing:
                 _note(intervals, registers, register, sample)
     return intervals

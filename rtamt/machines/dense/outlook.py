@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
@@ -16,40 +14,13 @@ from rtamt.machines.dense.regions import CUT, CUT_LOWER, CUT_UPPER, LOWER, NOW, 
 from rtamt.machines.dense.rows import FindBoth, RegionRows, rows_between
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import End
+from rtamt.machines.segments import FOREVER, PlaceRuns
 from rtamt.machines.terms import term_columns, term_ranges
 from rtamt.program.dense_lowering import RegionProgram
 from rtamt.program.implications import Counted, InstantRuns
 from rtamt.program.instructions import Const, Window
 from rtamt.program.placement import Placement, variants_of
 from rtamt.program.program import Program
-
-
-class Places(NamedTuple):
-    """Runs of positions, and which of them are true."""
-
-    starts: Sequence[int]
-    values: Sequence[bool]
-
-    def first(self, begin: int, end: int) -> int | None:
-        """Return the first true position from begin to end."""
-        until = (*self.starts[1:], np.inf)
-        for start, after, value in zip(self.starts, until, self.values, strict=True):
-            if value and start <= end and begin < after and begin <= end:
-                return max(begin, start)
-        return None
-
-
-def recorded(
-    program: Program, rows: Sequence[RegionRows], last: int, end: End
-) -> tuple[Runs, Runs]:
-    """Return the smallest and the largest result on a trace; the same one if all is known."""
-    worlds, (low, high) = _worlds(program, end)
-    programs = variants_of(program)
-    ends = [(programs[0], rows[0], low)]
-    if len(rows) > 1 or low != high:
-        ends.append((programs[-1], rows[-1], high))
-    bounds = [_seen(variant, terms, last, worlds, world) for variant, terms, world in ends]
-    return bounds[0], bounds[-1]
 
 
 def with_robustness(
@@ -91,15 +62,6 @@ def _worlds(program: Program, end: End) -> tuple[Sequence[int], tuple[int, int]]
     return WORLDS, (LOWER, UPPER)
 
 
-def _seen(program: Program, rows: RegionRows, last: int, worlds: Sequence[int], world: int) -> Runs:
-    instruction = program.instructions[program.result]
-    if program.result < program.terms and not isinstance(instruction, Const):
-        return Runs(rows.positions, (rows.terms[program.result],))
-    regions = Regions(everywhere(program))
-    regions.unfold(rows, last, worlds)
-    return clipped(regions.seen(program.result, world), 0, last)
-
-
 def _looks_ahead(program: Program) -> bool:
     windows = (i for i in program.instructions if isinstance(i, Window))
     return any(window.hi is None or window.hi > 0 for window in windows)
@@ -135,14 +97,14 @@ class DenseOutlook:
             regions.unfold(terms, last, (*WORLDS, *CUT) if cut else WORLDS)
             self._readings.append(regions)
 
-    def undecided(self, register: int) -> Places:
+    def undecided(self, register: int) -> PlaceRuns:
         """Return the positions at which a register may have either sign."""
         low, high = self._worlds
         worst = self._readings[0].seen(register, low)
         best = self._readings[-1].seen(register, high)
         runs = joint([worst, best])
         differ = np.signbit(runs.values[0]) != np.signbit(runs.values[1])
-        return Places(runs.starts.tolist(), differ.tolist())
+        return PlaceRuns.where(differ, runs.starts, FOREVER)
 
 
 class PythonDenseSigns:
@@ -159,65 +121,19 @@ class PythonDenseSigns:
     ) -> None:
         counted = reader.counted(given, [-np.inf] * len(given), None)
         rows = rows_between(regions, counted, trace, reader, terms)
-        self._last = 2 * (trace[1] - trace[0])
-        self._least, self._greatest = recorded(regions.program, rows, self._last, end)
+        last = self._last = 2 * (trace[1] - trace[0])
+        _, *bounds = with_robustness(regions.program, rows, last, end)
+        self._least, self._greatest = (clipped(bound, 0, last) for bound in bounds)
 
     def fails_at(self, instants: InstantRuns) -> Counted:
-        fails = _Spans.of(np.signbit(self._greatest.last), self._greatest.starts, self._last)
-        begins, ends = fails.within(instants)
-        ticks = int(np.sum((ends + 1) // 2 - begins // 2))  # the odd positions
-        return ticks, len(begins), int(begins[0]) if len(begins) else None
+        greatest = self._greatest
+        fails = PlaceRuns.where(np.signbit(greatest.last), greatest.starts, self._last)
+        runs = fails.within(instants)
+        return runs.length(2), len(runs.first), int(runs.first[0]) if len(runs.first) else None
 
     def holds_at(self, instants: InstantRuns) -> bool:
-        spans = _Spans.of(~np.signbit(self._least.last), self._least.starts, self._last)
-        return spans.cover(instants, self._last)
-
-
-class _Spans(NamedTuple):
-    """Recorded runs of instants, in order (`rtamt.program.implications`).
-
-    Attributes:
-        begins: The first instant of each run.
-        ends: The last instant.
-    """
-
-    begins: NDArray[np.int64]
-    ends: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, true: NDArray[np.bool_], starts: NDArray[np.int64] | None, last: int) -> _Spans:
-        """Return the runs at which an array is true."""
-        changes = np.flatnonzero(true[1:] != true[:-1]) + 1
-        if true[0]:
-            changes = np.concatenate([np.zeros(1, np.int64), changes])
-        places = changes if starts is None else starts[changes]
-        begins, after = places[::2], places[1::2]
-        if len(after) < len(begins):
-            after = np.append(after, last + 1)
-        return cls(begins, after - 1)
-
-    def within(self, instants: InstantRuns) -> _Spans:
-        """Return the parts of the runs inside others."""
-        if not len(self.begins):
-            return self
-        if len(instants) == 1:
-            ((first, final),) = instants
-            if first <= self.begins[0] and self.ends[-1] <= final:
-                return self
-        begins, ends = [], []
-        for first, final in instants:
-            low = int(np.searchsorted(self.ends, first))
-            high = int(np.searchsorted(self.begins, final, "right"))
-            begins.append(np.maximum(self.begins[low:high], first))
-            ends.append(np.minimum(self.ends[low:high], final).astype(np.int64))
-        if not begins:
-            return _Spans(self.begins[:0], self.ends[:0])
-        return _Spans(np.concatenate(begins), np.concatenate(ends))
-
-    def cover(self, instants: InstantRuns, last: int) -> bool:
-        """Return whether all instants are in the runs, and none is after the last recorded one."""
-        if instants and instants[-1][1] > last:
+        if instants[-1][1] > self._last:
             return False
-        common = self.within(instants)
-        length = int(np.sum(common.ends - common.begins + 1))
-        return length == sum(int(final) - first + 1 for first, final in instants)
+        holds = PlaceRuns.where(~np.signbit(self._least.last), self._least.starts, self._last)
+        length = sum(int(final) - first + 1 for first, final in instants)
+        return holds.within(instants).length(1) == length
