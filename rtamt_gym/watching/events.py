@@ -297,6 +297,11 @@ class EventGroup:
         return [self._line(state) for state in self._states] if self.samples else []
 
     @property
+    def begun(self) -> bool:
+        """Whether a row has come."""
+        return self._raw is not None
+
+    @property
     def seconds(self) -> float | None:
         """The time of the last row; None before there is one."""
         return None if self._raw is None else self._time

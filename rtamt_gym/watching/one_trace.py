@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
 from typing import Final, Protocol
 
 import numpy as np
@@ -71,10 +72,12 @@ class FlagGuard:
 
     def check(self, cells: ColumnCells) -> None:
         """Take in the cells of a block."""
-        texts = [cell_text(cell).strip().lower() for cell in cells]
-        self._flags = self._flags and are_flags(texts)
         if not self._flags:
             return
+        texts = [cell_text(cell).strip().lower() for cell in cells]
+        if not are_flags(texts):
+            self._flags = False
+            texts = [*takewhile(lambda text: are_flags([text]), texts)]
         before = len(self._last)
         row = next_episode(self.name, np.array([*self._last, *texts]), timed=self._timed)
         if row is not None:

@@ -452,6 +452,11 @@ class SampledGroup:
         )
 
     @property
+    def begun(self) -> bool:
+        """Whether a row has come."""
+        return bool(self.samples) or self._first is not None
+
+    @property
     def seconds(self) -> float | None:
         """The time of the last sample; None before there is one, or without times."""
         return self._time(self.samples - 1) if self.samples else None

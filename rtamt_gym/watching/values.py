@@ -65,6 +65,14 @@ class Numbered(NamedTuple):
     groups: Sequence[str] | None
 
 
+class _Guarded(NamedTuple):
+    """A column that may tell several traces, as `guards_of` takes it."""
+
+    texts: bool
+    timed: bool
+    first: bool
+
+
 class _Head(Recording):
     """The first row of a stream, for the rules that choose columns."""
 
@@ -114,7 +122,8 @@ class StreamColumns:
         self.notes: list[str] = []
         self._group_kind = ""
         self._marks: dict[str, ColumnMarks] = {}
-        self._guards: list[Guard] = []
+        self._guarded: dict[str, _Guarded] = {}
+        self._guards: dict[str | None, list[Guard]] = {}
 
     def choose(self, names: Sequence[str], block: RowBlock) -> list[str]:
         """Find the columns to read, by the names and the first row; return their names."""
@@ -156,20 +165,16 @@ class StreamColumns:
             )
         times = [] if self.time is None else self.time.columns
         by = [] if self._by is None else [self._by]
-        if self._by is None and not columns.one_trace:
-            used = {*needed, *times}
+        if not columns.one_trace:
+            used = {*needed, *times, *by}
             timed = self.time is not None
-            self._guards = [
-                guard
+            self._guarded = {
+                name: _Guarded(name in head.texts, timed, name == names[0])
                 for name in dict.fromkeys(names)
                 if name not in used
                 and may_tell_objects(name, read, timed=timed, first=name == names[0])
-                for guard in guards_of(
-                    name, texts=name in head.texts, timed=timed, first=name == names[0]
-                )
-            ]
-        guarded = [guard.name for guard in self._guards]
-        return [*dict.fromkeys([*needed, *times, *by, *guarded])]
+            }
+        return [*dict.fromkeys([*needed, *times, *by, *self._guarded])]
 
     def mark_notes(self) -> list[str]:
         """Return the notes on the decimal mark, as files have them."""
@@ -204,20 +209,54 @@ class StreamColumns:
             self._mark = mark
             return self._one_by_one(block)
 
-    def check_one_trace(self, block: RowBlock) -> None:
-        """Check that rows belong to one object or episode; rows must come once each.
+    def check_one_trace(self, group: str | None, block: RowBlock, begin: int, end: int) -> None:
+        """Check that rows of a group belong to one object or episode; rows must come once each.
+
+        Args:
+            group: The group; None without groups.
+            block: A block with the rows.
+            begin: The first row.
+            end: The row after the last.
 
         Raises:
             RowFault: At the first row that shows another object.
         """
-        for guard in self._guards:
-            guard.check(block.columns[guard.name])
+        if not self._guarded:
+            return
+        guards = self._guards.get(group)
+        if guards is None:
+            guards = self._guards[group] = [
+                guard
+                for name, (texts, timed, first) in self._guarded.items()
+                for guard in guards_of(name, texts=texts, timed=timed, first=first)
+            ]
+        faults = []
+        for guard in guards:
+            try:
+                guard.check(block.columns[guard.name][begin:end])
+            except RowFault as fault:
+                faults.append(fault)
+        if faults:
+            first = min(faults, key=lambda fault: fault.row)
+            first.row += begin
+            raise first
 
-    def finish(self) -> None:
-        """Check at the end of the stream that all rows belonged to one trace."""
-        for guard in self._guards:
-            if fault := guard.finish():
-                raise InputError(f"{self._source}: {fault}")
+    @property
+    def guarded(self) -> bool:
+        """Whether columns may show that a trace has ended."""
+        return bool(self._guarded)
+
+    def group_at(self, block: RowBlock, row: int) -> str | None:
+        """Return the group of a bad row; None without groups, or if its cell is not a name."""
+        cells = block.columns.get(self._by or "")
+        if cells is None or _KINDS.get(type(cells[row]), "") != self._group_kind:
+            return None
+        return cell_text(cells[row]).strip() or None
+
+    def end_trace(self, group: str | None) -> str:
+        """Return the fault that the end of a trace shows; empty if its rows were one trace."""
+        faults = (guard.finish() for guard in self._guards.pop(group, ()))
+        return next(filter(None, faults), "")
 
     def _one_by_one(self, block: RowBlock) -> Numbered:
         """Raise the fault of the first bad row."""

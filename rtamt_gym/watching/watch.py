@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import gc
-import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Final
-
-import numpy as np
 
 from rtamt import InputError
 from rtamt.errors import shown
@@ -22,8 +19,10 @@ from rtamt_gym.results.warnings import VerdictWarning, exit_code
 from rtamt_gym.tables import counted
 from rtamt_gym.watching.clock import ClockRules, StreamClock
 from rtamt_gym.watching.events import EventGroup
+from rtamt_gym.watching.idle_groups import IdleGroups
 from rtamt_gym.watching.json_rows import JsonRows
 from rtamt_gym.watching.lines import Line
+from rtamt_gym.watching.lost_starts import LostStarts
 from rtamt_gym.watching.rows import BadLine, Lines, RowBlock, RowFault
 from rtamt_gym.watching.sampled import SampledGroup
 from rtamt_gym.watching.settings import WatchOptions
@@ -36,10 +35,6 @@ _WORDS: Final[Mapping[str, Word]] = {
     "UNDECIDED": "undecided",
     "SATISFIED": "satisfied",
 }
-
-_ENDED: Final = 10_000_000
-"""The most groups that have ended, whose names are remembered."""
-
 
 Group = SampledGroup | EventGroup
 
@@ -109,10 +104,8 @@ class StreamWatch:
         self.traces: dict[str | None, Group] = {}
         self._touched: Group | None = None
         self._guarded = 0
-        self._ended: set[str] = set()
-        self._idle: list[tuple[float, str]] = []
-        self._last: dict[str, float] = {}
-        self._newest = -np.inf
+        self._idle = IdleGroups(float(options.group_idle or 0), source)
+        self._lost = LostStarts(options.max_groups)
         self._stream_clock: StreamClock | None = None
         self._words: set[Word] = set()
         self._warnings: list[VerdictWarning] = []
@@ -160,8 +153,10 @@ class StreamWatch:
             return JsonRows(self._source)
         return TextRows(self._columns, self._source)
 
-    def _left_out(self, line: int, reason: str, *, skippable: bool = True) -> None:
-        """Leave out a bad line, or raise its error."""
+    def _left_out(
+        self, line: int, reason: str, group: str | None = None, *, skippable: bool = True
+    ) -> None:
+        """Leave out a bad line of a group, if it is known, or raise its error."""
         message = f"{self._source}, line {line}: {reason}"
         if not (self._options.skip_bad and skippable):
             raise InputError(message)
@@ -174,6 +169,10 @@ class StreamWatch:
             )
         self.bad += 1
         self._first_bad = self._first_bad or message
+        if self._options.by is not None:
+            trace = None if group is None else self.traces.get(group)
+            if group not in self._idle and (trace is None or not trace.begun):
+                self._lost.add(group, message)
         for trace in self.traces.values():
             trace.lose()
 
@@ -195,7 +194,8 @@ class StreamWatch:
                 fault = self._judge(numbered, part) or fault
             if fault is None or self.stopped:
                 return
-            self._left_out(part.lines[fault.row], fault.reason, skippable=fault.skippable)
+            group = self._cells.group_at(part, fault.row)
+            self._left_out(part.lines[fault.row], fault.reason, group, skippable=fault.skippable)
             at += fault.row + 1
 
     def _choose(self, block: RowBlock) -> None:
@@ -221,70 +221,83 @@ class StreamWatch:
 
     def _judge(self, numbered: Numbered, block: RowBlock) -> RowFault | None:
         """Judge rows; return the first fault, or None."""
-        count, fault = len(numbered.values), None
-        first = next((i for i in range(count) if block.lines[i] > self._guarded), count)
-        if first < count:
+        if numbered.groups is not None:
             try:
-                self._cells.check_one_trace(block.part(first, count))
+                self._by_group(numbered, block)
             except RowFault as error:
-                error.row += first
-                count, fault = error.row, error
-            self._guarded = block.lines[count - 1] if count else self._guarded
+                return error
+            return None
+        count, fault = self._one_trace(None, block, 0, len(numbered.values))
         if not count:
             return fault
-        lines = block.lines[:count]
         times = None if numbered.times is None else numbered.times[:count]
-        if numbered.groups is None:
-            trace = self._trace(None)
-            before = trace.samples
-            try:
-                trace.feed(numbered.values[:count], times, lines)
-            except RowFault as error:
-                fault = error
-            self.rows += fault.row if fault else count
-            self.rows = max(self.rows, 1) if trace.samples > before else self.rows
-            self.stopped = trace.stopped
-            return fault
+        trace = self._trace(None)
+        before = trace.samples
         try:
-            self._by_group(numbered, lines)
+            trace.feed(numbered.values[:count], times, block.lines[:count])
         except RowFault as error:
-            return error
+            fault = error
+        self.rows += fault.row if fault else count
+        self.rows = max(self.rows, 1) if trace.samples > before else self.rows
+        self.stopped = trace.stopped
         return fault
 
-    def _by_group(self, numbered: Numbered, lines: Sequence[int]) -> None:
+    def _one_trace(
+        self, group: str | None, block: RowBlock, begin: int, end: int
+    ) -> tuple[int, RowFault | None]:
+        """Check that rows belong to one trace; return the end of those that do, and the fault."""
+        if not self._cells.guarded:
+            return end, None
+        lines = block.lines
+        first = next((i for i in range(begin, end) if lines[i] > self._guarded), end)
+        try:
+            if first < end:
+                self._cells.check_one_trace(group, block, first, end)
+        except RowFault as fault:
+            place = "" if group is None else f"group {shown(group)!r}: "
+            return fault.row, RowFault(fault.row, f"{place}{fault.reason}", skippable=False)
+        self._guarded = max(self._guarded, lines[end - 1])
+        return end, None
+
+    def _by_group(self, numbered: Numbered, block: RowBlock) -> None:
         """Judge the rows of groups, in order."""
-        groups, times = numbered.groups, numbered.times
+        groups = numbered.groups
         assert groups is not None, "there are groups"  # noqa: S101 - for mypy
-        at, count = 0, len(lines)
-        seconds = self._seconds(numbered, lines)
-        while at < count:
+        at, count = 0, len(groups)
+        seconds = self._seconds(numbered, block.lines)
+        while at < count and not self.stopped:
             group, end = groups[at], at + 1
             if seconds is None:
                 while end < count and groups[end] == group:
                     end += 1
-            if group in self._ended:
-                raise RowFault(at, f"group {shown(group)!r} has ended by --group-idle before")
-            if seconds is not None:
-                self._last[group] = max(self._last.get(group, -np.inf), seconds[at])
-            trace = self._group(group, at)
-            try:
-                trace.feed(
-                    numbered.values[at:end], None if times is None else times[at:end], lines[at:end]
-                )
-            except RowFault as fault:
-                fault.row += at
-                raise
-            self.rows += end - at
-            self.stopped = trace.stopped
-            if self.stopped:
-                return
-            if seconds is not None:
-                self._newest = max(self._newest, seconds[at])
-                self._end_idle()
-                if self._options.stop == "decided" and self.traces and not self.rules.undecided:
-                    self.stopped = True
-                    return
+            else:
+                self._idle.check(group, at)
+                self._idle.add(group, seconds[at])
+            self._one_group(group, numbered, block, at, end)
+            if seconds is not None and not self.stopped:
+                for idle in self._idle.ended_at(seconds[at]):
+                    self._finish(self.traces.pop(idle), self.rules.reading.end)
+                decided = self.traces and not self.rules.undecided
+                self.stopped = self._options.stop == "decided" and bool(decided)
             at = end
+
+    def _one_group(
+        self, group: str, numbered: Numbered, block: RowBlock, begin: int, end: int
+    ) -> None:
+        """Judge successive rows of one group."""
+        end, other = self._one_trace(group, block, begin, end)
+        if end > begin:
+            times = None if numbered.times is None else numbered.times[begin:end]
+            trace = self._group(group, begin)
+            try:
+                trace.feed(numbered.values[begin:end], times, block.lines[begin:end])
+            except RowFault as fault:
+                fault.row += begin
+                raise
+            self.rows += end - begin
+            self.stopped = trace.stopped
+        if other is not None and not self.stopped:
+            raise other
 
     def _seconds(self, numbered: Numbered, lines: Sequence[int]) -> list[float] | None:
         """Return the times of rows on one clock, by which groups end; None if they do not."""
@@ -299,7 +312,11 @@ class StreamWatch:
         return seconds
 
     def _group(self, group: str, row: int) -> Group:
-        if group not in self.traces:
+        trace = self.traces.get(group)
+        if trace is None or not trace.begun:
+            self._lost.check_start(group, row)
+        if trace is None:
+            self._lost.count_start(group)
             if len(self.traces) >= self._options.max_groups:
                 raise RowFault(
                     row,
@@ -308,23 +325,7 @@ class StreamWatch:
                     "--max-groups.",
                     skippable=False,
                 )
-            if self._options.group_idle is not None:
-                heapq.heappush(self._idle, (self._last[group], group))
         return self._trace(group)
-
-    def _end_idle(self) -> None:
-        """End the groups that have been idle for too long."""
-        idle = float(self._options.group_idle or 0)
-        while self._idle and self._newest - self._idle[0][0] > idle:
-            _, group = heapq.heappop(self._idle)
-            if self._newest - self._last[group] <= idle:
-                heapq.heappush(self._idle, (self._last[group], group))
-                continue
-            self._finish(self.traces.pop(group), self.rules.reading.end)
-            del self._last[group]
-            self._ended.add(group)
-            if len(self._ended) > _ENDED:
-                raise InputError(f"{self._source}: more than {_ENDED} groups have ended")
 
     def _trace(self, group: str | None) -> Group:
         trace = self._touched = self.traces.get(group)
@@ -343,12 +344,15 @@ class StreamWatch:
 
     def _finish(self, trace: Group, end: End, *, early: bool = False) -> None:
         """End a trace and emit its final lines."""
+        fault = self._cells.end_trace(trace.group) if not early else ""
         try:
             lines = trace.finish(end, early=early)
         except (InputError, RowFault) as error:
+            fault = str(error)
+        if fault:
             position = "" if trace.group is None else f"group {shown(trace.group)!r}: "
-            source = "" if str(error).startswith(self._source) else f"{self._source}: "
-            self.failures.append(f"{position}{source}{error}")
+            source = "" if fault.startswith(self._source) else f"{self._source}: "
+            self.failures.append(f"{position}{source}{fault}")
             self._words.add("failed")
             return
         for line in lines:
@@ -384,10 +388,11 @@ class StreamWatch:
                 "JSON object in each line, got none"
             )
         self._reader.finish()
-        if not self.stopped:
-            self._cells.finish()
         if not self.rows and not self.traces:
             raise InputError(f"{self._source}: expected at least one row, got none")
+        fault = "" if self.stopped else self._cells.end_trace(None)
+        if fault:
+            raise InputError(f"{self._source}: {fault}")
 
     def finish(self, *, early: bool) -> None:
         """End all traces and emit their final lines.
@@ -419,5 +424,6 @@ class StreamWatch:
         texts = [warning.text for warning in warnings]
         if self.bad:
             texts.append(f"{counted(self.bad, 'bad line')} left out, the first: {self._first_bad}")
+        texts += self._lost.notes()
         read = self.rules.notes.texts(dense=self.rules.reading.dense)
         return [*self.notes, *self._cells.mark_notes(), *read, *texts]

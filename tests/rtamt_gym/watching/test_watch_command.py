@@ -405,23 +405,35 @@ def test_the_writer_ends_at_a_stop() -> None:
     assert json.loads(output.splitlines()[-1])["time"] == 3
 
 
-def test_lines_come_before_the_end_and_ctrl_c_finishes() -> None:
+def test_ctrl_c_finishes_each_requirement_as_open(tmp_path: Path) -> None:
+    """The line that has not ended does not count."""
+    specs = {"calm": "always(x < 3)", "rises": "eventually(x > 1)", "ends": "eventually(x > 8)"}
+    path = tmp_path / "three.stl"
+    path.write_text("".join(f"{name} = {spec}\n" for name, spec in specs.items()))
     with subprocess.Popen(
-        [sys.executable, "-m", "rtamt_gym", "watch", CALM],
+        [sys.executable, "-m", "rtamt_gym", "watch", str(path)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
     ) as watch:
         assert watch.stdin is not None
         assert watch.stdout is not None
-        watch.stdin.write(b"time,x\n0,1\n1,1\n2,")
+        watch.stdin.write(b"time,x\n0,1\n0.5,2\n1,4\n1.5,")
         watch.stdin.flush()
-        first = json.loads(watch.stdout.readline())
-        assert first["verdict"] == "UNDECIDED"
+        live = [json.loads(watch.stdout.readline()) for _ in range(5)]
+        assert [line["sample"] for line in live] == [0, 0, 0, 1, 2]
         watch.send_signal(signal.SIGINT)
         output = watch.stdout.read()
         assert watch.wait() == 130
-    last = json.loads(output.splitlines()[-1])
-    assert (last["final"], last["end"], last["sample"]) == (True, "open", 1)
+    finals = [json.loads(line) for line in output.splitlines()]
+    assert [line["requirement"] for line in finals] == [*specs]
+    for line in finals:
+        spec = specs[line["requirement"]]
+        judged = rtamt.judge(spec, {"x": [1.0, 2.0, 4.0]}, end="open", period="500ms")
+        assert (line["final"], line["end"], line["sample"], line["time"]) == (True, "open", 2, 1.0)
+        assert line["verdict"] == judged.verdict.name
+        values = [float(line[name]) for name in ("robustness", "lower", "upper")]
+        assert values == [judged.robustness, judged.lower, judged.upper]
+        assert ("decided_at" in line) == (line["requirement"] != "ends")
 
 
 def test_a_reader_that_ends_ends_the_command(tmp_path: Path) -> None:

@@ -1,0 +1,73 @@
+"""Groups of a stream that end because no row came for some time of the stream."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator
+from typing import Final
+
+from rtamt import InputError
+from rtamt.errors import shown
+from rtamt_gym.watching.rows import RowFault
+
+_ENDED: Final = 10_000_000
+"""The most groups that have ended, whose names are remembered."""
+
+
+class IdleGroups:
+    """The last time of each group, and the names of those that have ended.
+
+    Args:
+        idle: Seconds after which a group ends.
+        source: The name of the stream, for messages.
+
+    Example:
+        >>> groups = IdleGroups(2.0, "stdin")
+        >>> for time, group in ((0.0, "a"), (1.0, "b"), (2.5, "b")):
+        ...     groups.add(group, time)
+        ...     print([*groups.ended_at(time)])
+        []
+        []
+        ['a']
+    """
+
+    def __init__(self, idle: float, source: str) -> None:
+        self._idle, self._source = idle, source
+        self._queue: list[tuple[float, str]] = []
+        self._last: dict[str, float] = {}
+        self._newest = -math.inf
+        self._ended: set[str] = set()
+
+    def __contains__(self, group: str | None) -> bool:
+        return group in self._ended
+
+    def check(self, group: str, row: int) -> None:
+        """Check that a group has not ended.
+
+        Raises:
+            RowFault: If it has, at this row.
+        """
+        if group in self._ended:
+            raise RowFault(row, f"group {shown(group)!r} has ended by --group-idle before")
+
+    def add(self, group: str, time: float) -> None:
+        """Note the time of a row."""
+        last = self._last.get(group)
+        if last is None:
+            heapq.heappush(self._queue, (time, group))
+        self._last[group] = time if last is None else max(last, time)
+
+    def ended_at(self, time: float) -> Iterator[str]:
+        """Yield the groups that end because a row has this time."""
+        self._newest = max(self._newest, time)
+        while self._queue and self._newest - self._queue[0][0] > self._idle:
+            _, group = heapq.heappop(self._queue)
+            if self._newest - self._last[group] <= self._idle:
+                heapq.heappush(self._queue, (self._last[group], group))
+                continue
+            del self._last[group]
+            self._ended.add(group)
+            yield group
+            if len(self._ended) > _ENDED:
+                raise InputError(f"{self._source}: more than {_ENDED} groups have ended")

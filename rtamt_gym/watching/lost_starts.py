@@ -1,0 +1,68 @@
+"""Groups of a stream whose first rows were bad lines, so that their start is not known."""
+
+from __future__ import annotations
+
+from rtamt.errors import shown
+from rtamt_gym.tables import counted
+from rtamt_gym.watching.rows import RowFault
+
+
+class LostStarts:
+    """Bad lines that came before the first good row of their group.
+
+    Args:
+        most: The most groups that are remembered by name.
+
+    Example:
+        >>> lost = LostStarts(most=10)
+        >>> lost.add(None, "stdin, line 4: expected 3 cells, got 2")
+        >>> lost.count_start("b")
+        >>> lost.notes()[0][:66]
+        '1 group starts after a bad line that may have been its first row, '
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._bad: dict[str, str] = {}
+        self._unknown = self._first = ""
+        self._doubtful = 0
+
+    def add(self, group: str | None, message: str) -> None:
+        """Note a bad line of a group that has not started; None if nobody knows its group."""
+        if group is not None and len(self._bad) < self._most:
+            self._bad.setdefault(group, message)
+        else:
+            self._unknown = self._unknown or message
+
+    def check_start(self, group: str, row: int) -> None:
+        """Check that a group starts with its first row.
+
+        Args:
+            group: The group of a first good row.
+            row: The place of that row in its block.
+
+        Raises:
+            RowFault: If a row of the group before it was bad.
+        """
+        if message := self._bad.get(group):
+            raise RowFault(
+                row,
+                f"group {shown(group)!r} starts with a bad line, {message} (--skip-bad needs a "
+                "good first row of each group)",
+                skippable=False,
+            )
+
+    def count_start(self, group: str) -> None:
+        """Note that a group has started, whose first row may have been bad."""
+        if self._unknown:
+            self._doubtful += 1
+            self._first = self._first or f"{shown(group)!r} after {self._unknown}"
+
+    def notes(self) -> list[str]:
+        """Return a sentence on groups whose first row may be lost; an empty list without one."""
+        if not self._doubtful:
+            return []
+        groups = counted(self._doubtful, "group")
+        verb, whose = ("starts", "its") if self._doubtful == 1 else ("start", "their")
+        lost = f"a bad line that may have been {whose} first row"
+        return [f"{groups} {verb} after {lost}, the first: {self._first}"]

@@ -1,0 +1,193 @@
+"""Groups of a stream are checked and end as `rtamt monitor --by` takes the same rows."""
+
+import json
+from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from profiles import examples
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.__main__ import main
+from rtamt_gym.options.evaluation import EvaluationOptions
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.watching.lines import Line
+from rtamt_gym.watching.settings import WatchOptions
+from rtamt_gym.watching.watch import StreamWatch
+
+Output = pytest.CaptureFixture[str]
+SPEC = "always(x > 0 implies eventually[0:2](x < 2))"
+FINAL = ("verdict", "robustness", "lower", "upper")
+
+
+def monitored(text: str, *arguments: str) -> tuple[int, dict[str, list[Any]]]:
+    """The exit code of `rtamt monitor --by car`, and the outcomes of groups without an error."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "rows.csv"
+        path.write_text(text)
+        output = StringIO()
+        with redirect_stdout(output), redirect_stderr(StringIO()):
+            code = main(["monitor", SPEC, str(path), "--by", "car", "--json", *arguments])
+    groups = {}
+    for trial in json.loads(output.getvalue())["trials"]:
+        for outcome in trial["outcomes"].values():
+            if outcome["verdict"] != "ERROR":
+                name = trial["name"].rpartition("[car=")[2].removesuffix("]")
+                groups[name] = [outcome[field] for field in FINAL]
+    return code, groups
+
+
+def streamed(text: str, places: Sequence[int], **options: Any) -> tuple[int, dict[str, list[Any]]]:  # noqa: ANN401
+    """The exit code of a stream in pieces, and the final lines of its groups."""
+    lines: list[Line] = []
+    dense = options.pop("dense", False)
+    watch = StreamWatch(
+        WatchOptions(
+            {"spec": rtamt.parse(SPEC)},
+            EvaluationOptions(dense=dense, period=options.pop("period", None)),
+            Columns(),
+            by="car",
+            **options,
+        ),
+        "stdin",
+        lines.append,
+    )
+    raw = text.encode()
+    bounds = sorted(place % (len(raw) + 1) for place in places)
+    error = False
+    try:
+        for begin, end in zip([0, *bounds], [*bounds, len(raw)], strict=True):
+            watch.add(raw[begin:end])
+        watch.end_of_input()
+    except InputError:
+        error = True
+    watch.finish(early=error)
+    finals = [json.loads(line.to_json()) for line in lines if line.final]
+    code = 2 if error else watch.exit_code()
+    return code, {line["group"]: [line[field] for field in FINAL] for line in finals}
+
+
+@st.composite
+def fleets(draw: st.DrawFn, *, timed: bool) -> str:
+    """Rows of up to three cars, in any order of cars, with columns that may tell episodes."""
+    rows: list[list[Any]] = []
+    columns = draw(
+        st.lists(st.sampled_from(("terminated", "is_first", "step", "run")), unique=True)
+    )
+    for car in range(draw(st.integers(1, 3))):
+        count = draw(st.integers(3, 7))
+        special = draw(st.one_of(st.none(), st.integers(0, count - 1)))
+        for i in range(count):
+            flags = {
+                "terminated": int(i == (count - 1 if special is None else special)),
+                "is_first": int(i in (0, special)),
+                "step": i if special is None or i < special else i - special,
+                "run": 0 if special is None or i < special else 1,
+            }
+            x = draw(st.sampled_from((-1.0, 1.0, 3.0)))
+            rows.append([i, f"c{car}", x, *(flags[name] for name in columns)])
+    order = draw(st.permutations(range(len(rows))))
+    placed = sorted(range(len(rows)), key=lambda i: (rows[i][0], order[i]))
+    names = ["time", "car", "x", *columns] if timed else ["car", "x", *columns]
+    cells = [rows[i] if timed else rows[i][1:] for i in placed]
+    return "".join(",".join(map(str, row)) + "\n" for row in [names, *cells])
+
+
+cuts = st.lists(st.integers(0, 400), max_size=6)
+
+
+@settings(max_examples=examples(60))
+@given(fleets(timed=True), st.booleans(), cuts)
+def test_groups_end_as_in_monitor(text: str, dense: bool, places: list[int]) -> None:  # noqa: FBT001
+    code, groups = monitored(text, *["--dense"] * dense)
+    own_code, finals = streamed(text, places, dense=dense)
+    assert own_code == code
+    if code != 2:
+        assert finals == groups
+
+
+@settings(max_examples=examples(40))
+@given(fleets(timed=False), cuts)
+def test_groups_without_times_end_as_in_monitor(text: str, places: list[int]) -> None:
+    code, groups = monitored(text, "--period", "1")
+    own_code, finals = streamed(text, places, period="1")
+    assert own_code == code
+    if code != 2:
+        assert finals == groups
+
+
+def watched(capsys: Output, path: Path, text: str, *arguments: str) -> tuple[int, list[Any], str]:
+    """The exit code, final lines and messages of the command."""
+    path.write_text(text)
+    code = main(["watch", "always(x < 3)", str(path), "--by", "car", *arguments])
+    captured = capsys.readouterr()
+    lines = [json.loads(line) for line in captured.out.splitlines()]
+    return code, [line for line in lines if line["final"]], captured.err
+
+
+def test_the_group_of_another_episode_is_named(capsys: Output, tmp_path: Path) -> None:
+    text = "time,car,x,terminated\n0,a,1,0\n0,b,9,0\n1,a,1,1\n2,a,1,0\n1,b,1,0\n"
+    path = tmp_path / "rows.csv"
+    code, finals, errors = watched(capsys, path, text)
+    assert code == 2
+    assert "line 5: group 'a': expected one trace, but 'terminated' shows" in errors
+    assert [(line["group"], line["verdict"], line["end"]) for line in finals] == [
+        ("a", "UNDECIDED", "open"),
+        ("b", "VIOLATED", "open"),
+    ]
+    assert watched(capsys, path, text, "--one-trace")[0] == 1
+    assert watched(capsys, path, text, "--skip-bad")[0] == 2
+
+
+def test_a_group_may_come_back_after_its_end(capsys: Output, tmp_path: Path) -> None:
+    """A group that has ended by its idle time is checked no more: its rows are bad lines."""
+    rows = ["0,a,1,0", "1,a,1,1", *(f"{i},b,1,0" for i in range(9)), "9,a,1,0"]
+    text = "\n".join(["time,car,x,terminated", *rows, ""])
+    arguments = ["--group-idle", "2s", "--skip-bad"]
+    code, finals, errors = watched(capsys, tmp_path / "rows.csv", text, *arguments)
+    assert code in (0, 3)
+    assert "group 'a' has ended by --group-idle before" in errors
+    assert [line["group"] for line in finals] == ["a", "b"]
+
+
+@pytest.mark.parametrize("kind", [[], ["--dense"]])
+@pytest.mark.parametrize("cell", ["oops", ""])
+def test_a_group_may_not_start_with_a_bad_line(
+    cell: str, kind: list[str], capsys: Output, tmp_path: Path
+) -> None:
+    """Its first sample, about which the verdict is, may violate the requirement."""
+    if kind and not cell:
+        cell = "1.2.3"
+    text = f"time,car,x\n0,a,1\n1,a,1\n1,b,{cell}\n2,b,1\n2,a,1\n3,b,1\n"
+    path = tmp_path / "rows.csv"
+    code, finals, errors = watched(capsys, path, text, "--skip-bad", *kind)
+    assert code == 2
+    assert "line 5: group 'b' starts with a bad line, " in errors
+    assert "line 4: " in errors
+    assert [line["group"] for line in finals] == ["a"]
+    gone = text.replace("2,b,1\n", "").replace("3,b,1\n", "")
+    code, finals, _ = watched(capsys, path, gone, "--skip-bad", *kind)
+    assert code in (0, 3)
+    assert [line["group"] for line in finals] == ["a"]
+
+
+def test_a_line_without_a_group_may_be_the_first_of_later_groups(
+    capsys: Output, tmp_path: Path
+) -> None:
+    text = "time,car,x\n0,a,1\n1,a,1\n1,b\n2,a,1\n2,b,1\n3,b,1\n3,c,1\n4,c,1\n"
+    path = tmp_path / "rows.csv"
+    code, finals, errors = watched(capsys, path, text, "--skip-bad")
+    assert code == 0
+    assert len(finals) == 3
+    note = "2 groups start after a bad line that may have been their first row, the first: 'b'"
+    assert note in errors
+    code, _, errors = watched(capsys, path, text.replace("1,b\n", ""), "--skip-bad")
+    assert code == 0
+    assert "may have been" not in errors
