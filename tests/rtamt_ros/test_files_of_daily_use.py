@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from memory_middleware import MemoryMiddleware
 from paths import ROOT
+from ruamel.yaml import YAML
 
 from rtamt import load
 from rtamt_ros.command import _parser
@@ -91,6 +92,30 @@ def test_ros_2_launch_file_sets_known_parameters() -> None:
     assert names - {"use_sim_time"} <= set(PARAMETERS)
     assert first_of("LaunchConfiguration") == first_of("DeclareLaunchArgument")
     assert names < first_of("DeclareLaunchArgument")
+
+
+def test_aggregator_files_group_the_states_of_monitors() -> None:
+    """The aggregator of ROS 1 reads its file in ``tests/ros/test_ros1_launch.py``."""
+    (of_ros1,) = read_yaml("ros1/aggregator.yaml")["analyzers"].values()
+    node = read_yaml("config/aggregator.yaml")["analyzers"]["ros__parameters"]
+    (group,) = (each for each in node.values() if isinstance(each, dict))
+    assert node["path"] == group["path"] == "Requirements"
+    assert group == of_ros1
+    assert set(group) == {"type", "path", "regex", "timeout"}
+    assert group["type"] == "diagnostic_aggregator/GenericAnalyzer"
+    ros = MemoryMiddleware(name="/robot3/stl_monitor_4711")
+    monitor = MonitorNode(ros, [load(FOLLOWS)])
+    monitor.start()
+    ros.tick()
+    states = [state for message in ros.on("/diagnostics") for state in message.status]
+    assert [state.name for state in states] == ["robot3/stl_monitor_4711: follows"]
+    (pattern,) = group["regex"]
+    assert re.fullmatch(pattern, states[0].name)
+
+
+def read_yaml(name: str) -> Any:  # noqa: ANN401
+    """The values in a file of the package."""
+    return YAML(typ="safe").load((FOLDER / name).read_text(encoding="utf-8"))
 
 
 def settings_of(text: str) -> dict[str, str]:
