@@ -1,10 +1,12 @@
 """Names that only the packages of this project use; any version may change them."""
 
+from rtamt.inputs.frame_traces import TraceRows, may_separate
 from rtamt.inputs.groups import groups_of
 from rtamt.inputs.stamps import StampOrder
 from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
 from rtamt.monitors.clocks import OperatorClocks
 from rtamt.monitors.explainer import explain_dense_verdict, explain_verdict
+from rtamt.monitors.judged_rows import judgements_of
 from rtamt.monitors.monitor_sets import JointFeed, JointRead, VerdictBook, joint_feed
 
 __all__ = [
@@ -15,9 +17,12 @@ __all__ = [
     "OperatorClock",
     "OperatorClocks",
     "StampOrder",
+    "TraceRows",
     "VerdictBook",
     "explain_dense_verdict",
     "explain_verdict",
     "groups_of",
     "joint_feed",
+    "judgements_of",
+    "may_separate",
 ]

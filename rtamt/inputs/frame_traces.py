@@ -110,11 +110,11 @@ def _may_mix_objects(
         suspects |= rows.have(~(times[1:] > times[:-1]))
     for name, column in cells.items():
         if may_tell_objects(name, variables, timed=instants is not None, first=name == first):
-            suspects |= _may_separate(name, rows.sorted(np.asarray(column)), rows)
+            suspects |= may_separate(name, rows.sorted(np.asarray(column)), rows)
     return suspects
 
 
-def _may_separate(name: str, cells: NDArray[Any], rows: TraceRows) -> Booleans:
+def may_separate(name: str, cells: NDArray[Any], rows: TraceRows) -> Booleans:
     """Return which traces have values of a column that may separate objects or episodes.
 
     Values that never change do not, nor numbers that rise in every row, nor a flag that is set up

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -151,7 +152,9 @@ class TraceBatch:
     def _lefts(self) -> list[Program]:
         """The negations of the left sides of the implications."""
         compiled = self.compiled
-        key = compiled.specification, compiled.period, self._align
+        # Named formulas would be in the program too, and may need the whole future.
+        alone = replace(compiled.specification, formulas={}, uses={})
+        key = alone, compiled.period, self._align
         interface = STANDARD if self._hides else compiled.interface
         return [
             opposite_program(*key, interface, implication.args[0])

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import signal
-import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from fractions import Fraction
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.context import BaseContext
 from pathlib import Path
@@ -17,10 +16,10 @@ from typing import Final, Protocol, TypeVar
 
 import rtamt
 from rtamt import InputError, Verdict
-from rtamt.errors import shown, shown_lines
+from rtamt.errors import shown
 from rtamt.internal import explain_dense_verdict, explain_verdict
 from rtamt.typing import End
-from rtamt_gym.commands.errors import options_of, refusal, unexpected
+from rtamt_gym.commands.judged import Judged, failure_of
 from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded import judge
@@ -35,25 +34,6 @@ from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import number, shorten
 
 _T = TypeVar("_T")
-
-
-@dataclass(slots=True)
-class Judged:
-    """A trace, and what its requirements came to.
-
-    Attributes:
-        path: The name of the trace.
-        trace: Its samples or events; None if it could not be read.
-        period: Seconds between samples, if they are known.
-        judgements: The judgement of each requirement that could be judged.
-        failures: Why the others could not.
-    """
-
-    path: str
-    trace: Trace | EventTrace | None = None
-    period: Fraction | None = None
-    judgements: dict[str, TraceJudgement] = field(default_factory=dict)
-    failures: dict[str, Failure] = field(default_factory=dict)
 
 
 Seen = Mapping[str, Sequence[int]]
@@ -90,7 +70,7 @@ def judge_file(asked: TracesAsked, path: str, *, formulas: bool) -> Judged:
                 reading = asked.reading.about(name)
                 judged.judgements[name] = _judge(spec, judged, reading, formulas=formulas)
             except Exception as error:  # noqa: BLE001 - the others are to be judged
-                judged.failures[name] = _failure(error)
+                judged.failures[name] = failure_of(error)
             advance(1)
     return judged
 
@@ -110,7 +90,7 @@ def _read(asked: TracesAsked, judged: Judged) -> Mapping[str, rtamt.Specificatio
     try:
         judged.trace, judged.period = read_trace_of(asked, judged.path)
     except Exception as error:  # noqa: BLE001 - other traces are to be judged
-        judged.failures = dict.fromkeys(asked.specs, _failure(error))
+        judged.failures = dict.fromkeys(asked.specs, failure_of(error))
         if not isinstance(error, InputError) or judged.path == "-":
             return {}
     else:
@@ -137,7 +117,7 @@ def _refused(asked: TracesAsked, path: str) -> dict[str, Failure]:
         try:
             read_trace_of(asked.having(part), path)
         except Exception as error:  # noqa: BLE001 - the others are to be judged
-            refused |= dict.fromkeys(part, _failure(error))
+            refused |= dict.fromkeys(part, failure_of(error))
     return refused
 
 
@@ -159,7 +139,7 @@ def judge_files(
             on they were certain, which costs as much as the verdict.
         watch: What sees each trace while it is read; None: nothing.
     """
-    job, rows = _Job(asked, explain, watch), list[Trial]()
+    job, rows, known = _Job(asked, explain, watch), list[Trial](), dict[int, Trial]()
 
     def done(row: Trial, observed: Seen) -> None:
         rows.append(row)
@@ -167,15 +147,35 @@ def judge_files(
             watch.take(row, observed)
 
     with progress("judging", len(paths), " traces") as advance:
-        while len(rows) < len(paths):
-            left = paths[len(rows) :]
-            if workers > 1 and len(left) > 1 and (watch is None or watch.ready):
-                for row, observed in _in_processes(job, left, workers, advance):
+        if asked.columns.by and watch is None:
+            from rtamt_gym.commands import group_judging
+
+            with _without_collection():
+                for number, judged in group_judging.judged_groups(asked, paths):
+                    known[number] = row_of(asked, judged, explain=explain)
+                    advance(1)
+        single = [path for i, path in enumerate(paths) if i not in known]
+        while (left := len(single) - len(rows)) > 0:
+            if workers > 1 and left > 1 and (watch is None or watch.ready):
+                for row, observed in _in_processes(job, single[len(rows) :], workers, advance):
                     done(row, observed)
                 break
-            done(*job.done(left[0]))
+            done(*job.done(single[len(rows)]))
             advance(1)
-    return rows
+    others = iter(rows)
+    return [known[i] if i in known else next(others) for i in range(len(paths))]
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Pause the search for cycles, which many rows without cycles make slow."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def _in_processes(
@@ -292,7 +292,7 @@ def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) ->
         try:
             cells[name] = _outcome(spec, judged, name, asked, explain)
         except Exception as error:  # noqa: BLE001 - the others are to be judged
-            cells[name] = _failure(error)
+            cells[name] = failure_of(error)
     if judged.trace is None:
         return Trial.of_trace(shown(judged.path), "", cells)
     extent = judge.extent_of(judged.trace, judged.period)
@@ -477,10 +477,3 @@ def _defaults(spec: rtamt.Specification, judged: Judged) -> dict[str, float]:
     """Return the variables of a requirement that have their default in the trace."""
     defaults = {} if judged.trace is None else judged.trace.defaults
     return {name: value for name, value in defaults.items() if name in spec.variables}
-
-
-def _failure(error: Exception) -> Failure:
-    message = refusal(error, options_of("explain"))  # all commands of traces have them
-    if message is None:
-        return Failure(unexpected(error), shown_lines("".join(traceback.format_exception(error))))
-    return Failure(message)

@@ -22,7 +22,7 @@ from rtamt_gym.commands.specs import STAGE, files_of, identified_texts, with_sta
 from rtamt_gym.commands.traces import TracesAsked, read_arguments, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.options.command_line import Option, add_options, positive
-from rtamt_gym.recorded.parts import file_of
+from rtamt_gym.recorded.parts import files_of as recorded_files
 from rtamt_gym.results.warnings import (
     Required,
     VerdictWarning,
@@ -35,7 +35,7 @@ from rtamt_gym.results.warnings import (
 )
 
 if TYPE_CHECKING:
-    from rtamt_gym.commands.judging import Judged
+    from rtamt_gym.commands.judged import Judged
     from rtamt_gym.recorded.columns import Columns
     from rtamt_gym.results.matrix import Matrix
     from rtamt_gym.results.mutation import MutationScore
@@ -184,14 +184,9 @@ def _given(options: argparse.Namespace, option: str) -> bool:
     return getattr(options, option.strip("-").replace("-", "_")) is not None
 
 
-def _files_of(paths: Sequence[str]) -> list[str]:
-    """Return the files of traces, each once."""
-    return [*dict.fromkeys(map(file_of, paths))]
-
-
 def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
     """Refuse output files that cannot be written."""
-    inputs = [word for word in (*options.specs, *_files_of(paths)) if word != SEPARATOR]
+    inputs = [word for word in (*options.specs, *recorded_files(paths)) if word != SEPARATOR]
     outputs = (
         *(options.junit, options.markdown, options.out, options.write_mcap),
         options.write_occurrences,
@@ -271,7 +266,7 @@ def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
-        made_of = matrix.with_files([*files_of(options.specs), *_files_of(paths)])
+        made_of = matrix.with_files([*files_of(options.specs), *recorded_files(paths)])
         columns, least = _columns(asked, paths), asked.min_duration
         mutants = {"scores": scores, "least": options.min_killed} if options.mutants else None
         rules = {
@@ -351,8 +346,9 @@ def _columns(asked: TracesAsked, paths: Sequence[str]) -> Columns:
     from rtamt_gym.recorded.readers import is_bag
 
     columns = replace(asked.columns, starts=starts_of(asked.specs, asked.columns))
-    if not all(map(is_bag, paths)):
-        return columns if any(map(is_bag, paths)) else with_columns(asked.specs, columns)
+    bags = [*map(is_bag, recorded_files(paths))]
+    if not all(bags):
+        return columns if any(bags) else with_columns(asked.specs, columns)
     from rtamt_gym.recorded.bag_topics import columns_of
 
     return columns_of(asked.specs, columns)

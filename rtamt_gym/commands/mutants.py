@@ -21,7 +21,7 @@ from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
     from rtamt.mutation import Mutant
-    from rtamt_gym.commands.judging import Judged
+    from rtamt_gym.commands.judged import Judged
     from rtamt_gym.commands.traces import TracesAsked
     from rtamt_gym.results.matrix import Matrix
     from rtamt_gym.results.mutation import JudgedMutant, MutationScore

@@ -294,6 +294,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         defaults=tuple(dict.fromkeys(options.default)),
         **{name: getattr(options, name) for name in same},
     )
+    files = paths
     if not as_files:
         paths = [name for path in paths for name in traces_in(path, columns.where)]
     groups = {path: group for path in paths if (group := group_of(path))}
@@ -302,7 +303,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
 
         groups = {n: keys for path in paths for n, keys in groups_in(path, columns).items()}
         paths = [*groups]
-    if options.start == "known" and not reading.dense and not any(map(samples_clocks, paths)):
+    if options.start == "known" and not reading.dense and not any(map(samples_clocks, files)):
         raise InputError(
             "expected --start known with --dense or with a bag or log, where variables start at "
             "times of their own"
@@ -316,7 +317,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     _check_signals(columns, every)
     starts_of(requirements, columns)
     _check_defaults(columns, every)
-    if any(map(is_bag, paths)):
+    if any(map(is_bag, files)):
         from rtamt_gym.recorded.bag_topics import check_topics
 
         check_topics(requirements)

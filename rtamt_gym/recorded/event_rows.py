@@ -156,7 +156,7 @@ def _events(
     """Return the trace, with defaults from its first row on; values hold to its last row."""
     times = axis.seconds
     begin, end = float(times.min()), float(times.max())
-    notes = [*rows.notes, *selection_notes(rows, columns.where)]
+    notes = [*rows.notes, *selection_notes(rows.count, columns.where)]
     completed, defaults, none = {}, {}, []
     for name in variables:
         at, values = signals.get(name, (times[:0], times[:0]))

@@ -18,7 +18,7 @@ from rtamt.internal import groups_of
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.parts import file_of, group_name, part_of
+from rtamt_gym.recorded.parts import TracePart, file_of, group_name, part_of
 from rtamt_gym.recorded.readers import FORMATS, format_of, open_recording
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
 from rtamt_gym.tables import counted
@@ -50,6 +50,7 @@ class GroupTable:
         self._plain, self.where = replace(columns, by=()), columns.where
         self._whole: dict[str, Rows | None] = {}
         self._read_cells: dict[tuple[str, ...], _Cells] = {}
+        self._traces: dict[str, _Keys] = {}
         self.blank_rows = 0
         with open_recording(file, self._plain) as recording:
             self.source = recording.source
@@ -116,6 +117,26 @@ class GroupTable:
             blank &= _empty(column)
         return blank
 
+    def traces(self, chosen: Mapping[str, str]) -> Mapping[str, _Keys]:
+        """Return the keys of each group by the name of its trace.
+
+        Args:
+            chosen: The keys that choose this table in its file.
+        """
+        if not self._traces:
+            by, file = self._columns.by, file_of(self._file)
+            self._traces = {
+                group_name(file, {**chosen, **dict(zip(by, keys, strict=True))}): keys
+                for keys in self.values
+            }
+        return self._traces
+
+    @property
+    def blank_notes(self) -> list[str]:
+        """A note on the rows without an object; empty if there are none."""
+        count = self.blank_rows
+        return [f"{counted(count, 'row')} of the file without an object in no group"] * bool(count)
+
     def read(self, wanted: Wanted) -> Rows | None:
         """Return columns of all groups; None if a cell of any group is an error."""
         key = repr(wanted)
@@ -163,10 +184,8 @@ class GroupRecording(Recording):
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted columns; an error in the rows of another group does not matter."""
         rows = self._read(wanted)
-        if not (count := self._table.blank_rows):
-            return rows
-        note = f"{counted(count, 'row')} of the file without an object in no group"
-        return replace(rows, notes=[*rows.notes, note])
+        notes = self._table.blank_notes
+        return replace(rows, notes=[*rows.notes, *notes]) if notes else rows
 
     def _read(self, wanted: Wanted) -> Rows:
         more = {n: text for n, text in wanted.where.items() if n not in self._table.where}
@@ -257,11 +276,11 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
     except (InputError, ImportError, OSError, UnicodeDecodeError):
         return {path: {}}
     selected = {columns.by.index(n): text for n, text in columns.where.items() if n in columns.by}
-    names: dict[str, Mapping[str, object]] = {}
-    for keys, values in table.values.items():
-        if all(keys[at] == text for at, text in selected.items()):
-            own = dict(zip(columns.by, keys, strict=True))
-            names[group_name(file_of(path), {**chosen, **own})] = {**chosen, **values}
+    names: dict[str, Mapping[str, object]] = {
+        name: {**chosen, **table.values[keys]}
+        for name, keys in table.traces(chosen).items()
+        if all(keys[at] == text for at, text in selected.items())
+    }
     if not names:
         for at, text in selected.items():
             known = [*dict.fromkeys(keys[at] for keys in table.values)]
@@ -291,6 +310,42 @@ def _for_table(columns: Columns, by: Sequence[str]) -> Columns:
     return replace(columns, where=where, by=(*by,))
 
 
+def _find(part: TracePart, columns: Columns) -> tuple[GroupTable, _Keys, dict[str, str]]:
+    """Return the table of a group, its keys, and the keys that choose the table in its file."""
+    file, values, chosen = part.file, dict(part.values), {}
+    if format_of(file).choice:  # the first key is the table
+        chosen = {part.key: values.pop(part.key)}
+        file = group_name(file, chosen)
+    return _table(file, _for_table(columns, [*values])), tuple(values.values()), chosen
+
+
+def groups_by_table(
+    paths: Sequence[str], columns: Columns
+) -> Iterator[tuple[GroupTable, dict[int, NDArray[np.intp]]]]:
+    """Yield each table with the rows of its groups, by the place of their traces in a list.
+
+    Traces that are not groups, and tables that cannot be read, are left out.
+
+    Args:
+        paths: The names of the traces.
+        columns: How their columns are read.
+    """
+    left = dict(zip(paths, range(len(paths)), strict=True))
+    while left:
+        path = next(iter(left))
+        part = part_of(path)
+        table, traces = None, dict[str, _Keys]({path: ()})
+        if part is not None:
+            with suppress(InputError, ImportError, OSError, UnicodeDecodeError):
+                own = {n: text for n, text in columns.where.items() if n not in part.values}
+                by = tuple(part.values)
+                table, _, chosen = _find(part, replace(columns, where=own, by=by))
+                traces = {path: (), **table.traces(chosen)}
+        places = {left.pop(name): keys for name, keys in traces.items() if name in left}
+        if table is not None:
+            yield table, {i: table.rows[keys] for i, keys in places.items() if keys in table.rows}
+
+
 @contextmanager
 def open_group(path: str, columns: Columns) -> Iterator[Recording]:
     """Open a group of a table by the name of its trace."""
@@ -300,15 +355,12 @@ def open_group(path: str, columns: Columns) -> Iterator[Recording]:
             raise InputError(f"{shown(path)}: expected the name of a group")
         GroupTable(path, _for_table(columns, columns.by))  # raises its error
         raise InputError(f"{shown(path)}: expected a file that can be read, and it changed")
-    file, values = part.file, dict(part.values)
-    if format_of(file).choice:  # the first key is the table
-        file = group_name(file, {part.key: values.pop(part.key)})
-    table = _table(file, _for_table(columns, [*values]))
-    keys = tuple(values.values())
+    table, keys, _ = _find(part, columns)
     if keys not in table.rows:
         known = [", ".join(key) for key in table.rows]
+        names = [*part.values][-len(keys) :]
         raise InputError(
-            f"{shown(path)}: no row with {', '.join(keys)} in {', '.join(values)}; the values "
+            f"{shown(path)}: no row with {', '.join(keys)} in {', '.join(names)}; the values "
             f"are {listed(known, ', '.join(keys))}"
         )
     yield GroupRecording(path, table, table.rows[keys], columns.decimal)

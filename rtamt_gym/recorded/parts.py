@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import quote, unquote
@@ -100,6 +100,19 @@ def file_of(path: str) -> str:
     """Return the file of a trace: the path itself unless the trace is one of several in a file."""
     part = part_of(path)
     return path if part is None else part.file
+
+
+def files_of(paths: Iterable[str]) -> list[str]:
+    """Return the files of traces, each once."""
+    files: dict[str, None] = {}
+    file = None
+    for path in paths:
+        # Names of traces of one file follow each other.
+        known = file is not None and path.startswith(f"{file}[") and path.endswith("]")
+        if not known or os.path.exists(path):  # noqa: PTH110 - as in part_of
+            file = file_of(path)
+            files.setdefault(file)
+    return [*files]
 
 
 def choose(

@@ -223,9 +223,9 @@ def _text(value: object) -> str:
     return str(value)
 
 
-def selection_notes(rows: Rows, where: Mapping[str, str]) -> list[str]:
+def selection_notes(count: int, where: Mapping[str, str]) -> list[str]:
     """Return a note about the rows that were selected; an empty list if all were read."""
     if not where:
         return []
     texts = " and ".join(f"{name}={value}" for name, value in where.items())
-    return [f"--where {texts} selects {counted(rows.count, 'row')}"]
+    return [f"--where {texts} selects {counted(count, 'row')}"]

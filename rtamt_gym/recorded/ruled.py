@@ -36,7 +36,7 @@ def read_ruled(
 ) -> tuple[Trace | EventTrace, Fraction | None]:
     """Read a trace and its period: the stated one, the one of its samples, or None."""
     row = format_of(path)
-    columns = _checked(path, row, columns)
+    columns = checked_columns(path, row, columns)
     if row.bag:
         read: tuple[Trace | EventTrace, Fraction | None] = import_module(row.module).read_bag(
             path, specs, reading, columns
@@ -61,7 +61,7 @@ def read_ruled(
             recording,
             variables,
             columns,
-            if_events=_IF_CLOCKS if row.clocks else _IF_EVENTS,
+            if_events=_IF_CLOCKS if row.clocks else IF_EVENTS,
             period=reading.seconds,
             timed=any(map(has_time_bounds, specs.values())),
             table=table,
@@ -107,7 +107,7 @@ def read_row_times(
         columns: How its columns are read.
     """
     row = format_of(path)
-    columns = _checked(path, row, columns)
+    columns = checked_columns(path, row, columns)
     wide = columns.wide is not None
     read = () if wide else {columns.column(name) for name in variables}
     with _opened(path, replace(columns, wide=None), row) as recording:
@@ -125,11 +125,11 @@ def read_row_times(
     return axis.seconds[places], rows.where
 
 
-_IF_EVENTS = "give --dense to take rows as events at any time"
+IF_EVENTS = "give --dense to take rows as events at any time"
 _IF_CLOCKS = "give --period TIME to sample columns, or --dense to take records as events"
 
 
-def _checked(path: str, row: Format, columns: Columns) -> Columns:
+def checked_columns(path: str, row: Format, columns: Columns) -> Columns:
     """Check that the options fit the format; return them for one trace of the file."""
     if (part := part_of(path)) is not None:
         others = {name: text for name, text in columns.where.items() if name not in part.values}

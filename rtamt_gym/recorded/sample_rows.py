@@ -85,10 +85,7 @@ def read_trace(
     check_near(recording.source, recording.names, variables, columns)
     there = recorded_variables(recording.names, variables, columns)
     numbers = needed_columns(recording, there, columns, if_events)
-    empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing unknown", if_events)))
-    gaps = () if columns.missing == "raise" else numbers
-    wanted = Wanted(numbers, gaps=gaps, nan=bool(gaps), empty=empty)
-    rows = read_rows(recording, wanted_times(wanted, time, columns))
+    rows = read_rows(recording, wanted_samples(numbers, time, columns, if_events))
     rules = RowTable(recording, columns, read, time)
     if table:
         rules.check_objects(
@@ -99,7 +96,7 @@ def read_trace(
         rules.check_times(rows)
     check_valid(rows, columns)
     values = {name: rows.numbers[columns.column(name)] for name in there}
-    notes, defaults = [*rows.notes, *selection_notes(rows, columns.where)], {}
+    notes, defaults = [*rows.notes, *selection_notes(rows.count, columns.where)], {}
     for name in variables:
         if name not in there:
             values[name] = np.full(rows.count, columns.starts[name])
@@ -303,6 +300,23 @@ def _with_unknown(trace: Trace, columns: Columns) -> Trace:
         return trace
     names = [name for name, values in trace.columns.items() if np.isnan(values).any()]
     return replace(trace, unknown=names)
+
+
+def wanted_samples(
+    numbers: Sequence[str], time: TimeColumn | None, columns: Columns, if_events: str
+) -> Wanted:
+    """Return the columns of numbers and of times to read.
+
+    Args:
+        numbers: The columns of numbers.
+        time: The columns of times; None if there are none.
+        columns: How the columns are read.
+        if_events: Advice for errors that rows which are events, not samples, may cause.
+    """
+    empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing unknown", if_events)))
+    gaps = () if columns.missing == "raise" else numbers
+    wanted = Wanted(numbers, gaps=gaps, nan=bool(gaps), empty=empty)
+    return wanted_times(wanted, time, columns)
 
 
 def wanted_times(wanted: Wanted, time: TimeColumn | None, columns: Columns) -> Wanted:

@@ -247,9 +247,7 @@ class TimeAxis:
                 f"{rows.where(index)}, column '{column}': expected a finite number, got "
                 f"{raw[index]}"
             )
-        named = unit_of_times(column) or unit_of_times(re.split(r"[./]", column)[-1])
-        named = named or hinted_unit(column) or ""
-        unit_name, decided = columns.time_unit or rows.unit or named, ""
+        unit_name, decided = stated_unit(column, rows.unit, columns), ""
         if not unit_name and (dates := dates_of_numbers(raw)) is not None:
             if not {*name_words(column)} & _DATE_NAMES:
                 shown = dates[0].astype("datetime64[s]")
@@ -404,6 +402,18 @@ class TimeAxis:
         if abs(self.start) < 1e6:
             return f"{self.start + self.since[at]:.15g}"
         return f"{self.since[at]:.15g} s since the first"
+
+
+def stated_unit(column: str, unit: str, columns: Columns) -> str:
+    """Return the unit of times that an option, the format or the name of the column states.
+
+    Args:
+        column: The name of the column.
+        unit: The unit that the format states; empty if it states none.
+        columns: The options of columns.
+    """
+    named = unit_of_times(column) or unit_of_times(re.split(r"[./]", column)[-1])
+    return columns.time_unit or unit or named or hinted_unit(column) or ""
 
 
 def rises(times: NDArray[Any]) -> bool:

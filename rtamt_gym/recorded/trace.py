@@ -161,7 +161,7 @@ class Trace:
             return Extent(1, None, None, self.start, self.start, 1.0)
         if period is None:
             return Extent(self.samples)
-        end = self.start + float((self.samples - 1) * period)
+        end = self.start + (self.samples - 1) * period.numerator / period.denominator
         return Extent(self.samples, None, period, self.start, end, float(period), self.gap)
 
 

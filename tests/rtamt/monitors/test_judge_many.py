@@ -152,6 +152,20 @@ FRAME: dict[str, list[Any]] = {
 }
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"reply = {RESPONSE}",
+        "raised = eventually[0:1](a > 1)\nalways(b > 0) implies raised",
+        "calm = always(a < 3)\nsent = once(a > 1)\ncalm and always(sent implies eventually(b > 0))",
+    ],
+)
+def test_named_formulas(text: str) -> None:
+    batch = [{"a": [2.0, 0.0, 2.0], "b": [1.0, 0.0, -1.0]}, {"a": [0.0, 2.0], "b": [1.0, -1.0]}]
+    result = judge_many(text, batch)
+    assert rows_of(result) == [row_of(judge(text, trace)) for trace in batch]
+
+
 @pytest.mark.parametrize("frame", [dict, pd.DataFrame, pl.DataFrame, pa.table])
 def test_frames_of_groups(frame: Callable[[object], Any]) -> None:
     result = judge_many(RESPONSE, frame(FRAME), end="complete", by=["car", "lane"])
