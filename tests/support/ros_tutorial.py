@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from paths import ROOT
 from ros_messages import probe
-from ros_processes import patiently, ros
+from ros_processes import Process, patiently, ros
 from tutorial_page import block
 
 from rtamt_gym.__main__ import main
@@ -36,6 +36,7 @@ class Played:
         watched: What the program of the page has written that shows a topic; on ROS 2.
         heard: The numbers on each of `TOPICS`.
         codes: Exit codes of the processes that Ctrl-C ended, by name.
+        again: What the monitor has written from the second start of the robot on.
     """
 
     folder: Path
@@ -43,6 +44,7 @@ class Played:
     watched: str
     heard: Mapping[str, list[float]]
     codes: Mapping[str, int]
+    again: str
 
 
 def words(command: str) -> list[str]:
@@ -62,6 +64,12 @@ def play_tutorial(generation: int, folder: Path) -> Played:
             watch.write_text("\n".join(block("from contextlib import suppress")))
             started["watch"] = network.start(watch, name="watch")
         patiently(lambda: started["monitor"].output.count("nobody publishes") == 2)
+        if generation == 1:
+            line = block("rosbag record")[0]
+            command = shlex.split(line, comments=True)
+            started["bag"] = Process(command, network.environment, folder / "bag.log")
+            network.processes.append(started["bag"])
+            patiently((folder / "run.bag.active").exists)  # its output comes at its end
         simulator = words("python -m rtamt_ros.simulator")
         started["robot"] = network.start(*simulator, name="robot")
 
@@ -71,15 +79,25 @@ def play_tutorial(generation: int, folder: Path) -> Played:
         ears.wait(lambda: min(numbers(NEAR), default=0.0) < -0.5, "a wheel that blocks")
         ears.wait(lambda: numbers(NEAR)[-1] > 0, "a robot that goes on")
         codes = {}
-        for name, awaited in (("robot", "stale"), ("monitor", ""), ("watch", "")):
-            if name not in started:
-                continue
+        monitor = started["monitor"]
+        known = "follows: robustness not known yet"
+
+        def stop(name: str) -> None:
             os.kill(started[name].pid, signal.SIGINT)
             codes[name] = started[name].ended()
-            patiently(lambda awaited=awaited: awaited in started["monitor"].output)  # type: ignore[misc]
+
+        stop("robot")
+        patiently(lambda: "odom stale" in monitor.output)
+        if generation == 1:
+            stop("bag")
+        said = monitor.output
+        started["again"] = network.start(*simulator, name="again")
+        patiently(lambda: known in monitor.output[len(said) :])
+        for name in [name for name in ("again", "monitor", "watch") if name in started]:
+            stop(name)
         watched = (folder / "watch.log").read_text() if generation == 2 else ""
         heard = {topic: numbers(topic) for topic in TOPICS}
-        return Played(folder, started["monitor"].output, watched, heard, codes)
+        return Played(folder, said, watched, heard, codes, monitor.output[len(said) :])
 
 
 def lines(said: str) -> list[tuple[str, str]]:
@@ -120,6 +138,15 @@ class LiveTutorial:
             assert main(["monitor", "examples/follows.stl", "run.csv"]) == 1
         rows = np.genfromtxt(played.folder / "run.csv", delimiter=",", names=True, dtype=None)
         assert np.nanmin(rows["robustness"]) == pytest.approx(min(played.heard[NEAR]), abs=0.05)
+
+    def test_a_second_start_is_a_new_run(self, played: Played) -> None:
+        reason = r"restarted 1 time because (cmd, odom were|cmd was|odom was) stale"
+        level, text = lines(played.again)[0]
+        assert level == "WARN"
+        assert re.fullmatch(
+            rf"follows: robustness not known yet; violated # time since start, .*; {reason}",
+            text.replace("restarted # time", "restarted 1 time"),
+        )
 
     def test_ctrl_c_ends_all_in_good_order(self, played: Played) -> None:
         assert set(played.codes.values()) == {0}
