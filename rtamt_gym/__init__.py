@@ -13,6 +13,7 @@ from rtamt_gym.checks import released  # noqa: F401 - first, as it says what els
 from rtamt_gym.checks.extras import missing, naming_extra
 
 if TYPE_CHECKING:
+    from rtamt_gym import live as live
     from rtamt_gym import mujoco as mujoco
     from rtamt_gym import results as results
     from rtamt_gym import wrappers as wrappers
@@ -124,7 +125,7 @@ _MODULES = {
     "write_report": "rtamt_gym.reports.write",
 }
 
-_ROOMS = ("mujoco", "results", "wrappers")
+_ROOMS = ("live", "mujoco", "results", "wrappers")
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above

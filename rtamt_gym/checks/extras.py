@@ -46,6 +46,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "minari": ("minari",),
     "z3": ("check",),
     "rich": ("watch",),
+    "rerun": ("rerun",),
 }
 """The extras that install each optional package, the smallest first; ``all`` installs each
 but what is installed alone."""

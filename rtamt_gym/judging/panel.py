@@ -48,7 +48,7 @@ PanelResult = tuple[str, tuple[float, float, float], Verdict, int | None, int | 
 """The result of a specification: its name; its robustness with the lower and upper bound; its
 verdict; the sample that decided it, or None; the last sample if only the end decided it."""
 
-_See = Callable[[Sequence[float]], None]
+SeeValues = Callable[[Sequence[float]], None]
 """Takes the values of a sample."""
 
 _Pick = Callable[[Sequence[float]], tuple[float, ...]]
@@ -238,7 +238,7 @@ class Panel:
         reads: Sequence[Read] | None = None,
         *,
         decide: Callable[[], None] | None = None,
-        keep: _See | None = None,
+        keep: SeeValues | None = None,
     ) -> Feed:
         """Return the function that gives one sample to all monitors.
 
@@ -272,12 +272,14 @@ class Panel:
 
         return feed_here
 
-    def taker(self, names: Sequence[str], reads: Sequence[Read]) -> Take:
+    def taker(
+        self, names: Sequence[str], reads: Sequence[Read], keep: SeeValues | None = None
+    ) -> Take:
         """Return a `feeder` without a result; make another after a `MovingRead` has moved."""
-        joint = self._joint(names, reads, self.note, self._measure(names))
-        return self._one_by_one(names, reads, self.note, None) if joint is None else joint.take
+        joint = self._joint(names, reads, self.note, together(self._measure(names), keep))
+        return self._one_by_one(names, reads, self.note, keep) if joint is None else joint.take
 
-    def _measure(self, names: Sequence[str]) -> _See | None:
+    def _measure(self, names: Sequence[str]) -> SeeValues | None:
         """Return the function that gets every sample in addition to the monitors, or None."""
         return together(
             None if self._owing is None else self._owing.feeder(names),
@@ -292,7 +294,7 @@ class Panel:
         names: Sequence[str],
         reads: Sequence[Read] | None,
         note: Callable[[], None],
-        keep: _See | None,
+        keep: SeeValues | None,
     ) -> Feed:
         """Return the `feeder` that updates one monitor after the other."""
         parts = [
@@ -309,7 +311,7 @@ class Panel:
         names: Sequence[str],
         reads: Sequence[Read],
         note: Callable[[], None],
-        see: _See | None,
+        see: SeeValues | None,
     ) -> JointFeed | None:
         """Return an object that updates all monitors in one call of C++, or None."""
         judges = self._judges
@@ -524,7 +526,7 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
     reads: Sequence[Read] | None,
     fed: Panel,
     note: Callable[[], None],
-    see: _See | None,
+    see: SeeValues | None,
 ) -> Feed:
     """Return the function that reads a sample and updates one monitor after the other.
 
@@ -585,7 +587,7 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
     return feed
 
 
-def together(first: _See | None, second: _See | None) -> _See | None:
+def together(first: SeeValues | None, second: SeeValues | None) -> SeeValues | None:
     """Return the function that calls both; the other one if one is None."""
     if first is None or second is None:
         return first or second

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Unpack, get_args
+from typing import TYPE_CHECKING, Any, Literal, Unpack, get_args
 
 import mujoco  # type: ignore[import-untyped]
 
@@ -16,14 +16,18 @@ from rtamt.renamed import OldName
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.judge import Judging
-from rtamt_gym.judging.panel import Assessment, Feed, Panel
+from rtamt_gym.judging.panel import Assessment, Feed, Panel, SeeValues
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.mujoco.callback import attached
+from rtamt_gym.mujoco.pictures import renderer
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
 from rtamt_gym.signals.sources import MUJOCO
+
+if TYPE_CHECKING:
+    from rtamt_gym.live.view import RerunView
 
 Controller = Callable[[Any, Any], object]
 """Called with model and data before a step, to set ``data.ctrl``."""
@@ -58,6 +62,8 @@ class StepMonitor(PanelValues):
         specs: As for `simulate`.
         signals: A selector or a function for every variable, and further signals to record.
         forward: Whether to call ``mj_forward`` after every step.
+        live: A view that shows each sample with all signals, such as
+            ``rtamt_gym.live.RerunView()``; copies have none. Default: no view.
         **reading: The evaluation options of `rtamt_gym.EvaluationOptions`. ``period=None`` reads
             ``model.opt.timestep``; another value causes a warning, except 1, which counts steps.
 
@@ -88,6 +94,7 @@ class StepMonitor(PanelValues):
         signals: Mapping[str, StepSignal],
         *,
         forward: bool = False,
+        live: RerunView | None = None,
         **reading: Unpack[EvaluationKeywords],
     ) -> None:
         read = checked_options(reading, type(self), "instants")
@@ -108,6 +115,8 @@ class StepMonitor(PanelValues):
                 )
         self.monitor_set = Panel(self.specs, self.reading)
         self.forward = forward
+        if live is not None:
+            self._show(live)
         self._bind_signals()
         self._clock = StepClock()
         self._unchecked = 0
@@ -132,6 +141,8 @@ class StepMonitor(PanelValues):
         self._check_timestep()
         derive(self.model, self.data)
         self.monitor_set.reset()
+        if self._live is not None:
+            self._live.begin()
         self._pending, self._offered = None, False
         self._clock.start(self.data.time, float(self.model.opt.timestep))
         self._unchecked = 0
@@ -239,6 +250,8 @@ class StepMonitor(PanelValues):
         if self._running:
             self._check_time(self.samples - 1)
         self.monitor_set.finish()
+        if self._live is not None:
+            self._live.end(self.monitor_set.describe())
         self._running = False
         return self.robustness
 
@@ -265,7 +278,7 @@ class StepMonitor(PanelValues):
 
         Every signal is read once for a sample: a function may count its calls.
         """
-        feed = self.monitor_set.feeder(self.signals, decide=self._decide)
+        feed = self.monitor_set.feeder(self.signals, decide=self._decide, keep=self._shown())
 
         def read_and_feed() -> Assessment:
             values = [read() for read in self._reads]
@@ -319,13 +332,29 @@ class StepMonitor(PanelValues):
     def _bind_signals(self) -> None:
         """Make the functions that read this simulation, which pickle cannot carry."""
         self._reads = [bind_signal(signal, self.model, self.data) for signal in self._signals]
-        read = slice(self._count)  # a step does not read signals without a specification
+        # Without a view, a step does not read signals without a specification.
+        self._fed = slice(self._count if self._live is None else None)
+        names, keep = self.signals[self._fed], self._shown()
         self._feed = self.monitor_set.feeder(
-            self.signals[read], self._reads[read], decide=self._decide
+            names, self._reads[self._fed], decide=self._decide, keep=keep
         )
-        self._feed_values = self.monitor_set.feeder(
-            self.signals[read], decide=self.monitor_set.note
+        self._feed_values = self.monitor_set.feeder(names, decide=self.monitor_set.note, keep=keep)
+
+    def _show(self, live: RerunView) -> None:
+        """Show the samples in a live view."""
+        period = self.period
+        self._live = live.track(
+            self.signals, [*self.specs], None if period is None else float(period)
         )
+        if live.pictures is not None:
+            self._live.draw(renderer(self.model, self.data), live.pictures)
+
+    def _shown(self) -> SeeValues | None:
+        """Return the function that shows the values of a sample in the live view, or None."""
+        if self._live is None:
+            return None
+        self._live.follow(self.monitor_set.monitors)
+        return self._live.sample
 
     def _begin(self) -> None:
         if self.monitor_set.samples:
@@ -403,7 +432,7 @@ class StepMonitor(PanelValues):
             self._tries = False
         elif self._offered or self._pending is not None or not clock.near(ahead, -1.0):
             self._check_time(sample)
-            self._pending = [read() for read in self._reads[: self._count]]
+            self._pending = [read() for read in self._reads[self._fed]]
         # Otherwise reset() or step() took this sample before.
 
     def _offer_last(self) -> None:
@@ -490,4 +519,4 @@ _MOVED = 0.25
 """In timesteps; a simulation whose time has moved by more has left its last sample."""
 _SLACK = 1e-6
 """Relative difference between a period and a timestep that counts as rounding."""
-_UNPICKLED = frozenset({"_reads", "_feed", "_feed_values"})
+_UNPICKLED = frozenset({"_reads", "_feed", "_feed_values", "_live"})

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rtamt import Verdict
 from rtamt_gym.judging.panel import Monitors, Panel
+
+if TYPE_CHECKING:
+    from rtamt_gym.live.track import Track
 
 
 class PanelValues:
@@ -17,6 +20,12 @@ class PanelValues:
     """
 
     monitor_set: Panel
+    _live: Track | None = None
+
+    @property
+    def shown_live(self) -> bool:
+        """Whether a live view shows the samples."""
+        return self._live is not None
 
     @property
     def robustness(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from numbers import Real
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from rtamt_gym.judging.panel import Assessment, Feed, Panel
 from rtamt_gym.options.evaluation import AtTermination
 from rtamt_gym.play.run_record import Floats, History
 from rtamt_gym.signals.signals import Read
+
+if TYPE_CHECKING:
+    from rtamt_gym.live.track import Track
 
 
 class Recorder:
@@ -39,6 +42,7 @@ class Recorder:
         keeps: bool = True,
         curves: bool = False,
         fed: bool = False,
+        live: Track | None = None,
     ) -> None:
         self.panel, self.first_sample = panel, 0
         self.names = list(dict.fromkeys([*variables, *signals]))
@@ -52,6 +56,10 @@ class Recorder:
         )
         self._state = panel.state() if fed else None
         self._feed = panel.feeder(variables)
+        self._live = live
+        if live is not None:
+            live.follow(panel.monitors)
+            live.begin()
         self._reads: Sequence[Read] | None = None
         self._feed_step: Feed
 
@@ -62,7 +70,7 @@ class Recorder:
     @property
     def plain(self) -> bool:
         """Whether monitors may read the steps of an environment without `take`."""
-        return not self._further and not self._curves
+        return not self._further and not self._curves and self._live is None
 
     def reset(self) -> None:
         """Forget the samples, for another run."""
@@ -86,6 +94,8 @@ class Recorder:
                     f"got {type(value).__name__} {value!r}"
                 )
         self._keep(values)
+        if self._live is not None:
+            self._live.sample(values)
 
     def feeder(self, reads: Sequence[Read]) -> Feed:
         """Return the function that feeds a step of an environment; made again for other reads."""
@@ -121,6 +131,11 @@ class Recorder:
         if self._curves:
             for name, state in self.panel.describe().items():
                 self._curves[name][-1] = state["robustness"], state["lower"], state["upper"]
+
+    def show_end(self) -> None:
+        """End the episode in the live view, if there is one."""
+        if self._live is not None:
+            self._live.end(self.panel.describe())
 
     def columns(self) -> dict[str, Floats]:
         """Return the values of every variable and further signal; samples must be kept."""

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Unpack
 
+from rtamt import InputError
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.specs import SpecsLike
+from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import Stop
@@ -16,6 +18,7 @@ from rtamt_gym.systems.environment import monitor_of, with_own_monitor
 from rtamt_gym.systems.system import Policy, no_exit
 
 if TYPE_CHECKING:
+    from rtamt_gym.live.view import RerunView
     from rtamt_gym.mujoco.snapshots import Snapshot
 
 
@@ -33,6 +36,7 @@ def simulate(
     stop: Stop = "violation",
     above: Mapping[str, float] | None = None,
     label: str = "",
+    live: RerunView | None = None,
     **reading: Unpack[EvaluationKeywords],
 ) -> Run:
     """Run a simulation under specifications until a violation is certain; record every sample.
@@ -64,6 +68,8 @@ def simulate(
         above: Numbers by specification, for ``stop="known"``: a robustness that certainly stays
             above its number counts as known.
         label: A name for tables and pictures.
+        live: A view that shows each sample, such as ``rtamt_gym.live.RerunView()``; further runs
+            with it are further episodes. Default: no view.
         **reading: Evaluation options.
 
     Returns:
@@ -90,6 +96,12 @@ def simulate(
     """
     options = checked_options(reading, simulate, "runs")
     specs, signals, options = with_own_monitor(monitor_of(system), specs, signals, options)
+    monitor = system if isinstance(system, PanelValues) else monitor_of(system)
+    if live is not None and monitor is not None and monitor.shown_live:
+        raise InputError(
+            f"expected live= of simulate or of the {type(monitor).__name__}, got both; leave one "
+            "out"
+        )
     with no_exit("the system"):
         simulator = Simulator(
             system,
@@ -101,7 +113,7 @@ def simulate(
             policy=policy,
             duration=duration,
         )
-        simulation = simulator.begin(seed=seed, stop=stop, above=above, label=label)
+        simulation = simulator.begin(seed=seed, stop=stop, above=above, label=label, live=live)
         simulation.play()
     assert simulation.run is not None  # noqa: S101 - for mypy
     return simulation.run

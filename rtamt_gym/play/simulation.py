@@ -53,7 +53,9 @@ from rtamt_gym.systems.kinds import as_system, driven, refuse_seed
 from rtamt_gym.systems.system import Policy, System, exited
 from rtamt_gym.tables import sample_text
 
-if TYPE_CHECKING:  # it imports MuJoCo, which is optional
+if TYPE_CHECKING:  # they import MuJoCo and Rerun, which are optional
+    from rtamt_gym.live.track import Track
+    from rtamt_gym.live.view import RerunView
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
 
@@ -156,6 +158,7 @@ class Simulator:
         above: Mapping[str, float] | None = None,
         label: str = "",
         light: bool = False,
+        live: RerunView | None = None,
     ) -> Simulation:
         """Start a run; the arguments are those of `rtamt_gym.simulate`."""
         _check_stop(stop, above)
@@ -179,7 +182,7 @@ class Simulator:
                 bound = self._bind(driven(plain, case))
                 system = bound.system
         case = self._case if case is None else case
-        return Simulation(self, bound, system, case, seed, stop, above, label, light)
+        return Simulation(self, bound, system, case, seed, stop, above, label, light, live)
 
     def of(self, system: System) -> Simulator:
         """Return a simulator of another system like this one, with bound signals."""
@@ -245,6 +248,7 @@ class Simulation:
         above: Mapping[str, float],
         label: str,
         light: bool,  # noqa: FBT001 - `Simulator.begin` names it
+        live: RerunView | None = None,
     ) -> None:
         monitor, variables = simulator.monitor, bound.variables
         self._simulator, self._bound, self._system = simulator, bound, system
@@ -265,6 +269,7 @@ class Simulation:
                 simulator.reading.nan,
                 keeps=not self._light or bool(bound.questions),
                 fed=monitor is not None,
+                live=None if live is None else self._track(live),
             )
         self._panel = self._record.panel
         self._ended: RunEnd = "error"
@@ -274,6 +279,21 @@ class Simulation:
         self._outcomes: Mapping[str, Outcome] = {}
         self.wall = 0.0
         self._since: float | None = time.perf_counter()
+
+    def _track(self, live: RerunView) -> Track:
+        """Return the track of the run in a live view."""
+        simulator, bound, system = self._simulator, self._bound, self._system
+        period = None if bound.period is None else float(bound.period)
+        names = list(dict.fromkeys([*bound.variables, *(simulator.signals or {})]))
+        track = live.track(names, [*simulator.specs], period)
+        if live.pictures is not None:
+            make = getattr(system, "renderer", None)
+            if make is None:
+                raise InputError(
+                    f"RerunView(pictures=) needs a system that renders pictures, got {system.name}"
+                )
+            track.draw(make(), live.pictures)
+        return track
 
     def play(self) -> bool:
         """Run the simulation to its end; return True, since it is over."""
@@ -410,6 +430,7 @@ class Simulation:
             if self._ended == "error":
                 record.rewind()
             self._samples = len(record)
+            record.show_end()
             evidence = self._evidence() if self._samples else {}
             if self._samples:
                 self._outcomes = self._found(evidence)

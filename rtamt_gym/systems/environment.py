@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
 from typing import Any
@@ -26,6 +26,7 @@ from rtamt_gym.signals.taps import Tap, rescaling, tapped
 from rtamt_gym.systems.environment_case import EnvironmentCase, baseline_of
 from rtamt_gym.systems.system import Policy, Signals, System, SystemEnd, exited
 from rtamt_gym.wrappers.monitor import StlMonitor
+from rtamt_gym.wrappers.pictures import check_pictures
 from rtamt_gym.wrappers.substeps import Inside, read_substep_period
 
 
@@ -136,6 +137,11 @@ class Environment(System):
             self._inside = Inside(self._env, parsed)
         else:
             self.reads = [signal.bind(shown) for signal in parsed]
+
+    def renderer(self) -> Callable[[], Any]:
+        """Return the function that renders the environment."""
+        check_pictures(self._env, "RerunView(pictures=)", lists=False)
+        return self._env.render
 
     def again(self, policy: Policy | None, seed: int | None) -> Environment:
         """Return the environment for another run, with its bound signals."""

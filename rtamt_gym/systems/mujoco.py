@@ -13,6 +13,7 @@ import mujoco  # type: ignore[import-untyped]
 from rtamt import InputTypeError, StateError
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.mujoco.pictures import renderer
 from rtamt_gym.mujoco.snapshots import Snapshot
 from rtamt_gym.mujoco.step_monitor import StepMonitor
 from rtamt_gym.signals.mujoco import bind_signal, check_pair, derive
@@ -85,6 +86,10 @@ class MujocoModel(System):
         if self._derives:
             derive(model, data)
         return [read() for read in self._reads]
+
+    def renderer(self) -> Callable[[], Any]:
+        """Return a function that renders the simulation."""
+        return renderer(self._model, self._data)
 
     def close(self) -> None:
         """Do nothing: model and data belong to the caller."""
@@ -165,6 +170,10 @@ class Monitored(System):
         monitor.step()
         check_time(monitor.data, due, self.name)
         return self._taken
+
+    def renderer(self) -> Callable[[], Any]:
+        """Return a function that renders the simulation."""
+        return renderer(self._monitor.model, self._monitor.data)
 
     def close(self) -> None:
         """Leave the monitor at the last sample, or restore it after a branch."""

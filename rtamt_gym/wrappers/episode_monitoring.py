@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
@@ -13,11 +13,16 @@ from rtamt import Explanation, Specification, StateError
 from rtamt_gym.judging.end_warnings import assumed
 from rtamt_gym.judging.infos import last_info, present, record
 from rtamt_gym.judging.monitors import chosen, titled
-from rtamt_gym.judging.panel import Assessment, Feed, Monitors, Panel
+from rtamt_gym.judging.panel import Assessment, Feed, Monitors, Panel, SeeValues
 from rtamt_gym.signals.signals import Env, ParsedSignal, Read
 from rtamt_gym.signals.step_time import StepTime
 from rtamt_gym.signals.taps import Tap
 from rtamt_gym.wrappers.monitoring import Monitoring, OnViolation
+from rtamt_gym.wrappers.pictures import check_pictures
+
+if TYPE_CHECKING:
+    from rtamt_gym.live.track import Track
+    from rtamt_gym.live.view import RerunView
 
 
 class EpisodeMonitoring(Monitoring):
@@ -31,6 +36,8 @@ class EpisodeMonitoring(Monitoring):
     _comparing: Feed
     """Updates the monitors in the first steps of an episode, and compares the time."""
     _newest: dict[str, float] | None = None
+    _live: Track | None = None
+    """The track of a live view; None without one."""
 
     def newest_signals(self) -> dict[str, float]:
         """Return the signals of the newest sample, in a dictionary that every sample changes.
@@ -46,6 +53,11 @@ class EpisodeMonitoring(Monitoring):
     def signal_names(self) -> tuple[str, ...]:
         """The names of the signals that the specifications read."""
         return tuple(signal.name for signal in self._signals)
+
+    @property
+    def shown_live(self) -> bool:
+        """Whether a live view shows the samples."""
+        return self._live is not None
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -121,14 +133,32 @@ class EpisodeMonitoring(Monitoring):
     def _bind_signals(self) -> None:
         signals = self._readings()
         names = [signal.name for signal in signals]
-        tap, feeder = self._beneath, self._panel.feeder
+        tap, feeder, keep = self._beneath, self._panel.feeder, self._shown()
         env = self.env if tap is None else tap.env
-        feed = feeder(names, [signal.bind(env) for signal in signals])
-        feed_reset = feeder(names, [signal.bind_reset(env) for signal in signals])
+        feed = feeder(names, [signal.bind(env) for signal in signals], keep=keep)
+        feed_reset = feeder(names, [signal.bind_reset(env) for signal in signals], keep=keep)
         if tap is not None:
             feed, feed_reset = _fed_by(tap, feed), _fed_by(tap, feed_reset)
         self._feed: Feed = self._compared(feed)
         self._feed_reset: Feed = feed_reset
+
+    def _show(self, live: RerunView | None) -> None:
+        """Show the samples in a live view."""
+        if live is None:
+            return
+        period = None if self.period is None else float(self.period)
+        if live.pictures is not None:
+            check_pictures(self.env, "RerunView(pictures=)", lists=False)
+        self._live = track = live.track(self.signal_names, [*self._panel.monitors], period)
+        if live.pictures is not None:
+            track.draw(self.env.render, live.pictures)
+
+    def _shown(self) -> SeeValues | None:
+        """Return the function that shows the values of a sample in the live view, or None."""
+        if self._live is None:
+            return None
+        self._live.follow(self._panel.monitors)
+        return self._live.sample
 
     def _compared(self, feed: Feed, *, substeps: bool = False) -> Feed:
         """Return a `Feed` that also compares the time in the first steps of an episode."""
@@ -222,6 +252,8 @@ class EpisodeMonitoring(Monitoring):
         samples = self._panel.samples
         episode = record(*violation, samples, bool(terminated), bool(truncated))
         self.stl_episodes.append(present(episode))
+        if self._live is not None:
+            self._live.end(self._panel.describe())
 
     def _abandon(self) -> bool:
         """Record a running episode as truncated; return whether there was one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, SupportsFloat, Unpack
+from typing import TYPE_CHECKING, Any, SupportsFloat, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -28,6 +28,9 @@ from rtamt_gym.wrappers.monitoring import ChangedConstants, OnSatisfaction, OwnO
 from rtamt_gym.wrappers.observing import Observe
 from rtamt_gym.wrappers.substeps import SubSteps, fits, read_substep_period
 from rtamt_gym.wrappers.vector_forms import is_pool
+
+if TYPE_CHECKING:
+    from rtamt_gym.live.view import RerunView
 
 
 class StlMonitor(
@@ -75,7 +78,7 @@ class StlMonitor(
      * v0.5.0 - Initially added
     """
 
-    _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside", "_comparing"})
+    _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside", "_comparing", "_live"})
 
     @documents_options("runs")
     def __init__(
@@ -93,6 +96,7 @@ class StlMonitor(
         history: bool = False,
         observe: Observe | None = None,
         clip: float = 1.0,
+        live: RerunView | None = None,
         **reading: Unpack[EvaluationKeywords],
     ) -> None:
         """Parse the specifications and bind the signals.
@@ -130,6 +134,8 @@ class StlMonitor(
             clip: Bound of the numbers that ``observe`` appends; the interesting margins of every
                 specification should be inside. If more than half of the samples of the first 10
                 episodes are outside, a ``UserWarning`` reports their range
+            live: A view that shows each sample, such as ``rtamt_gym.live.RerunView()``; copies and
+                environments made from ``spec`` have none. Default: no view
             **reading: The evaluation options of :class:`rtamt_gym.EvaluationOptions`
 
         Raises:
@@ -167,6 +173,7 @@ class StlMonitor(
         self._substeps = read.substeps
         if panel.period is not None:
             self._time = self._step_time(env, float(panel.period))
+        self._show(live)
         self._bind_signals()
         self._counters = EpisodeCounters(env)
 
@@ -190,6 +197,8 @@ class StlMonitor(
         self._begin_times()
         panel = self._panel
         panel.reset()
+        if self._live is not None:
+            self._live.begin()
         assessed = self._feed_reset(obs, None, None, info)
         panel.begin()
         violated = panel.violated_by is not None
@@ -295,7 +304,7 @@ class StlMonitor(
         if not self._substeps:
             super()._bind_signals()
             return
-        self._inside = SubSteps(self.env, self._readings(), self._panel)
+        self._inside = SubSteps(self.env, self._readings(), self._panel, self._shown())
         self._feed: Feed = self._compared(self._panel.read, substeps=True)
         self._feed_reset: Feed = self._inside.reset
 

@@ -6,7 +6,17 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from fractions import Fraction
-from typing import Any, ClassVar, Literal, NamedTuple, NoReturn, TypedDict, cast, get_args
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Literal,
+    NamedTuple,
+    NoReturn,
+    TypedDict,
+    cast,
+    get_args,
+)
 
 import gymnasium as gym
 from gymnasium.utils import EzPickle
@@ -48,6 +58,9 @@ from rtamt_gym.wrappers.episode_counters import counts_episodes
 from rtamt_gym.wrappers.observing import Observing
 from rtamt_gym.wrappers.vector_forms import PufferVectorEnv
 
+if TYPE_CHECKING:
+    from rtamt_gym.live.view import RerunView
+
 OnViolation = Literal["terminate", "truncate", "report"]
 """What a certain violation does to the episode, the strongest first."""
 
@@ -71,6 +84,8 @@ class OwnOptions(TypedDict, total=False):
 
 class MonitorOptions(OwnOptions, EvaluationKeywords, total=False):
     """The keyword arguments of `StlMonitor` and of `VectorStlMonitor`."""
+
+    live: RerunView | None
 
 
 class ChangedConstants(NamedTuple):

@@ -28,6 +28,7 @@ from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing
 from rtamt_gym.results.outcome import violated_by_end
 from rtamt_gym.wrappers.monitor import StlMonitor, single_env
+from rtamt_gym.wrappers.pictures import check_pictures
 
 Pixels = NDArray[np.uint8]
 """A picture, of shape (height, width, 3)."""
@@ -193,21 +194,6 @@ def monitor_inside(env: gym.Env[Any, Any], name: str) -> StlMonitor[Any, Any]:
         f"{name} needs an StlMonitor or StlReward inside of it, got none in {env}; "
         f'wrap the environment first: {name}(StlMonitor(env, "always(x > 0)", {{"x": "obs[0]"}}))'
     )
-
-
-def check_pictures(env: gym.Env[Any, Any], name: str, *, lists: bool = True) -> None:
-    """Raise an `InputError` if an environment renders no pictures.
-
-    Args:
-        env: The environment.
-        name: The name of the wrapper that needs them, for the message.
-        lists: Whether lists of pictures are allowed.
-    """
-    if env.render_mode != "rgb_array" and not (lists and env.render_mode == "rgb_array_list"):
-        raise InputError(
-            f"{name} needs pictures, got render_mode={env.render_mode!r} of {env}; make it with "
-            'gym.make(..., render_mode="rgb_array")'
-        )
 
 
 def _clears_at_reset(env: gym.Env[Any, Any]) -> bool:

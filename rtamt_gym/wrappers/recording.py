@@ -21,7 +21,8 @@ from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.results.outcome import violated_by_end
 from rtamt_gym.signals.periods import read_period
-from rtamt_gym.wrappers.overlay import check_pictures, monitor_inside
+from rtamt_gym.wrappers.overlay import monitor_inside
+from rtamt_gym.wrappers.pictures import check_pictures
 
 Keep = Literal["violation"] | Callable[[dict[str, Any]], bool]
 """Which episodes are kept."""

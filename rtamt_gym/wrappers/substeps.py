@@ -17,7 +17,7 @@ from rtamt import InputError, SpecificationError, StateError
 from rtamt.errors import Argument
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.judge import Judging
-from rtamt_gym.judging.panel import Assessment, Panel, Take
+from rtamt_gym.judging.panel import Assessment, Panel, SeeValues, Take
 from rtamt_gym.signals.signals import Env, MovingRead, ParsedSignal
 from rtamt_gym.signals.sources import STEP
 
@@ -74,19 +74,32 @@ class Inside:
 class SubSteps:
     """Updates a panel after every step of the simulation that an environment makes.
 
+    Args:
+        env: The environment.
+        signals: The signals.
+        panel: The monitors.
+        keep: Called with the values of every sample after all monitors took it.
+
     Raises:
         InputError: As `Inside` does.
     """
 
-    def __init__(self, env: Env, signals: Sequence[ParsedSignal], panel: Panel) -> None:
+    def __init__(
+        self,
+        env: Env,
+        signals: Sequence[ParsedSignal],
+        panel: Panel,
+        keep: SeeValues | None = None,
+    ) -> None:
         self.inside = Inside(env, signals)
         names = [signal.name for signal in signals]
         reads = self.inside.reads
-        self._make_take = partial(panel.taker, names, reads)
+        self._make_take = partial(panel.taker, names, reads, keep)
         self._moving = next((read for read in reads if isinstance(read, MovingRead)), None)
         self._home = None if self._moving is None else self._moving.home()
         self._take = self._make_take()
-        self._feed_first = panel.feeder(names, [signal.bind_reset(env) for signal in signals])
+        first = [signal.bind_reset(env) for signal in signals]
+        self._feed_first = panel.feeder(names, first, keep=keep)
 
     def reset(self, *_: object) -> Assessment:
         """Take sample 0."""

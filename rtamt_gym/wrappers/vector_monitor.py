@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
@@ -42,7 +42,12 @@ from rtamt_gym.wrappers.monitoring import (
     refuse_monitored,
 )
 from rtamt_gym.wrappers.observing import Observe
+from rtamt_gym.wrappers.pictures import check_pictures
 from rtamt_gym.wrappers.vector_forms import as_vector_env
+from rtamt_gym.wrappers.vector_live import VectorTracks
+
+if TYPE_CHECKING:
+    from rtamt_gym.live.view import RerunView
 
 
 class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorArgs):
@@ -87,9 +92,10 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
      * v0.5.0 - Initially added
     """
 
-    _UNPICKLED = frozenset({"_columns"})
+    _UNPICKLED = frozenset({"_columns", "_live"})
     _panel: VectorPanel
     _has_flags = False
+    _live: VectorTracks | None = None
 
     @documents_options("episodes")
     def __init__(
@@ -106,6 +112,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         constants: Mapping[str, ConstantValue] | None = None,
         observe: Observe | None = None,
         clip: float = 1.0,
+        live: RerunView | None = None,
         **reading: Unpack[EvaluationKeywords],
     ) -> None:
         """Parse the specifications and bind the signals.
@@ -113,7 +120,8 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         It takes the arguments of :class:`StlMonitor`, with these differences: ``env`` is a vector
         environment; a function that :func:`rtamt_gym.wrappers.batched` marks reads all environments
         at once; for the period of an ``AsyncVectorEnv``, one more environment is made and closed if
-        a specification has bounds; and ``on_violation`` is ``"report"`` by default. It and
+        a specification has bounds; a view shows the environments that it names; and
+        ``on_violation`` is ``"report"`` by default. It and
         ``on_satisfaction`` may be ``"terminate"`` or ``"truncate"`` only with
         ``AutoresetMode.DISABLED``.
 
@@ -150,6 +158,14 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         self._table = np.full((env.num_envs, len(self._signals)), np.nan)
         self.begun: Lanes | None = None
         self.terminal: MonitorValues[Floats] | None = None
+        if live is not None:
+            if live.pictures is not None:
+                check_pictures(env, "RerunView(pictures=)", lists=False)
+            names = [signal.name for signal in self._signals]
+            seconds = None if period is None else float(period)
+            self._live = VectorTracks(
+                live, names, [*panel.monitors], seconds, env.num_envs, self.env.render
+            )
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -233,9 +249,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         resets = ended if self._autoreset is AutoresetMode.SAME_STEP else None
         self._times.step(begun if resets is None else resets)
         self._table, shown = self._read(obs, actions, rewards, infos, begun, resets)
-        if begun is not None:
-            self._panel.reset(begun)
-        self._panel.feed(self._table)
+        self._update(begun, resets)
         certain = self._certain()
         if ended is not None:
             self._finish(np.asarray(terminated), np.asarray(truncated))
@@ -367,6 +381,21 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         self._panel.reset(lanes)
         self._panel.feed(table, lanes)
         self._table[which] = table[which]
+        if self._live is not None and (lanes is None or self._live.shows(lanes)):
+            self._live.reset(self._table, self.values(), lanes)
+
+    def _update(self, begun: Lanes | None, resets: Lanes | None) -> None:
+        """Update the monitors with the samples of a step.
+
+        Args:
+            begun: The environments that the step has reset before; None: none.
+            resets: The environments that the step has reset after these samples; None: none.
+        """
+        if begun is not None:
+            self._panel.reset(begun)
+        self._panel.feed(self._table)
+        if self._live is not None:
+            self._live.step(self._table, self.values(), begun, resets)
 
     def _certain(self) -> list[tuple[Lanes, str]]:
         """Return the environments whose episodes a certain verdict ends, the strongest first."""
@@ -430,6 +459,8 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
     ) -> None:
         """Add the keys of last infos, and record the episodes."""
         panel, index = self._panel, ended.nonzero()[0]
+        if self._live is not None and self._live.shows(ended):
+            self._live.end(self.values(), ended)
         outcomes, success, undecided = panel.ends(index)
         violated = panel.any_violated(index)
         violation = outcomes, violated, panel.violated_by(index), panel.violated_at.take(index)
@@ -457,6 +488,8 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         if len(index) == 0:
             return False
         panel.finish(cut, self._at_truncation)
+        if self._live is not None:
+            self._live.end(self.values(), cut)
         violated = panel.any_violated(index)
         ends = panel.outcomes(index), violated, panel.violated_by(index), panel.violated_at[index]
         self._episodes.append(index, record(*ends, panel.samples[index], ~cut[index], cut[index]))

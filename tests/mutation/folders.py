@@ -250,6 +250,13 @@ FOLDERS: Final = {
         _room("rtamt_gym", "signals", "tests/rtamt_gym/wrappers"),
         _room("rtamt_gym", "systems", _CAMPAIGNS, _RUNS),
         _room("rtamt_gym", "testing"),
+        Folder(  # .ci/run live installs rerun-sdk
+            "rtamt_gym/live",
+            ("rtamt_gym/live",),
+            Covering(("tests/rtamt_gym/live", "tests/live/test_rerun.py")),
+            ("tests/rtamt_gym/live",),
+            size=30,
+        ),
         _room("rtamt_gym", "watching", "tests/rtamt_gym/commands"),
         _room("rtamt_gym", "wrappers", "tests/rtamt_gym/judging", "tests/rtamt_gym/success"),
         _room("rtamt_ros", "", left_out=("rtamt_ros/ros1.py", "rtamt_ros/ros2.py")),

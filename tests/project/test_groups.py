@@ -6,7 +6,10 @@ import pytest
 from hypothesis import settings
 from paths import ROOT
 
-FOLDERS = ("arrays", "benchmarks", "browser", "cluster", "learners", "optimizers", "ros", "site")
+FOLDERS = (
+    *("arrays", "benchmarks", "browser", "cluster", "learners", "live", "optimizers", "ros"),
+    "site",
+)
 
 
 @pytest.mark.parametrize("folder", FOLDERS)

@@ -33,7 +33,7 @@ FLOORS = {
         ("checks", "starters", "libraries"),
         ("options",),
         ("shaping", "success", "tables", "drawing", "markup", "inputs"),
-        ("signals", "results"),
+        ("signals", "results", "live"),
         ("judging", "benchmarks"),
         ("wrappers", "mujoco"),
         ("systems", "recorded"),

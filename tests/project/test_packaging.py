@@ -151,6 +151,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "gymnax",
         "torch",
         "taliro",
+        "rerun",
         "site",
         "pytest",
         "test",

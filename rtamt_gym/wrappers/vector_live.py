@@ -1,0 +1,117 @@
+"""The environments of a vector environment that a live view shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rtamt import InputError, Verdict
+from rtamt_gym.judging.monitors import MonitorValues
+from rtamt_gym.signals.columns import Floats, Lanes
+
+if TYPE_CHECKING:
+    from rtamt_gym.live.track import Track
+    from rtamt_gym.live.view import RerunView
+
+
+class VectorTracks:
+    """The tracks of the environments that a view shows.
+
+    Args:
+        live: The view.
+        signals: The names of the columns of the tables.
+        requirements: The names of the requirements.
+        period: Seconds between samples; None if they have no time.
+        num: The number of environments.
+        render: Returns a picture of each environment.
+
+    Raises:
+        InputError: If the view shows an environment that does not exist.
+    """
+
+    def __init__(
+        self,
+        live: RerunView,
+        signals: Sequence[str],
+        requirements: Sequence[str],
+        period: float | None,
+        num: int,
+        render: Callable[[], Any],
+    ) -> None:
+        for index in live.environments:
+            if index not in range(num):
+                raise InputError(
+                    f"RerunView(environments=) has an environment {index!r}, but they are 0 to "
+                    f"{num - 1}"
+                )
+        self._requirements = requirements
+        self._render, self._every = render, live.pictures
+        self._tracks: dict[int, Track] = {
+            index: live.track(signals, requirements, period, f"environment {index}")
+            for index in live.environments
+        }
+        if live.pictures is not None:
+            for track in self._tracks.values():
+                track.draw(None, live.pictures)
+
+    def shows(self, lanes: Lanes) -> bool:
+        """Return whether an environment of the mask is shown."""
+        return any(lanes[index] for index in self._tracks)
+
+    def reset(self, table: Floats, values: MonitorValues[Floats], lanes: Lanes | None) -> None:
+        """Start episodes with sample 0 in the environments of the mask; None: in all."""
+        for index, track in self._tracks.items():
+            if lanes is None or lanes[index]:
+                track.begin()
+                self._add(index, table, values)
+        self._draw([index for index in self._tracks if lanes is None or lanes[index]])
+
+    def step(
+        self,
+        table: Floats,
+        values: MonitorValues[Floats],
+        begun: Lanes | None,
+        resets: Lanes | None,
+    ) -> None:
+        """Take a sample of every environment.
+
+        Args:
+            table: The values of the signals.
+            values: The values of the monitors.
+            begun: The environments that the step has reset before; None: none.
+            resets: The environments that the step has reset after the samples, and that render
+                other samples; None: none.
+        """
+        for index, track in self._tracks.items():
+            if begun is not None and begun[index]:
+                track.begin()
+            self._add(index, table, values)
+        self._draw([index for index in self._tracks if resets is None or not resets[index]])
+
+    def end(self, values: MonitorValues[Floats], lanes: Lanes) -> None:
+        """End the episodes in the environments of the mask."""
+        for index, track in self._tracks.items():
+            if lanes[index]:
+                track.finish(*_curves(values, index))
+
+    def _add(self, index: int, table: Floats, values: MonitorValues[Floats]) -> None:
+        self._tracks[index].add(table[index].tolist(), *_curves(values, index))
+
+    def _draw(self, indexes: Sequence[int]) -> None:
+        """Take the pictures of environments whose sample has one."""
+        every = self._every
+        if every is None:
+            return
+        due = [index for index in indexes if not (self._tracks[index].samples - 1) % every]
+        frames: Any = self._render() if due else None
+        for index in due if frames is not None else ():
+            if frames[index] is not None:
+                self._tracks[index].picture(frames[index])
+
+
+def _curves(values: MonitorValues[Floats], index: int) -> tuple[list[float], list[Verdict]]:
+    """Return the curves of an environment, and its verdicts."""
+    curves: list[float] = []
+    for robustness, lower, upper in zip(values.robustness, values.lower, values.upper, strict=True):
+        curves += (float(robustness[index]), float(lower[index]), float(upper[index]))
+    return curves, [Verdict(int(verdict[index])) for verdict in values.verdicts]
