@@ -181,6 +181,11 @@ def _endings(end: End) -> tuple[TraceEnd, TraceEnd]:
     return TraceEnd(end, best=False), TraceEnd(end, best=True)
 
 
+def needed_samples(program: Program, n: int) -> int:
+    """Return how many of n samples the bounds of a program depend on."""
+    return min(n, split(program, sufficient(program, n), best=False).needed or n)
+
+
 def _both(program: Program, bound: int) -> tuple[SplitProgram, SplitProgram]:
     """Return the programs for the lower and the upper bound."""
     worst = split(program, bound, best=False)

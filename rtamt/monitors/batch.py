@@ -14,21 +14,24 @@ from rtamt.inputs.arrays import Floats
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.bounds import split
+from rtamt.machines.bounds import needed_samples
+from rtamt.machines.offline import result_alone
 from rtamt.machines.protocols import End, EpisodeRuns, SampleRuns, TraceSet
 from rtamt.monitors.judgement import Judgement, judge_compiled
 from rtamt.monitors.options import Compiled
 from rtamt.monitors.sample_trace import (
+    counts_alone,
     formula_reads,
     is_short,
     opposite_program,
+    recorded_runs,
     with_result,
 )
 from rtamt.monitors.triggers import reads_hidden
 from rtamt.program.implications import InstantRuns, TraceSpan, implications, unanswered
 from rtamt.program.interface import STANDARD
 from rtamt.program.lowering import compile_program
-from rtamt.program.memory import limit_beyond, sufficient
+from rtamt.program.memory import limit_beyond
 from rtamt.program.program import Program
 from rtamt.program.timing import Align
 
@@ -144,9 +147,7 @@ class TraceBatch:
     @functools.cached_property
     def fast(self) -> bool:
         """Whether the machine judges many traces; otherwise, each is judged alone."""
-        return self._functions is not None and all(
-            program.latency == 0 and not program.neutral for program in self._lefts
-        )
+        return self._functions is not None and all(map(counts_alone, self._lefts))
 
     @functools.cached_property
     def _lefts(self) -> list[Program]:
@@ -157,7 +158,7 @@ class TraceBatch:
         key = alone, compiled.period, self._align
         interface = STANDARD if self._hides else compiled.interface
         return [
-            opposite_program(*key, interface, implication.args[0])
+            result_alone(opposite_program(*key, interface, implication.args[0]))
             for implication in implications(self.formula)
         ]
 
@@ -222,7 +223,7 @@ class TraceBatch:
         for implication, program in zip(counted, self._lefts, strict=True):
             every = [known[implication].all for known in reads]
             needed = [known[implication].needed for known in reads]
-            seen = [_until(runs, x.last) for runs, x in zip(every, extents, strict=True)]
+            seen = [recorded_runs(runs, x.last) for runs, x in zip(every, extents, strict=True)]
             row = TriggerRows(*self._count(program, traces, seen, class_of), satisfied.copy())
             vacuous, known = row.vacuous, np.array([bool(runs) for runs in every])[class_of]
             # An instant beyond the trace may be read, and nothing is known of it.
@@ -235,7 +236,9 @@ class TraceBatch:
             differ = np.array([a != b for a, b in zip(every, needed, strict=True)])[class_of]
             if (others := np.flatnonzero(differ & satisfied)).size:
                 part = traces.select(others)
-                seen = [_until(runs, x.last) for runs, x in zip(needed, extents, strict=True)]
+                seen = [
+                    recorded_runs(runs, x.last) for runs, x in zip(needed, extents, strict=True)
+                ]
                 answers[others] = self._count(program, part, seen, class_of[others])[0]
             vacuous &= answers == 0
             self._check_without((implication,), traces, vacuous, vacuous & ~idle)
@@ -299,15 +302,9 @@ class TraceBatch:
         known, class_of = np.unique(lengths, return_inverse=True)
         extents = []
         for n in known.tolist():
-            needed = split(program, sufficient(program, n), best=False).needed
-            last = min(n, needed or n) - 1
+            last = needed_samples(program, n) - 1
             extents.append(TraceSpan(last, end == "complete", end == "cut"))
         return extents, class_of.astype(np.int64)
-
-
-def _until(runs: InstantRuns, last: int) -> InstantRuns:
-    """Return the instants of runs up to the last recorded one."""
-    return tuple((first, min(final, last)) for first, final in runs if first <= last)
 
 
 def _by_length(lengths: Integers, function: Callable[[int], bool]) -> NDArray[np.bool_]:

@@ -17,8 +17,9 @@ from rtamt.language.node import Node
 from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.bounds import TraceBounds
-from rtamt.machines.protocols import End
+from rtamt.machines.bounds import TraceBounds, needed_samples
+from rtamt.machines.offline import result_alone
+from rtamt.machines.protocols import End, SampleRuns, TraceSet
 from rtamt.machines.readout import moved, verdict_of
 from rtamt.machines.segments import PlaceRuns, Segments
 from rtamt.machines.walk import number_of
@@ -69,6 +70,7 @@ class SampleTrace:
     ) -> None:
         self._compiled, self._align, self._end = compiled, align, end
         self._columns, self._n, self._by_columns = columns, n, by_columns
+        self._by_machine = False  # the machine has judged the trace
         self.formula = compiled.specification.formula
         self.hides = reads_hidden(self.formula, compiled.interface)
 
@@ -88,7 +90,7 @@ class SampleTrace:
             high = low if greatest is least else [column.copy() for column in greatest]
             self._columns = low, high
         if run is not None:
-            self._decided_at = run.decided_at
+            self._decided_at, self._by_machine = run.decided_at, True
             return (run.robustness, run.lower, run.upper), (run.complete, run.complete)
         bounds = self.bounds
         complete, ends = bounds.bounds("complete"), bounds.bounds(self._end)
@@ -113,7 +115,7 @@ class SampleTrace:
     @property
     def n(self) -> int:
         """The number of samples that matter."""
-        return self._n if self._by_columns else self.bounds.n
+        return self._n if self._by_columns else needed_samples(self._program, self._n)
 
     @functools.cached_property
     def _decided_at(self) -> int | None:
@@ -144,9 +146,29 @@ class SampleTrace:
         if not (self.hides or self._by_columns):
             # The negation, as the whole formula may have no other predicates.
             program = opposite_program(*key, compiled.interface, left)
-            return _SampleSigns(self.bounds.part(program), self._end)
+            counted = self._counter(program) if self._by_machine else None
+            return _SampleSigns(lambda: self.bounds.part(program), self._end, self.n - 1, counted)
         program = opposite_program(*key, STANDARD, left)
-        return _SampleSigns(self._bounds_of(program, everywhere=True), self._end)
+        bounds = self._bounds_of(program, everywhere=True)
+        return _SampleSigns(lambda: bounds, self._end, bounds.n - 1)
+
+    def _counter(self, program: Program) -> Callable[[InstantRuns], Counted | None] | None:
+        """Return a function that counts failures in C++; None if only columns can count them."""
+        functions = BACKENDS[self._compiled.backend].trace_runs
+        if functions is None or not counts_alone(program):
+            return None
+        column = dict(zip(self._program.variables, self._columns[0], strict=True))
+        alone, n = result_alone(program), np.array([self._n], np.int64)
+        traces = TraceSet([column[name] for name in alone.variables], _FIRST, n)
+
+        def count(instants: InstantRuns) -> Counted | None:
+            runs = _sample_runs(instants, self.n - 1)
+            samples, starts, first = functions.count_failures(alone, traces, runs, 1)
+            if samples[0] < 0:
+                return None
+            return int(samples[0]), int(starts[0]), int(first[0]) if samples[0] else None
+
+        return count
 
     def satisfied_without(self, answered: Sequence[Formula]) -> bool:
         """Return whether the verdict is SATISFIED with ``false`` as right side of implications."""
@@ -249,14 +271,35 @@ class SampleTrace:
 
 
 class _SampleSigns:
-    def __init__(self, part: TraceBounds, end: End) -> None:
-        self._part, self._end, self._last = part, end, part.n - 1
+    """The signs of a program on a trace.
+
+    Args:
+        part: Returns the bounds of the program.
+        end: The end mode.
+        last: The last sample that matters.
+        counted: Counts the failures without the bounds, if it can; all values are known then.
+    """
+
+    def __init__(
+        self,
+        part: Callable[[], TraceBounds],
+        end: End,
+        last: int,
+        counted: Callable[[InstantRuns], Counted | None] | None = None,
+    ) -> None:
+        self._bounds, self._end, self._last, self._counted = part, end, last, counted
+
+    @functools.cached_property
+    def _part(self) -> TraceBounds:
+        return self._bounds()
 
     @functools.cached_property
     def _fails(self) -> NDArray[np.bool_]:
         return self._part.fails(self._end)
 
     def fails_at(self, instants: InstantRuns) -> Counted:
+        if self._counted is not None and (counted := self._counted(instants)) is not None:
+            return counted
         length = occasions = 0
         first = None
         for begin, final in instants:  # no run touches the next
@@ -273,6 +316,8 @@ class _SampleSigns:
     def holds_at(self, instants: InstantRuns) -> bool:
         if instants[-1][1] > self._last:
             return False
+        if self._counted is not None and (counted := self._counted(instants)) is not None:
+            return not counted[0]
         holds = self._part.holds(self._end)
         return all(bool(holds[begin : int(final) + 1].all()) for begin, final in instants)
 
@@ -292,6 +337,27 @@ def _unknowns(program: Program) -> int | None:
         return None
     fits = not program.neutral and episode_numbers(placement).total() <= _MAX_NUMBERS
     return len(placement.unknowns) if fits else None
+
+
+_FIRST: Final = np.zeros(1, np.int64)
+
+
+@functools.lru_cache(maxsize=512)  # many traces have one length
+def _sample_runs(instants: InstantRuns, last: int) -> SampleRuns:
+    """Return the recorded instants as runs for one trace."""
+    pairs = np.array(recorded_runs(instants, last), np.int64).reshape(-1, 2)
+    first, final = np.ascontiguousarray(pairs.T)
+    return SampleRuns(np.array([0, len(pairs)], np.int64), first, final, _FIRST)
+
+
+def recorded_runs(instants: InstantRuns, last: int) -> InstantRuns:
+    """Return the instants of runs up to the last recorded one."""
+    return tuple((first, min(final, last)) for first, final in instants if first <= last)
+
+
+def counts_alone(program: Program) -> bool:
+    """Return whether the sign of a program at a sample needs no later one and is never unknown."""
+    return program.latency == 0 and not program.neutral
 
 
 def _first_decided(bounds: TraceBounds) -> int | None:

@@ -397,6 +397,14 @@ def test_left_sides_that_look_ahead_equal_judge() -> None:
     assert rows_of(judge_many(spec, batch)) == [row_of(judge(spec, trace)) for trace in batch]
 
 
+def test_named_formulas_equal_judge() -> None:
+    spec = "answer = eventually[0:1](b > 0)\nanswered = always(a > 1 implies answer)"
+    batch = [{"a": FRAME["a"][i:], "b": FRAME["b"][i:]} for i in range(5)]
+    for end in ENDS:
+        expected = [row_of(judge(spec, trace, end=end)) for trace in batch]
+        assert rows_of(judge_many(spec, batch, end=end)) == expected
+
+
 def test_an_iterator_is_read_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rtamt.monitors.many._CHUNK", 5)
     alive = 0
