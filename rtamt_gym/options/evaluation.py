@@ -227,15 +227,11 @@ class EvaluationOptions:
 
     def __init__(self, **options: Unpack[_AllKeywords]) -> None:
         for name, row in ROWS.items():
-            value: Any = options.get(name, row.default)
-            if name in {"inputs", "outputs"}:
-                value = _names(value)
-            elif name == "stages":
-                value = _stages(value)
-            elif row.metadata["choices"] and name != "semantics":  # monitors suggest the nearest
-                check_choice(name, value, row.metadata["choices"])
-            object.__setattr__(self, name, value)
-        given = {n for n in options if (getattr(self, n), ROWS[n].default) != (None, None)}
+            object.__setattr__(self, name, _checked(name, options.get(name, row.default)))
+        self._set_given(options)
+
+    def _set_given(self, names: Iterable[str]) -> None:
+        given = {n for n in names if (getattr(self, n), ROWS[n].default) != (None, None)}
         object.__setattr__(self, "given", frozenset(given))
 
     @property
@@ -258,7 +254,13 @@ class EvaluationOptions:
 
     def having(self, **options: Unpack[_AllKeywords]) -> EvaluationOptions:
         """Return a copy with these options replaced."""
-        return EvaluationOptions(**{**self.options(), **options})
+        copy = object.__new__(EvaluationOptions)
+        changed: Mapping[str, Any] = options
+        for name in ROWS:
+            value = _checked(name, changed[name]) if name in changed else getattr(self, name)
+            object.__setattr__(copy, name, value)
+        copy._set_given(self.given | changed.keys())
+        return copy
 
     def about(self, name: str) -> EvaluationOptions:
         """Return the options of one requirement, without the stages of others.
@@ -436,6 +438,18 @@ def _meaning(name: str, value: Any) -> object:  # noqa: ANN401 - of any option
     if name == "period":
         return seconds_of(value)
     return frozenset(value) if isinstance(value, tuple) else value
+
+
+def _checked(name: str, value: Any) -> object:  # noqa: ANN401 - of any option
+    """Return the value of an option as it is stored; raise InputError for a wrong choice."""
+    if name in {"inputs", "outputs"}:
+        return _names(value)
+    if name == "stages":
+        return _stages(value)
+    choices = ROWS[name].metadata["choices"]
+    if choices and name != "semantics":  # monitors suggest the nearest
+        check_choice(name, value, choices)
+    return value
 
 
 def _names(names: Names | None) -> Names | None:

@@ -35,7 +35,7 @@ from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import RawTimes, read_dates
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.recording import Recording, RowFilter, Rows, Wanted
-from rtamt_gym.recorded.text_layout import TOP, layout_of, names_line, rows_of
+from rtamt_gym.recorded.text_layout import TOP, TextLayout, layout_of, names_line, rows_of
 from rtamt_gym.recorded.text_numbers import TextNumbers
 from rtamt_gym.recorded.times import join_times
 
@@ -177,10 +177,7 @@ class CsvRecording(Recording):
         if names != layout.names:
             self._notes.append(_LATIN)
         self.above = _settings([*skipped, *self._top[: layout.at]])
-        head = [names_line(self._top[layout.at]), *self._top[layout.at + 1 :]]
-        rows = rows_of(
-            itertools.chain(head, below), self.separator, len(skipped) + layout.at, self.source
-        )
+        rows = self._rows_from(layout, below)
         self.header, _ = next(rows)
         """The line of the names, from 1."""
         self.last_above, self._units = self.header, dict[str, str]()
@@ -201,6 +198,18 @@ class CsvRecording(Recording):
             for i, (name, _) in enumerate(cells)
             if not any(row[i].strip() for _, row in first if i < len(row))
         ]
+
+    def _rows_from(
+        self, layout: TextLayout, below: Iterable[str]
+    ) -> Iterator[tuple[int, list[str]]]:
+        """Return the rows from the line of the names on, with their lines."""
+        before = self._skipped + layout.at
+        if layout.rows is None:
+            head = [names_line(self._top[layout.at]), *self._top[layout.at + 1 :]]
+            return rows_of(itertools.chain(head, below), self.separator, before, self.source)
+        parsed = [(before + line, row) for line, row in layout.rows] if before else layout.rows
+        end = self._skipped + len(self._top)
+        return itertools.chain(parsed, rows_of(below, self.separator, end, self.source))
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted columns; an empty cell that is allowed becomes nan."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,7 @@ class Grid:
         """The distance of the grid's points."""
         if self._exact is None and self.rises and np.isfinite(self.slope) and not self.even:
             self.slope = self._nearest_slope()
+            del self.even  # it is of the slope
 
     def _nearest_slope(self) -> float:
         """Return the step of the grid that is nearest to the samples.
@@ -70,12 +72,12 @@ class Grid:
             off = self._since - np.arange(len(self._since)) * slope
             return float(off.max() - off.min())
 
-    @property
+    @cached_property
     def rises(self) -> bool:
         """Whether every time is after the one before."""
         return bool((self.steps > 0).all())
 
-    @property
+    @cached_property
     def even(self) -> bool:
         """Whether the samples count as on the grid."""
         if not (self.rises and np.isfinite(self.slope)):

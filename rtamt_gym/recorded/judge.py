@@ -86,7 +86,8 @@ class TraceJudgement:
         dense: Whether the trace was judged in dense time.
         progress: How far it came in the stages of the requirement; None without stages, and in
             dense time also where stages have times of their own or values are not known.
-        cut: The verdict on a recording that was cut; None: it was not asked for.
+        cut: The verdict on a recording that was cut; None unless `verdict` is SATISFIED under
+            ``--end complete``.
         late_start: Where the trace of the requirement starts, if that is later than the recording.
         from_start: The verdict on the trace from there on. It is ``found`` unless that counts the
             time before, and is what the series rest on.
@@ -312,7 +313,7 @@ def _by_start(
 
     Returns:
         The verdict, the verdict of the first way, the start, and the verdict on a recording that
-        was cut; that is None unless the trace is all there is.
+        was cut; that is None unless the trace is all there is, and satisfied.
     """
     judge_, with_beginning = judges
     first = result = judge_(end)
@@ -323,7 +324,8 @@ def _by_start(
             if complete.verdict < first.verdict:
                 result, judge_ = complete, with_beginning
                 late = replace(late, counted=True)
-    return result, first, late, judge_("cut").verdict if end == "complete" else None
+    unsure = end == "complete" and result.verdict is Verdict.SATISFIED
+    return result, first, late, judge_("cut").verdict if unsure else None
 
 
 def noticed(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Iterable, Mapping
-from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import quote, unquote
 
@@ -147,11 +146,3 @@ def choose(
                 f"{nearest(wanted, every)}"
             )
     return [part_name(file, key, value) for value in chosen]
-
-
-def is_folder_with(path: str | Path, marker: str) -> bool:
-    """Return whether a path is a folder that holds a file."""
-    try:
-        return (Path(path) / marker).is_file()
-    except (OSError, ValueError):  # a formula may be longer than a name
-        return False

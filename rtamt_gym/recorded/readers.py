@@ -31,7 +31,7 @@ from rtamt.errors import shown
 from rtamt_gym.checks.plugins import plugins
 from rtamt_gym.recorded import contained
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.parts import choose, file_of, is_folder_with, part_of
+from rtamt_gym.recorded.parts import choose, file_of, part_of
 from rtamt_gym.recorded.recording import Recording
 from rtamt_gym.tables import shorten
 
@@ -170,8 +170,14 @@ def has_marks(path: Path) -> bool:
 
 def folder_format(path: str | Path) -> Format | None:
     """Return the format of a folder that counts as one file, such as a bag of rosbag2, or None."""
-    rows = (row for row in formats() if row.marker and is_folder_with(path, row.marker))
-    return next(rows, None)
+    folder = Path(path)
+    try:
+        if not folder.is_dir():  # most paths are files
+            return None
+        rows = (row for row in formats() if row.marker and (folder / row.marker).is_file())
+        return next(rows, None)
+    except (OSError, ValueError):  # a formula may be longer than a name
+        return None
 
 
 def format_of(path: str) -> Format:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from operator import itemgetter
 from typing import Final
@@ -48,6 +47,8 @@ class TextLayout:
         names: The names of the columns.
         width: The cells of each row; cells beyond the names are empty.
         units: The cells of the row of units below the names; None if there is not one.
+        rows: The rows from the line of the names on, as `rows_of` yields them; None if a quote may
+            continue beyond the lines.
     """
 
     at: int
@@ -55,6 +56,7 @@ class TextLayout:
     names: list[str]
     width: int
     units: list[str] | None
+    rows: Sequence[tuple[int, list[str]]] | None = field(default=None, repr=False)
 
 
 def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
@@ -152,9 +154,14 @@ class _Candidate:
         head = names_line(lines[at])
         if separator is None:
             separator = _separator_of(head, next(filter(str.strip, lines[at + 1 :]), ""))
-        rows: list[list[str]] = []
-        with suppress(InputError):  # the reader reports it
-            rows.extend(map(itemgetter(1), rows_of([head, *lines[at + 1 :]], separator)))
+        texts = [head, *lines[at + 1 :]]
+        numbered: list[tuple[int, list[str]]] = []
+        complete = not any('"' in text for text in texts)
+        try:
+            numbered.extend(rows_of(texts, separator))
+        except InputError:  # the reader reports it
+            complete = False
+        rows = [*map(itemgetter(1), numbered)]
         names, rows = [name.strip() for name in rows[0]] if rows else [], rows[1:]
         if len(lines) >= TOP and len(rows) > 1:
             del rows[-1]  # its end may be missing
@@ -166,8 +173,8 @@ class _Candidate:
         beyond = [cell for row in rows for cell in row[named:]] if longer else []
         if not named or width < named or any(map(str.strip, beyond)):
             named = width = len(names)
-        layout = TextLayout(at, separator, names[:named], width, _units_in(rows, named))
-        return cls(layout, rows)
+        units, parsed = _units_in(rows, named), numbered if complete else None
+        return cls(TextLayout(at, separator, names[:named], width, units, parsed), rows)
 
     @property
     def fits(self) -> bool:
@@ -211,7 +218,7 @@ def _units_in(rows: Sequence[Sequence[str]], columns: int) -> list[str] | None:
 
     It has a common unit in a column of values, and a number, a date or a truth value nowhere.
     """
-    if len(rows) < 2 or any(map(_is_value, rows[0])):
+    if len(rows) < 2 or len(rows[0]) < columns or any(map(_is_value, rows[0])):
         return None
     units = [cell.strip().strip("[]()").strip() for cell in rows[0][:columns]]
     for unit, *cells in zip(units, *rows[1:], strict=False):

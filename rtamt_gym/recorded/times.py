@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -336,12 +337,14 @@ class TimeAxis:
             rows: The rows that count; None: all do.
             what: Whose times they are, such as `` of 'x'``.
         """
-        rows = np.arange(len(self.since)) if rows is None else rows
-        since = self.since[rows]
+        since = self.since if rows is None else self.since[rows]
         with np.errstate(over="ignore"):
-            back = (np.diff(since) < 0) & ~same_as_before(since)
+            back = np.diff(since) < 0
+            if back.any():
+                back &= ~same_as_before(since)
         if not back.any():
             return
+        rows = np.arange(len(self.since)) if rows is None else rows
         index = int(back.argmax())
         position = f"{where(int(rows[index + 1]))}: expected times{what} that increase"
         late, before = self.text(int(rows[index + 1])), self.text(int(rows[index]))
@@ -471,6 +474,7 @@ def in_seconds(raw: RawTimes, unit: int) -> Floats:
     return floats * (unit // second) if unit >= second else floats / (second // unit)
 
 
+@lru_cache(maxsize=1024)  # recordings of one clock
 def simple(value: float, blur: float) -> Fraction:
     """Return a fraction with a small denominator within ``blur`` of a value."""
     near = Fraction(value)
@@ -483,6 +487,9 @@ def simple(value: float, blur: float) -> Fraction:
 
 _ROUNDED = 3
 """From so many instants on with different records, most times may be rounded."""
+
+
+_TINY = float(np.finfo(np.float64).tiny)
 
 
 def same_as_before(times: NDArray[Any]) -> NDArray[np.bool_]:
@@ -499,7 +506,7 @@ def same_as_before(times: NDArray[Any]) -> NDArray[np.bool_]:
     if times.dtype.kind != "f":
         return np.asarray(before == after, np.bool_)
     largest = np.maximum(np.abs(before), np.abs(after))
-    ulp = np.where(largest < np.finfo(np.float64).tiny, 0.0, np.spacing(largest))
+    ulp = np.where(largest < _TINY, 0.0, np.spacing(largest))
     return np.asarray(np.abs(after - before) <= ulp, np.bool_)
 
 

@@ -386,6 +386,11 @@ LAYOUTS = {
 }
 
 
+def test_short_row_of_units_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    error = reading(tmp_path, monkeypatch, "time,x,y\ns,m\n0,1,2\n1,2,3\n")
+    assert error == ", line 2: expected 3 values (time, x, y), got 2"
+
+
 @pytest.mark.parametrize("text", LAYOUTS)
 def test_layouts(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert reading(tmp_path, monkeypatch, text) == ([1, 2], LAYOUTS[text])
