@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -153,10 +152,9 @@ class TraceBatch:
     def _lefts(self) -> list[Program]:
         """The negations of the left sides of the implications."""
         compiled = self.compiled
-        # Named formulas would be in the program too, and may need the whole future.
-        alone = replace(compiled.specification, formulas={}, uses={})
-        key = alone, compiled.period, self._align
+        key = compiled.specification, compiled.period, self._align
         interface = STANDARD if self._hides else compiled.interface
+        # Named formulas would be in the program too, and may need the whole future.
         return [
             result_alone(opposite_program(*key, interface, implication.args[0]))
             for implication in implications(self.formula)
