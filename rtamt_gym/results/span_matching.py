@@ -1,0 +1,263 @@
+"""Matching of violations: which ones of two recordings are the same, moved, new or gone."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+Status = Literal["same", "moved", "longer", "shorter", "new", "gone", "part", "undecided"]
+"""The result for a violation of A or B.
+
+``same``, ``moved``, ``longer`` and ``shorter`` have a partner in the other recording. ``new`` is in
+B only and ``gone`` in A only. ``part`` has no partner, but the other recording is violated all the
+time. ``undecided`` has no partner, and the other recording does not show whether it has one.
+"""
+
+ROUNDING: Final = 1e-14
+"""Times that differ by less than this part of the largest time are equal."""
+
+
+class Span(NamedTuple):
+    """A half-open interval of time, ``start <= t < stop``, which is never empty.
+
+    Attributes:
+        start: The first time.
+        stop: The end.
+        censored: Whether it may last longer, because the recording ends.
+    """
+
+    start: float
+    stop: float
+    censored: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedSpans:
+    """The spans of one body in one recording.
+
+    Attributes:
+        violated: The violations, in order and without overlaps.
+        unknown: The times that the recording does not decide, in the same form.
+        recorded: The recorded time.
+        ahead: The violation at an instant after the recording, as its place in ``violated``; None
+            without one.
+        satisfied: Whether the requirement is satisfied, also after the recording.
+    """
+
+    violated: Sequence[Span]
+    unknown: Sequence[Span]
+    recorded: Span
+    ahead: int | None = None
+    satisfied: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SpanMatches:
+    """The violations of two recordings, matched.
+
+    Attributes:
+        pairs: The places of the partners in A and B, in the order of A.
+        of_a: The status of each violation of A.
+        of_b: The status of each violation of B.
+        open_a: The unknown spans of A at times that B decides as not violated.
+        open_b: The unknown spans of B at times that A decides as not violated.
+    """
+
+    pairs: tuple[tuple[int, int], ...]
+    of_a: tuple[Status, ...]
+    of_b: tuple[Status, ...]
+    open_a: int
+    open_b: int
+
+
+def match_spans(a: RecordedSpans, b: RecordedSpans, tolerance: float) -> SpanMatches:
+    """Match the violations of two recordings, at most one to one.
+
+    First, overlapping violations become partners, the longest overlap first. Of the others, those
+    whose starts differ by at most the tolerance become partners, the nearest starts first. Equal
+    candidates are taken in the order of time, so exchanging A and B exchanges the result.
+
+    Args:
+        a: The violations of A.
+        b: The violations of B, on the same clock.
+        tolerance: Times that differ by at most this much are equal.
+
+    Example:
+        >>> recorded = Span(0, 100)
+        >>> a = RecordedSpans([Span(10, 12), Span(40, 41)], [], recorded)
+        >>> b = RecordedSpans([Span(10, 12.5), Span(70, 71)], [], recorded)
+        >>> matches = match_spans(a, b, tolerance=0)
+        >>> matches.pairs, matches.of_a, matches.of_b
+        (((0, 0),), ('longer', 'gone'), ('longer', 'new'))
+    """
+    every = (*a.violated, *a.unknown, *b.violated, *b.unknown, a.recorded, b.recorded)
+    ends = [abs(end) for span in every for end in span[:2] if math.isfinite(end)]
+    slack = ROUNDING * max(ends, default=0.0)
+    pairs = _overlapping(a.violated, b.violated, slack)
+    pairs |= _near(a.violated, b.violated, pairs, tolerance + slack)
+    sides = _Side(a, tolerance, slack), _Side(b, tolerance, slack)
+    of_a, of_b = list[Status](), list[Status]()
+    partners = {j: i for i, j in pairs.items()}
+    for i, span in enumerate(a.violated):
+        if i in pairs:
+            of_a.append(_status(sides, span, b.violated[pairs[i]]))
+        else:
+            of_a.append(sides[1].alone(span, "gone", ahead=i == a.ahead))
+    for j, span in enumerate(b.violated):
+        if j in partners:
+            of_b.append(of_a[partners[j]])
+        else:
+            of_b.append(sides[0].alone(span, "new", ahead=j == b.ahead))
+    return SpanMatches(
+        tuple(sorted(pairs.items())),
+        tuple(of_a),
+        tuple(of_b),
+        sum(not sides[1].covers(span) for span in a.unknown),
+        sum(not sides[0].covers(span) for span in b.unknown),
+    )
+
+
+def _overlapping(a: Sequence[Span], b: Sequence[Span], slack: float) -> dict[int, int]:
+    """Return the partners that overlap, by the place in A."""
+    candidates = []
+    first = 0
+    for i, one in enumerate(a):
+        while first < len(b) and b[first].stop <= one.start:
+            first += 1
+        j = first
+        while j < len(b) and b[j].start < one.stop:
+            two = b[j]
+            length = min(one.stop, two.stop) - max(one.start, two.start)
+            shorter = min(one.stop - one.start, two.stop - two.start)
+            if length > min(slack, shorter / 2):
+                starts = one.start, two.start
+                key = -length, abs(one.start - two.start), abs(one.stop - two.stop)
+                candidates.append(((*key, min(starts), max(starts)), i, j))
+            j += 1
+    pairs = dict[int, int]()
+    taken = set[int]()
+    for _, i, j in sorted(candidates):
+        if i not in pairs and j not in taken:
+            pairs[i] = j
+            taken.add(j)
+    return pairs
+
+
+def _near(
+    a: Sequence[Span], b: Sequence[Span], pairs: dict[int, int], limit: float
+) -> dict[int, int]:
+    """Return the further partners whose starts are near, the nearest first.
+
+    Of the spans without a partner, the nearest two are neighbours in time, so only neighbours are
+    candidates.
+    """
+    taken = set(pairs.values())
+    free = [(span.start, 0, i) for i, span in enumerate(a) if i not in pairs]
+    free += [(span.start, 1, j) for j, span in enumerate(b) if j not in taken]
+    free.sort()
+    before, after = list(range(-1, len(free) - 1)), list(range(1, len(free) + 1))
+    used = [False] * len(free)
+    heap = list[tuple[float, float, int, int]]()
+
+    def consider(left: int, right: int) -> None:
+        if left < 0 or right >= len(free) or free[left][1] == free[right][1]:
+            return
+        distance = free[right][0] - free[left][0]
+        if distance <= limit:
+            heapq.heappush(heap, (distance, free[left][0], left, right))
+
+    for place in range(len(free) - 1):
+        consider(place, place + 1)
+    result = dict[int, int]()
+    while heap:
+        _, _, left, right = heapq.heappop(heap)
+        if used[left] or used[right]:
+            continue
+        used[left] = used[right] = True
+        ends = {free[place][1]: free[place][2] for place in (left, right)}
+        result[ends[0]] = ends[1]
+        outer_left, outer_right = before[left], after[right]
+        if outer_left >= 0:
+            after[outer_left] = outer_right
+        if outer_right < len(free):
+            before[outer_right] = outer_left
+        consider(outer_left, outer_right)
+    return result
+
+
+class _Side:
+    """The times at which one recording is violated, unknown or not recorded."""
+
+    def __init__(self, spans: RecordedSpans, tolerance: float, slack: float) -> None:
+        self.limit, self._slack = tolerance + slack, slack
+        self._satisfied = spans.satisfied
+        outside = Span(-math.inf, spans.recorded.start), Span(spans.recorded.stop, math.inf)
+        every = [*spans.violated, *spans.unknown, *outside]
+        self._not_satisfied = _union(every)
+        self._near_violated = _union(spans.violated, tolerance)
+        self._near_not_satisfied = _union(every, tolerance)
+
+    def covers(self, span: Span) -> bool:
+        """Return whether the recording is nowhere satisfied for certain in a span."""
+        return self._contains(self._near_not_satisfied, span)
+
+    def alone(self, span: Span, word: Literal["new", "gone"], *, ahead: bool) -> Status:
+        """Return the status of a violation of the other recording that has no partner."""
+        if self._contains(self._near_violated, span):
+            return "part"
+        if ahead and self._satisfied:
+            return word
+        return "undecided" if self.covers(span) else word
+
+    def satisfied_in(self, span: Span) -> float:
+        """Return for how long the recording is satisfied in a span."""
+        return _outside(self._not_satisfied, span)
+
+    def _contains(self, union: Sequence[Span], span: Span) -> bool:
+        return _outside(union, span) <= min(self._slack, (span.stop - span.start) / 2)
+
+
+def _union(spans: Iterable[Span], margin: float = 0.0) -> list[Span]:
+    """Return the union of spans that are widened at both ends, in order."""
+    result = list[Span]()
+    for span in sorted(spans):
+        start, stop = span.start - margin, span.stop + margin
+        if result and start <= result[-1].stop:
+            result[-1] = Span(result[-1].start, max(result[-1].stop, stop))
+        else:
+            result.append(Span(start, stop))
+    return result
+
+
+def _outside(union: Sequence[Span], span: Span) -> float:
+    """Return the length of the part of a span that is not in a union."""
+    total, time = 0.0, span.start
+    for other in union[max(bisect_right(union, time, key=lambda other: other.start) - 1, 0) :]:
+        if time >= span.stop:
+            break
+        total += max(min(other.start, span.stop) - time, 0.0)
+        time = max(time, other.stop)
+    return total + max(span.stop - time, 0.0)
+
+
+def _status(sides: tuple[_Side, _Side], one: Span, two: Span) -> Status:
+    """Return the status of partners of A and B."""
+    limit = sides[0].limit
+    later = two.stop - one.stop
+    ends = (
+        abs(later) <= limit
+        or (one.censored and later >= -limit)
+        or (two.censored and later <= limit)
+    )
+    if ends and abs(one.start - two.start) <= limit:
+        return "same"
+    growth = (two.stop - two.start) - (one.stop - one.start)
+    if min(growth, sides[0].satisfied_in(two)) > limit:
+        return "longer"
+    if min(-growth, sides[1].satisfied_in(one)) > limit:
+        return "shorter"
+    return "moved"

@@ -1,0 +1,208 @@
+"""Matched violations of two recordings, against a judgement of every instant."""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from profiles import examples
+
+from rtamt_gym.results.span_matching import RecordedSpans, Span, Status, match_spans
+
+SWAPPED = {"new": "gone", "gone": "new", "longer": "shorter", "shorter": "longer"}
+words = st.lists(st.sampled_from("vvsssu"), min_size=1, max_size=12)
+tolerances = st.sampled_from([0, 1, 2, 3])
+
+
+def runs(letters: Sequence[str], letter: str, offset: int) -> list[Span]:
+    result, place = [], offset
+    for key, group in itertools.groupby(letters):
+        length = len(list(group))
+        if key == letter:
+            result.append(Span(place, place + length, place + length == offset + len(letters)))
+        place += length
+    return result
+
+
+def recorded(letters: Sequence[str], offset: int = 0) -> RecordedSpans:
+    """A recording with a letter for each second: violated, satisfied or unknown."""
+    return RecordedSpans(
+        runs(letters, "v", offset),
+        runs(letters, "u", offset),
+        Span(offset, offset + len(letters)),
+    )
+
+
+def brute_pairs(a: RecordedSpans, b: RecordedSpans, tolerance: float) -> set[tuple[int, int]]:
+    """All candidates, taken one by one, the best of the rest first."""
+    free_a, free_b = set(range(len(a.violated))), set(range(len(b.violated)))
+    pairs = set()
+    for near in (False, True):
+        while True:
+            best = None
+            for i, j in itertools.product(free_a, free_b):
+                one, two = a.violated[i], b.violated[j]
+                common = {*range(int(one.start), int(one.stop))}
+                common &= {*range(int(two.start), int(two.stop))}
+                gap = abs(one.start - two.start)
+                if not (gap <= tolerance if near else common):
+                    continue
+                ends = () if near else (-len(common), gap, abs(one.stop - two.stop))
+                key = (*ends, gap, min(one.start, two.start), max(one.start, two.start))
+                if best is None or key < best[0]:
+                    best = key, i, j
+            if best is None:
+                break
+            pairs.add(best[1:])
+            free_a.remove(best[1])
+            free_b.remove(best[2])
+    return pairs
+
+
+def letter_at(letters: Sequence[str], offset: int, second: int) -> str:
+    return letters[second - offset] if 0 <= second - offset < len(letters) else "u"
+
+
+@settings(max_examples=examples(300))
+@given(words, words, st.integers(0, 4), tolerances)
+def test_pairs_match_brute_force(a: list[str], b: list[str], offset: int, tolerance: int) -> None:
+    one, two = recorded(a), recorded(b, offset)
+    found = match_spans(one, two, tolerance)
+    assert set(found.pairs) == brute_pairs(one, two, tolerance)
+    assert len({i for i, _ in found.pairs}) == len({j for _, j in found.pairs}) == len(found.pairs)
+
+
+@settings(max_examples=examples(300))
+@given(words, words, st.integers(0, 4), tolerances)
+def test_statuses_match_every_second(
+    a: list[str], b: list[str], offset: int, tolerance: int
+) -> None:
+    one, two = recorded(a), recorded(b, offset)
+    found = match_spans(one, two, tolerance)
+
+    def near(letters: Sequence[str], begin: int, second: int, wanted: str) -> bool:
+        # a span widened by whole seconds at both ends covers these whole seconds
+        seconds = range(second - tolerance, second + tolerance + 1)
+        return any(letter_at(letters, begin, other) in wanted for other in seconds)
+
+    def alone(span: Span, letters: Sequence[str], begin: int, word: Status) -> Status:
+        seconds = range(int(span.start), int(span.stop))
+        if all(near(letters, begin, second, "v") for second in seconds):
+            return "part"
+        undecided = all(near(letters, begin, second, "vu") for second in seconds)
+        return "undecided" if undecided else word
+
+    def satisfied(span: Span, letters: Sequence[str], begin: int) -> int:
+        seconds = range(int(span.start), int(span.stop))
+        return sum(letter_at(letters, begin, second) == "s" for second in seconds)
+
+    partners = dict(found.pairs)
+    backwards = {j: i for i, j in found.pairs}
+    for i, span in enumerate(one.violated):
+        if i not in partners:
+            assert found.of_a[i] == alone(span, b, offset, "gone")
+    for j, span in enumerate(two.violated):
+        if j not in backwards:
+            assert found.of_b[j] == alone(span, a, 0, "new")
+            continue
+        own = one.violated[backwards[j]]
+        assert found.of_b[j] == found.of_a[backwards[j]]
+        growth = (span.stop - span.start) - (own.stop - own.start)
+        later = span.stop - own.stop
+        ends = abs(later) <= tolerance
+        ends |= (own.censored and later >= 0) or (span.censored and later <= 0)
+        expected: Status = "moved"
+        if ends and abs(span.start - own.start) <= tolerance:
+            expected = "same"
+        elif growth > tolerance and satisfied(span, a, 0) > tolerance:
+            expected = "longer"
+        elif -growth > tolerance and satisfied(own, b, offset) > tolerance:
+            expected = "shorter"
+        assert found.of_b[j] == expected
+    unknown_b = [
+        span
+        for span in two.unknown
+        if not all(near(a, 0, second, "vu") for second in range(int(span.start), int(span.stop)))
+    ]
+    assert found.open_b == len(unknown_b)
+
+
+@settings(max_examples=examples(200))
+@given(words, words, st.integers(0, 4), tolerances)
+def test_exchanged_sides_exchange_the_result(
+    a: list[str], b: list[str], offset: int, tolerance: int
+) -> None:
+    one, two = recorded(a), recorded(b, offset)
+    found, other = match_spans(one, two, tolerance), match_spans(two, one, tolerance)
+    assert {(j, i) for i, j in found.pairs} == set(other.pairs)
+    assert [SWAPPED.get(word, word) for word in found.of_a] == list(other.of_b)
+    assert [SWAPPED.get(word, word) for word in found.of_b] == list(other.of_a)
+    assert (found.open_a, found.open_b) == (other.open_b, other.open_a)
+
+
+@settings(max_examples=examples(100))
+@given(words, tolerances)
+def test_equal_recordings_are_the_same(a: list[str], tolerance: int) -> None:
+    found = match_spans(recorded(a), recorded(a), tolerance)
+    assert set(found.of_a) | set(found.of_b) <= {"same"}
+    assert found.open_a == found.open_b == 0
+
+
+@settings(max_examples=examples(100))
+@given(words, words, st.integers(0, 3), st.sampled_from([1.7e9, 0.1, 12345.7]))
+def test_rounding_changes_nothing(
+    a: list[str], b: list[str], tolerance: int, base: float
+) -> None:
+    def moved(spans: RecordedSpans, sign: int) -> RecordedSpans:
+        def shift(span: Span) -> Span:
+            ends = (math.nextafter(base + 0.1 * end, sign * math.inf) for end in span[:2])
+            return Span(*ends, span.censored)
+
+        return RecordedSpans(
+            [*map(shift, spans.violated)], [*map(shift, spans.unknown)], shift(spans.recorded)
+        )
+
+    exact = match_spans(recorded(a), recorded(b), tolerance)
+    rounded = match_spans(moved(recorded(a), 1), moved(recorded(b), -1), 0.1 * tolerance)
+    assert exact == rounded
+
+
+@pytest.mark.parametrize("tolerance", [0, 1e-3])
+def test_single_instants_of_dense_time(tolerance: float) -> None:
+    def instant(time: float) -> Span:
+        return Span(time, math.nextafter(time, math.inf))
+
+    span = Span(0, 100)
+    a = RecordedSpans([Span(2, 5), instant(10)], [], span)
+    b = RecordedSpans([Span(2, 4), instant(5), instant(10), instant(20)], [], span)
+    found = match_spans(a, b, tolerance)
+    assert found.pairs == ((0, 0), (1, 2))
+    # the half-open violation of A ends before 5 s
+    assert found.of_b == ("shorter", "part" if tolerance else "new", "same", "new")
+
+
+def test_violation_after_the_recording() -> None:
+    span = Span(0, 10)
+    ahead = RecordedSpans([Span(10, 11, censored=True)], [], span, ahead=0)
+    satisfied = RecordedSpans([], [], span, satisfied=True)
+    undecided = RecordedSpans([], [], span)
+    assert match_spans(satisfied, ahead, 0).of_b == ("new",)
+    assert match_spans(undecided, ahead, 0).of_b == ("undecided",)
+    assert match_spans(ahead, satisfied, 0).of_a == ("gone",)
+    assert match_spans(ahead, ahead, 0).of_a == ("same",)
+    longer = RecordedSpans([Span(10, 14)], [], Span(0, 20))
+    assert match_spans(ahead, longer, 0).of_b == ("same",)
+
+
+def test_split_violation_is_not_new() -> None:
+    span = Span(0, 100)
+    long = RecordedSpans([Span(0, 100, censored=True)], [], span)
+    pieces = RecordedSpans([Span(10 * i, 10 * i + 8) for i in range(10)], [], span)
+    found = match_spans(long, pieces, 0)
+    assert sorted(found.of_b) == ["part"] * 9 + ["shorter"]
+    # but a part that reaches out of the violation of A is
+    short = RecordedSpans([Span(0, 10)], [], span)
+    reaching = RecordedSpans([Span(0, 6), Span(9, 90)], [], span)
+    assert match_spans(short, reaching, 1).of_b == ("shorter", "new")
