@@ -42,6 +42,7 @@ from rtamt_gym.tables import counted
 if TYPE_CHECKING:
     from rtamt_gym.evaluation.comparison import Comparison
     from rtamt_gym.evaluation.evaluation import Evaluation
+    from rtamt_gym.evaluation.recording_changes import RecordingsComparison
     from rtamt_gym.results.outcome import Word
 
 _EPISODES = 100
@@ -249,7 +250,9 @@ def check_files(options: argparse.Namespace, *inputs: Path) -> None:
             import_module(package)
 
 
-def tell_files(result: Evaluation | Comparison, options: argparse.Namespace, what: str) -> None:
+def tell_files(
+    result: Evaluation | Comparison | RecordingsComparison, options: argparse.Namespace, what: str
+) -> None:
     """Write the page, and print the names of the files."""
     files = [f"{what}: {options.save}"] if options.save else []
     if options.report:

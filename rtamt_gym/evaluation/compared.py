@@ -79,7 +79,11 @@ class Compared:
     @property
     def sentence(self) -> str:
         """The significant differences of rates and robustness, in a sentence."""
-        parts = [_rates(self)]
+        return self.sentence_of("episode")
+
+    def sentence_of(self, noun: str) -> str:
+        """Return the same with a word for a pair, such as ``"recording"``."""
+        parts = [_rates(self, noun)]
         if self.robustness is not None:
             parts.append(effect_sentence(self.robustness, "its robustness"))
         return " ".join(parts)
@@ -116,7 +120,7 @@ def compared_of(
     )
 
 
-def _rates(compared: Compared) -> str:
+def _rates(compared: Compared, noun: str) -> str:
     name = SUCCESS if compared.name == SUCCESS else f"`{compared.name}`"
     gap, pairs = compared.difference, compared.pairs
     low, high = (points(end, pairs) for end in compared.interval)
@@ -125,12 +129,12 @@ def _rates(compared: Compared) -> str:
         low, high = (points(end, pairs) for end in ends)
         return (
             f"B satisfies {name} in {counted_points(abs(gap), pairs)} "
-            f"{'more' if gap > 0 else 'less'} of the episodes "
+            f"{'more' if gap > 0 else 'less'} of the {noun}s "
             f"(95%: {low} to {high}; {p_text(compared.adjusted)})."
         )
     start = f"No difference is shown for {name}:"
     if compared.only_a == compared.only_b == 0:
-        agree = "agree in the only episode" if pairs == 1 else f"agree in all {pairs} episodes"
+        agree = f"agree in the only {noun}" if pairs == 1 else f"agree in all {pairs} {noun}s"
         return f"{start} A and B {agree} (95%: {low} to {high} points)."
     return (
         f"{start} {counted_points(gap, pairs)}, {low} to {high} (95%; {p_text(compared.adjusted)})."

@@ -50,7 +50,7 @@ class Option:
     choices: Iterable[Any] = ()
     repeat: bool = False
     several: bool = False
-    nargs: str | None = None
+    nargs: str | int | None = None
     required: bool = False
     dest: str = ""
     alias: str = ""

@@ -73,9 +73,9 @@ def _compared(compared: Compared, identity: RequirementId | None) -> Requirement
         rate=compared.difference,
         interval=compared.interval,
         legend="A {} %, B {} %".format(*map(percent, rates)),
-        blocks=(Text(compared.sentence, "sentence"), _rates(compared)),
+        blocks=(Text(compared.sentence, "sentence"), rates_table(compared)),
         figures=(
-            _pairs(compared),
+            pairs_table(compared),
             *pairs_figure([(six(a), six(b)) for a, b in pairs[::step]]),
         ),
         id=identity,
@@ -83,7 +83,7 @@ def _compared(compared: Compared, identity: RequirementId | None) -> Requirement
     )
 
 
-def _rates(compared: Compared) -> Table:
+def rates_table(compared: Compared) -> Table:
     """Return the table of the rates of A and B, and their difference."""
     rows = []
     for side, rate, (low, high) in (
@@ -105,7 +105,7 @@ def _rates(compared: Compared) -> Table:
     return Table(head, tuple(rows), f"Rates of {compared.name}", style="rates")
 
 
-def _pairs(compared: Compared) -> Table:
+def pairs_table(compared: Compared, noun: str = "episode") -> Table:
     """Return the table of the pairs that satisfy a requirement under A and under B."""
     counts = {
         "A satisfies": (compared.both, compared.only_a),
@@ -113,7 +113,7 @@ def _pairs(compared: Compared) -> Table:
     }
     rows = (Row((name, *(Cell(str(n), "n") for n in both))) for name, both in counts.items())
     head = (Column(""), Column("B satisfies", "n"), Column("B does not", "n"))
-    caption = f"Pairs of episodes, {p_text(compared.adjusted)} (McNemar)"
+    caption = f"Pairs of {noun}s, {p_text(compared.adjusted)} (McNemar)"
     return Table(head, tuple(rows), f"Pairs of {compared.name}", caption, "pairs")
 
 

@@ -15,9 +15,12 @@ from rtamt.language import RequirementId
 from rtamt_gym.results.mutation import MutationScore
 from rtamt_gym.results.outcome import Moment, Word
 
-SectionKind = Literal["evaluation", "sweep", "search", "matrix", "comparison", "methods"]
+SectionKind = Literal[
+    "evaluation", "sweep", "search", "matrix", "comparison", "recordings", "methods"
+]
 """What a section is about: episodes of a policy, simulations of a record, the search for a
-violation, recorded traces, two evaluations, or methods of learning over training seeds."""
+violation, recorded traces, two evaluations, two sets of recordings, or methods of learning over
+training seeds."""
 
 NOUNS: Final[Mapping[SectionKind, str]] = {
     "evaluation": "episode",
@@ -25,6 +28,7 @@ NOUNS: Final[Mapping[SectionKind, str]] = {
     "search": "simulation",
     "matrix": "trace",
     "comparison": "pair",
+    "recordings": "recording",
     "methods": "run",
 }
 """The word for one run in a section of each kind."""

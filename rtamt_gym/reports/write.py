@@ -20,6 +20,7 @@ from rtamt.errors import Argument
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.methods import MethodComparison
+from rtamt_gym.evaluation.recording_changes import RecordingsComparison
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.record_files import holds_run, read_space
 from rtamt_gym.play.run import Run
@@ -30,6 +31,7 @@ from rtamt_gym.reports.examples import ExamplesLike, with_examples
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report, Section
 from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.recordings import of_recordings
 from rtamt_gym.reports.records import of_record, of_run, of_runs
 from rtamt_gym.reports.results_folder import holds_results, of_results
 from rtamt_gym.reports.searches import of_case, of_search, of_search_json
@@ -43,6 +45,7 @@ from rtamt_gym.tables import counted
 Result = (
     Evaluation
     | Comparison
+    | RecordingsComparison
     | MethodComparison
     | Sweep
     | Record
@@ -238,6 +241,8 @@ def section_of(result: Result, room: int, access: Access = Access()) -> Section:
             return of_evaluation(result, room)
         case Comparison():
             return of_comparison(result)
+        case RecordingsComparison():
+            return of_recordings(result)
         case MethodComparison():
             return of_methods(result)
         case Sweep() | Record():
@@ -302,6 +307,9 @@ SECTIONS: Final[Mapping[str, Callable[[Mapping[str, Any], Path, int, Access], Se
     "case": _case,
     "evaluation": lambda kept, _path, room, _: of_evaluation(Evaluation.from_saved(kept), room),
     "comparison": lambda kept, _path, _room, _: of_comparison(Comparison.from_saved(kept)),
+    "recordings": lambda kept, _path, _room, _: of_recordings(
+        RecordingsComparison.from_saved(kept)
+    ),
     "methods": lambda kept, _path, _room, _: of_methods(MethodComparison.from_saved(kept)),
     "mined": lambda kept, _path, _room, _: of_mined(kept),
 }

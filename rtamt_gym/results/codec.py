@@ -48,6 +48,7 @@ KINDS: Final[Mapping[str, str]] = {
     "case": "rtamt falsify --save and Falsification.save",
     "evaluation": "rtamt evaluate --save and Evaluation.save",
     "comparison": "rtamt compare --save and Comparison.save",
+    "recordings": "rtamt compare --save of recordings",
     "methods": "MethodComparison.save",
     "mined": "rtamt mine --json",
     "examples": "rtamt examples --json",

@@ -196,10 +196,10 @@ class _Side:
         self.limit, self._slack = tolerance + slack, slack
         self._satisfied = spans.satisfied
         outside = Span(-math.inf, spans.recorded.start), Span(spans.recorded.stop, math.inf)
-        every = [*spans.violated, *spans.unknown, *outside]
-        self._not_satisfied = _union(every)
+        inside = [*spans.violated, *spans.unknown]
+        self._not_satisfied = _union([*inside, *outside])
         self._near_violated = _union(spans.violated, tolerance)
-        self._near_not_satisfied = _union(every, tolerance)
+        self._near_not_satisfied = _union([*_union(inside, tolerance), *outside])
 
     def covers(self, span: Span) -> bool:
         """Return whether the recording is nowhere satisfied for certain in a span."""

@@ -157,6 +157,10 @@ SHOWN: dict[str, Shown] = {
     "one trace is unreadable, and the others satisfy": Shown(
         f"monitor {GRANTED} -- idle.csv broken.csv"
     ),
+    "B lacks a recording, a requirement or a time of A": Shown(
+        "compare both.json idle.json", "--require-all"
+    ),
+    "A does not decide whether a violation of B is new": Shown("compare holes.json high.json"),
     "all simulations of a search leave a requirement undecided": Shown(
         FADES.replace("[0:10]", "[0:30]")
     ),
@@ -265,6 +269,16 @@ def cases(folder: Path, capsys: Output) -> None:
     kept["system"] = {"object": "plants:leaves"}
     (folder / "gone.json").write_text(json.dumps(kept))
     capsys.readouterr()
+    (folder / "high.csv").write_text("time [s],gnt\n0,4\n1,9\n2,4\n")
+    for name, traces in (
+        ("both", "idle.csv calm.csv"),
+        ("idle", "idle.csv"),
+        ("holes", "holes.csv"),
+        ("high", "high.csv"),
+    ):
+        limit = "'low = always(gnt < 5)'" if name in ("holes", "high") else GRANTED
+        main(shlex.split(f"monitor {limit} --json --occurrences --missing unknown -- {traces}"))
+        (folder / f"{name}.json").write_text(capsys.readouterr().out)
 
 
 def test_every_row_of_the_page_is_shown() -> None:

@@ -114,10 +114,12 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output) -> 
     assert main(["evaluate", *pole, "--save", "evaluation.json"]) == 0
     assert main(["compare", "evaluation.json", "evaluation.json", "--save", "compared.json"]) == 0
     assert main(["sweep", *vary]) == 0
+    releases = [str(ROOT / "examples" / "releases" / f"{each}.json") for each in ("old", "new")]
+    assert main(["compare", *releases, "--save", "recordings.json"]) == 1
     capsys.readouterr()
     compare_methods({"plain": [0.1, 0.0], "shaped": [1.0, 0.9]}).save("methods.json")
     named = {"runs": "runs", "evaluation": "evaluation", "comparison": "compared"}
-    named["methods"] = "methods"
+    named |= {"methods": "methods", "recordings": "recordings"}
     named |= {"record": "w", "case": "case"}
     return files | {kind: Path(f"{name}.json") for kind, name in named.items()}
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import pytest
 from hypothesis import given, settings
@@ -62,7 +63,7 @@ def brute_pairs(a: RecordedSpans, b: RecordedSpans, tolerance: float) -> set[tup
 
 
 def letter_at(letters: Sequence[str], offset: int, second: int) -> str:
-    return letters[second - offset] if 0 <= second - offset < len(letters) else "u"
+    return letters[second - offset] if 0 <= second - offset < len(letters) else "o"
 
 
 @settings(max_examples=examples(300))
@@ -74,6 +75,53 @@ def test_pairs_match_brute_force(a: list[str], b: list[str], offset: int, tolera
     assert len({i for i, _ in found.pairs}) == len({j for _, j in found.pairs}) == len(found.pairs)
 
 
+def seconds_of(span: Span) -> range:
+    return range(int(span.start), int(span.stop))
+
+
+class Letters(NamedTuple):
+    """A recording as letters from a second on, and the tolerance of the comparison."""
+
+    letters: Sequence[str]
+    begin: int
+    tolerance: int
+
+    def at(self, second: int) -> str:
+        return letter_at(self.letters, self.begin, second)
+
+    def near(self, span: Span, wanted: str) -> bool:
+        """Whether each second of a span is near one with a wanted letter, or not recorded."""
+        tolerance = self.tolerance
+        return all(
+            any(self.at(second + i) in wanted for i in range(-tolerance, tolerance + 1))
+            or ("u" in wanted and self.at(second) == "o")
+            for second in seconds_of(span)
+        )
+
+    def alone(self, span: Span, word: Status) -> Status:
+        if self.near(span, "v"):
+            return "part"
+        return "undecided" if self.near(span, "vu") else word
+
+    def satisfied(self, span: Span) -> int:
+        return sum(self.at(second) == "s" for second in seconds_of(span))
+
+
+def partner_status(own: Span, span: Span, a: Letters, b: Letters) -> Status:
+    tolerance = a.tolerance
+    growth = (span.stop - span.start) - (own.stop - own.start)
+    later = span.stop - own.stop
+    ends = abs(later) <= tolerance
+    ends |= (own.censored and later >= 0) or (span.censored and later <= 0)
+    if ends and abs(span.start - own.start) <= tolerance:
+        return "same"
+    if growth > tolerance and a.satisfied(span) > tolerance:
+        return "longer"
+    if -growth > tolerance and b.satisfied(own) > tolerance:
+        return "shorter"
+    return "moved"
+
+
 @settings(max_examples=examples(300))
 @given(words, words, st.integers(0, 4), tolerances)
 def test_statuses_match_every_second(
@@ -81,52 +129,20 @@ def test_statuses_match_every_second(
 ) -> None:
     one, two = recorded(a), recorded(b, offset)
     found = match_spans(one, two, tolerance)
-
-    def near(letters: Sequence[str], begin: int, second: int, wanted: str) -> bool:
-        # a span widened by whole seconds at both ends covers these whole seconds
-        seconds = range(second - tolerance, second + tolerance + 1)
-        return any(letter_at(letters, begin, other) in wanted for other in seconds)
-
-    def alone(span: Span, letters: Sequence[str], begin: int, word: Status) -> Status:
-        seconds = range(int(span.start), int(span.stop))
-        if all(near(letters, begin, second, "v") for second in seconds):
-            return "part"
-        undecided = all(near(letters, begin, second, "vu") for second in seconds)
-        return "undecided" if undecided else word
-
-    def satisfied(span: Span, letters: Sequence[str], begin: int) -> int:
-        seconds = range(int(span.start), int(span.stop))
-        return sum(letter_at(letters, begin, second) == "s" for second in seconds)
-
+    of_a, of_b = Letters(a, 0, tolerance), Letters(b, offset, tolerance)
     partners = dict(found.pairs)
     backwards = {j: i for i, j in found.pairs}
     for i, span in enumerate(one.violated):
         if i not in partners:
-            assert found.of_a[i] == alone(span, b, offset, "gone")
+            assert found.of_a[i] == of_b.alone(span, "gone")
     for j, span in enumerate(two.violated):
         if j not in backwards:
-            assert found.of_b[j] == alone(span, a, 0, "new")
+            assert found.of_b[j] == of_a.alone(span, "new")
             continue
         own = one.violated[backwards[j]]
         assert found.of_b[j] == found.of_a[backwards[j]]
-        growth = (span.stop - span.start) - (own.stop - own.start)
-        later = span.stop - own.stop
-        ends = abs(later) <= tolerance
-        ends |= (own.censored and later >= 0) or (span.censored and later <= 0)
-        expected: Status = "moved"
-        if ends and abs(span.start - own.start) <= tolerance:
-            expected = "same"
-        elif growth > tolerance and satisfied(span, a, 0) > tolerance:
-            expected = "longer"
-        elif -growth > tolerance and satisfied(own, b, offset) > tolerance:
-            expected = "shorter"
-        assert found.of_b[j] == expected
-    unknown_b = [
-        span
-        for span in two.unknown
-        if not all(near(a, 0, second, "vu") for second in range(int(span.start), int(span.stop)))
-    ]
-    assert found.open_b == len(unknown_b)
+        assert found.of_b[j] == partner_status(own, span, of_a, of_b)
+    assert found.open_b == sum(not of_a.near(span, "vu") for span in two.unknown)
 
 
 @settings(max_examples=examples(200))
@@ -152,9 +168,7 @@ def test_equal_recordings_are_the_same(a: list[str], tolerance: int) -> None:
 
 @settings(max_examples=examples(100))
 @given(words, words, st.integers(0, 3), st.sampled_from([1.7e9, 0.1, 12345.7]))
-def test_rounding_changes_nothing(
-    a: list[str], b: list[str], tolerance: int, base: float
-) -> None:
+def test_rounding_changes_nothing(a: list[str], b: list[str], tolerance: int, base: float) -> None:
     def moved(spans: RecordedSpans, sign: int) -> RecordedSpans:
         def shift(span: Span) -> Span:
             ends = (math.nextafter(base + 0.1 * end, sign * math.inf) for end in span[:2])

@@ -1,0 +1,309 @@
+"""Comparison of two sets of recordings: which violations are new, gone or moved.
+
+`compare_recordings` makes a `RecordingsComparison` of two results of ``rtamt monitor --json
+--occurrences``.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, get_args
+
+from rtamt import InputError, Verdict
+from rtamt.errors import Argument, shown
+from rtamt.monitors import BodyOccurrences
+from rtamt_gym.evaluation.compared import LEVEL, compared_of
+from rtamt_gym.evaluation.paired import effect_of, holm
+from rtamt_gym.evaluation.recording_changes import (
+    ChangedRequirement,
+    NotCompared,
+    RecordingsComparison,
+    RecordingSet,
+    Times,
+    ViolationChange,
+)
+from rtamt_gym.evaluation.recording_pairs import RecordingPairs, pair_recordings
+from rtamt_gym.evaluation.recording_spans import Clock, recorded_spans
+from rtamt_gym.results.outcome import Outcome
+from rtamt_gym.results.span_matching import SpanMatches, Status, match_spans
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.tables import counted
+
+_FREE: Final = ("columns", "min_duration")
+"""Options of an evaluation that two releases may set differently."""
+
+
+def compare_recordings(
+    a: RecordingSet,
+    b: RecordingSet,
+    *,
+    tolerance: float = 0.0,
+    times: Times | None = None,
+    folders: Sequence[str] | None = None,
+    accept_changed: bool = False,
+) -> RecordingsComparison:
+    """Compare the violations of two sets of recordings, as `match_spans` matches them.
+
+    Args:
+        a: The recordings of release A.
+        b: The recordings of release B.
+        tolerance: Times that differ by at most this much are equal: seconds, or samples of
+            recordings without times. Default: 0.
+        times: ``"recorded"`` compares the recorded times, ``"start"`` the times since the start of
+            each recording. Default: the recorded times, if the result is the same.
+        folders: As for `pair_recordings`.
+        accept_changed: Whether to leave out requirements whose text changed, which are an error
+            otherwise.
+
+    Raises:
+        InputError: If the evaluations have different options, the texts of a requirement differ,
+            no recording or requirement is in both, or two clocks have different results.
+    """
+    _check_options(a, b)
+    names = [name for name in a.matrix.requirements if name in b.matrix.requirements]
+    if not names:
+        raise InputError("cannot compare: A and B have no requirement with the same name")
+    pairs = pair_recordings(
+        [row.name for row in a.matrix.rows], [row.name for row in b.matrix.rows], folders
+    )
+    rows_a, rows_b = ({row.name: row for row in each.matrix.rows} for each in (a, b))
+    rows = {name: (rows_a[one], rows_b[two]) for name, (one, two) in pairs.pairs.items()}
+    labels = {name: name or os.path.basename(pairs.pairs[name][1]) for name in rows}  # noqa: PTH119 - a name of a trace
+    changed = [name for name in names if _differs(a, b, rows.values(), name)]
+    if changed and not accept_changed:
+        one, two = (each.matrix.requirements[changed[0]] for each in (a, b))
+        raise InputError(
+            f"cannot compare: {changed[0]} is {one} of A and {two} of B; evaluate both with the "
+            "same text, or leave such requirements out with ",
+            Argument("accept_changed", value=True),
+        )
+    names = [name for name in names if name not in changed]
+    if not names:
+        raise InputError("cannot compare: the text of every requirement has changed")
+    builder = _Builder(tolerance, times)
+    for name, pair in rows.items():
+        builder.add(labels[name], pair, names)
+    return RecordingsComparison(
+        *(a.path, b.path, pairs.folders, tolerance, times or "recorded"),
+        tuple(labels.values()),
+        builder.requirements({name: a.matrix.requirements[name] for name in names}),
+        tuple(builder.changes),
+        pairs.only_a,
+        pairs.only_b,
+        tuple(name for name in a.matrix.requirements if name not in b.matrix.requirements),
+        tuple(name for name in b.matrix.requirements if name not in a.matrix.requirements),
+        tuple(changed),
+        tuple(builder.not_compared),
+        builder.shorter,
+        builder.shifts,
+        tuple(_notes(a, b, pairs, rows, len(names))),
+        a.matrix.provenance.ids,
+    )
+
+
+def _differs(
+    a: RecordingSet, b: RecordingSet, rows: Collection[tuple[Trial, Trial]], name: str
+) -> bool:
+    """Return whether the text of a requirement, or of a body in any pair, differs."""
+    if a.matrix.requirements[name] != b.matrix.requirements[name]:
+        return True
+    both = [[row.outcomes[name] for row in pair if name in row.outcomes] for pair in rows]
+    bodies = [[_bodies(outcome) for outcome in pair] for pair in both]
+    return any(len(pair) == 2 and pair[0] != pair[1] for pair in bodies)
+
+
+def _bodies(outcome: Outcome) -> list[str]:
+    return [body.text for body in outcome.occurrences.bodies] if outcome.occurrences else []
+
+
+def _check_options(a: RecordingSet, b: RecordingSet) -> None:
+    """Raise InputError if the evaluations have options that change the meaning of a verdict."""
+    keys = dict.fromkeys([*a.reading, *b.reading])
+    differences = [
+        f"{key} is {a.reading.get(key, 'not set')} of A and {b.reading.get(key, 'not set')} of B"
+        for key in keys
+        if key not in _FREE and a.reading.get(key) != b.reading.get(key)
+    ]
+    if differences:
+        raise InputError(
+            f"cannot compare, because evaluation options differ: {', '.join(differences)}; "
+            "evaluate both with the same"
+        )
+
+
+@dataclass(slots=True)
+class _Builder:
+    """Collects the rows of all pairs of recordings."""
+
+    tolerance: float
+    times: Times | None
+    changes: list[ViolationChange] = field(default_factory=list)
+    not_compared: list[NotCompared] = field(default_factory=list)
+    shorter: dict[str, float] = field(default_factory=dict)
+    shifts: dict[str, float] = field(default_factory=dict)
+    _outcomes: dict[str, list[tuple[Outcome, Outcome]]] = field(default_factory=dict)
+    _open: Counter[tuple[str, str]] = field(default_factory=Counter)
+
+    def add(self, name: str, rows: tuple[Trial, Trial], requirements: Collection[str]) -> None:
+        """Compare one recording under all requirements."""
+        for requirement in requirements:
+            cells = [row.cell(requirement) for row in rows]
+            failures = [cell for cell in cells if not isinstance(cell, Outcome)]
+            if failures:
+                b_only = isinstance(cells[0], Outcome)
+                sides = "A and B" if len(failures) == 2 else "B" if b_only else "A"
+                reason = f"error in {sides}: {failures[-1].message}"
+                self.not_compared.append(NotCompared(name, requirement, reason, b_only))
+                continue
+            one, two = (cell for cell in cells if isinstance(cell, Outcome))
+            units = [cell.occurrences.unit for cell in (one, two) if cell.occurrences]
+            if len(set(units)) > 1:
+                reason = "times in {} in A, and in {} in B".format(*units)
+                self.not_compared.append(NotCompared(name, requirement, reason, b_only=True))
+                continue
+            self._outcomes.setdefault(requirement, []).append((one, two))
+            self._compare(name, requirement, rows, (one, two))
+
+    def _compare(
+        self,
+        name: str,
+        requirement: str,
+        rows: tuple[Trial, Trial],
+        outcomes: tuple[Outcome, Outcome],
+    ) -> None:
+        clocks = Clock.of(rows[0], outcomes[0]), Clock.of(rows[1], outcomes[1])
+        lacking = clocks[0].length - clocks[1].length
+        if lacking > self.tolerance + 1e-9 * clocks[0].length:
+            self.shorter[name] = max(lacking, self.shorter.get(name, 0.0))
+        one, two = (outcome.occurrences for outcome in outcomes)
+        assert one is not None and two is not None  # noqa: PT018, S101 - `RecordingSet` checks it
+        for body_a, body_b in zip(one.bodies, two.bodies, strict=True):
+            matches = self._matches(name, requirement, clocks, outcomes, (body_a, body_b))
+            self._open["a", requirement] += matches.open_a
+            self._open["b", requirement] += matches.open_b
+            partners = dict(matches.pairs)
+            taken = set(partners.values())
+            rows_a, rows_b = list(body_a.violations), list(body_b.violations)
+            for i, status in enumerate(matches.of_a):
+                b = rows_b[partners[i]] if i in partners else None
+                row = ViolationChange(status, name, requirement, body_a.text, rows_a[i], b)
+                self.changes.append(row)
+            for j, status in enumerate(matches.of_b):
+                if j not in taken:
+                    row = ViolationChange(status, name, requirement, body_a.text, None, rows_b[j])
+                    self.changes.append(row)
+
+    def _matches(
+        self,
+        name: str,
+        requirement: str,
+        clocks: tuple[Clock, Clock],
+        outcomes: tuple[Outcome, Outcome],
+        bodies: tuple[BodyOccurrences, BodyOccurrences],
+    ) -> SpanMatches:
+        def matched(offset: float) -> SpanMatches:
+            shifts = 0.0, offset
+            a, b = (
+                recorded_spans(body, clock, shift, satisfied=outcome.verdict is Verdict.SATISFIED)
+                for body, clock, shift, outcome in zip(
+                    bodies, clocks, shifts, outcomes, strict=True
+                )
+            )
+            return match_spans(a, b, self.tolerance)
+
+        offset = clocks[0].begin - clocks[1].begin
+        if self.times == "recorded" or offset == 0.0:
+            return matched(0.0)
+        since_start = matched(offset)
+        if self.times == "start":
+            self.shifts[name] = offset
+            return since_start
+        recorded = matched(0.0)
+        if abs(offset) > self.tolerance and recorded != since_start:
+            raise InputError(
+                f"{shown(name)} starts at {clocks[0].begin:.12g} s in A and at "
+                f"{clocks[1].begin:.12g} s in B, and the violations of {requirement} match "
+                "differently on the recorded clock and since the start: set --times recorded or "
+                "--times start"
+            )
+        return recorded
+
+    def requirements(self, formulas: Mapping[str, str]) -> dict[str, ChangedRequirement]:
+        """Return the comparison of each requirement, with adjusted p-values."""
+        result = {}
+        counts = Counter((row.requirement, row.status) for row in self.changes)
+        for name, formula in formulas.items():
+            pairs = self._outcomes.get(name, [])
+            if not pairs:
+                continue
+            verdicts = Counter(
+                (a.verdict is Verdict.SATISFIED, b.verdict is Verdict.SATISFIED) for a, b in pairs
+            )
+            robustness = effect_of(
+                [a.robustness for a, _ in pairs], [b.robustness for _, b in pairs]
+            )
+            compared = compared_of(name, formula, verdicts, robustness)
+            units = {o.occurrences.unit for pair in pairs for o in pair if o.occurrences}
+            own = [row for row in self.changes if row.requirement == name]
+            result[name] = ChangedRequirement(
+                compared,
+                effect_of(*zip(*(map(_violated, pair) for pair in pairs), strict=True))
+                if len(units) == 1
+                else None,
+                units.pop() if len(units) == 1 else "",
+                {word: counts[name, word] for word in get_args(Status)},
+                sum(row.a is not None for row in own),
+                sum(row.b is not None for row in own),
+                self._open["a", name],
+                self._open["b", name],
+            )
+        adjusted = holm({name: item.compared.p for name, item in result.items()})
+        return {
+            name: replace(item, compared=replace(item.compared, adjusted=adjusted[name]))
+            for name, item in result.items()
+        }
+
+
+def _violated(outcome: Outcome) -> float:
+    """Return the violated time of a recording, summed over the bodies."""
+    bodies = outcome.occurrences.bodies if outcome.occurrences else ()
+    return math.fsum(body.violated for body in bodies)
+
+
+def _notes(
+    a: RecordingSet,
+    b: RecordingSet,
+    pairs: RecordingPairs,
+    rows: Mapping[str, tuple[Trial, Trial]],
+    requirements: int,
+) -> Iterator[str]:
+    """Yield remarks on the comparison."""
+    if [*pairs.pairs] == [""]:
+        yield "{} is compared with {}".format(*map(shown, pairs.pairs[""]))
+    elif pairs.folders[0] != pairs.folders[1]:
+        yield "recordings are paired by their names below {} and {}".format(
+            *map(shown, pairs.folders)
+        )
+    if (a.reading.get("columns") or {}) != (b.reading.get("columns") or {}):
+        yield "A and B were read with different options for columns"
+    periods = {
+        name: [row.extent.period for row in pair if row.extent is not None]
+        for name, pair in rows.items()
+    }
+    other = [name for name, each in periods.items() if len(set(each)) > 1]
+    if other:
+        yield (
+            f"the periods of A and B differ in {counted(len(other), 'recording')}, so times of "
+            "violations may differ by a period"
+        )
+    if any("[" in name for name in pairs.pairs):
+        yield (
+            "recordings of one file may depend on each other; p-values and intervals take them "
+            "as independent"
+        )
+    if 2 * 0.5 ** len(rows) * requirements > LEVEL:
+        yield f"{counted(len(rows), 'recording')} cannot show a difference of rates"
