@@ -116,7 +116,7 @@ def _recordings(
     options: argparse.Namespace, side_a: Mapping[str, Any], side_b: Mapping[str, Any]
 ) -> int:
     from rtamt_gym.evaluation.recording_changes import RecordingSet
-    from rtamt_gym.evaluation.recording_tables import comparison_warnings
+    from rtamt_gym.evaluation.recording_tables import comparison_warnings, recordings_lines
     from rtamt_gym.evaluation.recordings import compare_recordings
 
     a, b = RecordingSet.of(options.a, side_a), RecordingSet.of(options.b, side_b)
@@ -128,7 +128,7 @@ def _recordings(
         folders=options.folders,
         accept_changed=options.accept_changed,
     )
-    print(comparison)
+    print(*recordings_lines(comparison), sep="\n")
     if options.save:
         comparison.save(options.save)
     tell_files(comparison, options, "comparison")

@@ -18,7 +18,7 @@ from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
 from rtamt_gym.results.span_matching import Status
 
-Times = Literal["recorded", "start"]
+ComparedTimes = Literal["recorded", "start"]
 """The clock on which violations are compared: the recorded times, or since the start."""
 
 
@@ -158,7 +158,7 @@ class RecordingsComparison:
     b: str
     folders: tuple[str, str]
     tolerance: float
-    times: Times
+    times: ComparedTimes
     recordings: tuple[str, ...]
     requirements: Mapping[str, ChangedRequirement]
     changes: tuple[ViolationChange, ...]
@@ -233,11 +233,6 @@ class RecordingsComparison:
             ),
             ids=provenance_of(kept).ids,
         )
-
-    def __str__(self) -> str:
-        from rtamt_gym.evaluation.recording_tables import recordings_lines
-
-        return "\n".join(recordings_lines(self))
 
 
 def _plain_violation(value: Any) -> Any:  # noqa: ANN401 - a field of a row

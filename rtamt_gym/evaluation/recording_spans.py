@@ -9,12 +9,12 @@ from typing import Any, Self
 
 from rtamt.monitors import BodyOccurrences, RunTable
 from rtamt_gym.results.outcome import Outcome
-from rtamt_gym.results.span_matching import RecordedSpans, Span
+from rtamt_gym.results.span_matching import RecordedSpans, TimeSpan
 from rtamt_gym.results.trial import Trial
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class RequirementClock:
     """The times at which a requirement was evaluated on a recording.
 
     Attributes:
@@ -51,7 +51,7 @@ class Clock:
 
 
 def recorded_spans(
-    body: BodyOccurrences, clock: Clock, shift: float, *, satisfied: bool
+    body: BodyOccurrences, clock: RequirementClock, shift: float, *, satisfied: bool
 ) -> RecordedSpans:
     """Return the spans of a body, later by a shift.
 
@@ -75,8 +75,8 @@ def recorded_spans(
 
 
 def _spans(
-    table: RunTable[Any], clock: Clock, shift: float, unseen: list[bool] | None = None
-) -> Iterator[Span]:
+    table: RunTable[Any], clock: RequirementClock, shift: float, unseen: list[bool] | None = None
+) -> Iterator[TimeSpan]:
     columns = (table.columns[name].tolist() for name in ("start", "end", "to_end"))
     ahead = unseen or [False] * len(table)
     for start, end, to_end, after in zip(*columns, ahead, strict=True):
@@ -85,5 +85,5 @@ def _spans(
         yield _span(float(start) + shift, stop + shift, censored=open_end)
 
 
-def _span(start: float, stop: float, *, censored: bool = False) -> Span:
-    return Span(start, stop if stop > start else math.nextafter(start, math.inf), censored)
+def _span(start: float, stop: float, *, censored: bool = False) -> TimeSpan:
+    return TimeSpan(start, stop if stop > start else math.nextafter(start, math.inf), censored)

@@ -20,14 +20,14 @@ from rtamt_gym.evaluation.compared import LEVEL, compared_of
 from rtamt_gym.evaluation.paired import effect_of, holm
 from rtamt_gym.evaluation.recording_changes import (
     ChangedRequirement,
+    ComparedTimes,
     NotCompared,
     RecordingsComparison,
     RecordingSet,
-    Times,
     ViolationChange,
 )
 from rtamt_gym.evaluation.recording_pairs import RecordingPairs, pair_recordings
-from rtamt_gym.evaluation.recording_spans import Clock, recorded_spans
+from rtamt_gym.evaluation.recording_spans import RequirementClock, recorded_spans
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.span_matching import SpanMatches, Status, match_spans
 from rtamt_gym.results.trial import Trial
@@ -42,7 +42,7 @@ def compare_recordings(
     b: RecordingSet,
     *,
     tolerance: float = 0.0,
-    times: Times | None = None,
+    times: ComparedTimes | None = None,
     folders: Sequence[str] | None = None,
     accept_changed: bool = False,
 ) -> RecordingsComparison:
@@ -140,7 +140,7 @@ class _Builder:
     """Collects the rows of all pairs of recordings."""
 
     tolerance: float
-    times: Times | None
+    times: ComparedTimes | None
     changes: list[ViolationChange] = field(default_factory=list)
     not_compared: list[NotCompared] = field(default_factory=list)
     shorter: dict[str, float] = field(default_factory=dict)
@@ -175,7 +175,10 @@ class _Builder:
         rows: tuple[Trial, Trial],
         outcomes: tuple[Outcome, Outcome],
     ) -> None:
-        clocks = Clock.of(rows[0], outcomes[0]), Clock.of(rows[1], outcomes[1])
+        clocks = (
+            RequirementClock.of(rows[0], outcomes[0]),
+            RequirementClock.of(rows[1], outcomes[1]),
+        )
         lacking = clocks[0].length - clocks[1].length
         if lacking > self.tolerance + 1e-9 * clocks[0].length:
             self.shorter[name] = max(lacking, self.shorter.get(name, 0.0))
@@ -201,7 +204,7 @@ class _Builder:
         self,
         name: str,
         requirement: str,
-        clocks: tuple[Clock, Clock],
+        clocks: tuple[RequirementClock, RequirementClock],
         outcomes: tuple[Outcome, Outcome],
         bodies: tuple[BodyOccurrences, BodyOccurrences],
     ) -> SpanMatches:

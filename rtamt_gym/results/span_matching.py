@@ -21,7 +21,7 @@ ROUNDING: Final = 1e-14
 """Times that differ by less than this part of the largest time are equal."""
 
 
-class Span(NamedTuple):
+class TimeSpan(NamedTuple):
     """A half-open interval of time, ``start <= t < stop``, which is never empty.
 
     Attributes:
@@ -48,9 +48,9 @@ class RecordedSpans:
         satisfied: Whether the requirement is satisfied, also after the recording.
     """
 
-    violated: Sequence[Span]
-    unknown: Sequence[Span]
-    recorded: Span
+    violated: Sequence[TimeSpan]
+    unknown: Sequence[TimeSpan]
+    recorded: TimeSpan
     ahead: int | None = None
     satisfied: bool = False
 
@@ -87,9 +87,9 @@ def match_spans(a: RecordedSpans, b: RecordedSpans, tolerance: float) -> SpanMat
         tolerance: Times that differ by at most this much are equal.
 
     Example:
-        >>> recorded = Span(0, 100)
-        >>> a = RecordedSpans([Span(10, 12), Span(40, 41)], [], recorded)
-        >>> b = RecordedSpans([Span(10, 12.5), Span(70, 71)], [], recorded)
+        >>> recorded = TimeSpan(0, 100)
+        >>> a = RecordedSpans([TimeSpan(10, 12), TimeSpan(40, 41)], [], recorded)
+        >>> b = RecordedSpans([TimeSpan(10, 12.5), TimeSpan(70, 71)], [], recorded)
         >>> matches = match_spans(a, b, tolerance=0)
         >>> matches.pairs, matches.of_a, matches.of_b
         (((0, 0),), ('longer', 'gone'), ('longer', 'new'))
@@ -121,7 +121,7 @@ def match_spans(a: RecordedSpans, b: RecordedSpans, tolerance: float) -> SpanMat
     )
 
 
-def _overlapping(a: Sequence[Span], b: Sequence[Span], slack: float) -> dict[int, int]:
+def _overlapping(a: Sequence[TimeSpan], b: Sequence[TimeSpan], slack: float) -> dict[int, int]:
     """Return the partners that overlap, by the place in A."""
     candidates = []
     first = 0
@@ -148,7 +148,7 @@ def _overlapping(a: Sequence[Span], b: Sequence[Span], slack: float) -> dict[int
 
 
 def _near(
-    a: Sequence[Span], b: Sequence[Span], pairs: dict[int, int], limit: float
+    a: Sequence[TimeSpan], b: Sequence[TimeSpan], pairs: dict[int, int], limit: float
 ) -> dict[int, int]:
     """Return the further partners whose starts are near, the nearest first.
 
@@ -195,17 +195,17 @@ class _Side:
     def __init__(self, spans: RecordedSpans, tolerance: float, slack: float) -> None:
         self.limit, self._slack = tolerance + slack, slack
         self._satisfied = spans.satisfied
-        outside = Span(-math.inf, spans.recorded.start), Span(spans.recorded.stop, math.inf)
+        outside = TimeSpan(-math.inf, spans.recorded.start), TimeSpan(spans.recorded.stop, math.inf)
         inside = [*spans.violated, *spans.unknown]
         self._not_satisfied = _union([*inside, *outside])
         self._near_violated = _union(spans.violated, tolerance)
         self._near_not_satisfied = _union([*_union(inside, tolerance), *outside])
 
-    def covers(self, span: Span) -> bool:
+    def covers(self, span: TimeSpan) -> bool:
         """Return whether the recording is nowhere satisfied for certain in a span."""
         return self._contains(self._near_not_satisfied, span)
 
-    def alone(self, span: Span, word: Literal["new", "gone"], *, ahead: bool) -> Status:
+    def alone(self, span: TimeSpan, word: Literal["new", "gone"], *, ahead: bool) -> Status:
         """Return the status of a violation of the other recording that has no partner."""
         if self._contains(self._near_violated, span):
             return "part"
@@ -213,27 +213,27 @@ class _Side:
             return word
         return "undecided" if self.covers(span) else word
 
-    def satisfied_in(self, span: Span) -> float:
+    def satisfied_in(self, span: TimeSpan) -> float:
         """Return for how long the recording is satisfied in a span."""
         return _outside(self._not_satisfied, span)
 
-    def _contains(self, union: Sequence[Span], span: Span) -> bool:
+    def _contains(self, union: Sequence[TimeSpan], span: TimeSpan) -> bool:
         return _outside(union, span) <= min(self._slack, (span.stop - span.start) / 2)
 
 
-def _union(spans: Iterable[Span], margin: float = 0.0) -> list[Span]:
+def _union(spans: Iterable[TimeSpan], margin: float = 0.0) -> list[TimeSpan]:
     """Return the union of spans that are widened at both ends, in order."""
-    result = list[Span]()
+    result = list[TimeSpan]()
     for span in sorted(spans):
         start, stop = span.start - margin, span.stop + margin
         if result and start <= result[-1].stop:
-            result[-1] = Span(result[-1].start, max(result[-1].stop, stop))
+            result[-1] = TimeSpan(result[-1].start, max(result[-1].stop, stop))
         else:
-            result.append(Span(start, stop))
+            result.append(TimeSpan(start, stop))
     return result
 
 
-def _outside(union: Sequence[Span], span: Span) -> float:
+def _outside(union: Sequence[TimeSpan], span: TimeSpan) -> float:
     """Return the length of the part of a span that is not in a union."""
     total, time = 0.0, span.start
     for other in union[max(bisect_right(union, time, key=lambda other: other.start) - 1, 0) :]:
@@ -244,7 +244,7 @@ def _outside(union: Sequence[Span], span: Span) -> float:
     return total + max(span.stop - time, 0.0)
 
 
-def _status(sides: tuple[_Side, _Side], one: Span, two: Span) -> Status:
+def _status(sides: tuple[_Side, _Side], one: TimeSpan, two: TimeSpan) -> Status:
     """Return the status of partners of A and B."""
     limit = sides[0].limit
     later = two.stop - one.stop

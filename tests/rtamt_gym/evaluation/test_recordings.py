@@ -13,6 +13,7 @@ from paths import ROOT
 
 from rtamt_gym.__main__ import main
 from rtamt_gym.evaluation.recording_changes import RecordingsComparison
+from rtamt_gym.evaluation.recording_tables import recordings_lines
 from rtamt_gym.reports.write import report_of
 
 Output = pytest.CaptureFixture[str]
@@ -377,7 +378,7 @@ def test_saved_comparison_and_page(judge: Judge, compare: Compare) -> None:
     judge("b", {"1.csv": violated(3), "2.csv": violated(1, 2)})
     _, comparison, text = compare("--report", "page.html")
     assert RecordingsComparison.load("c.json") == comparison
-    assert str(comparison) in text
+    assert "\n".join(recordings_lines(comparison)) in text
     section = report_of("c.json").sections[0]
     assert section.kind == "recordings"
     assert section.requirements[0].legend.startswith("1 new, 0 longer, 1 gone, 0 moved")

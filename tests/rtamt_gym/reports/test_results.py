@@ -24,8 +24,8 @@ KINDS = (
     "holds no result: expected a file that rtamt run --json, rtamt monitor --json, rtamt sweep "
     "--json, rtamt falsify --json, rtamt falsify --save and Falsification.save, rtamt evaluate "
     "--save and Evaluation.save, rtamt compare --save and Comparison.save, rtamt compare --save of "
-    "recordings, MethodComparison.save, rtamt mine --json write, or the Parquet file or the folder of a sweep, "
-    "a campaign or a run"
+    "recordings, MethodComparison.save, rtamt mine --json write, or the Parquet file or the folder "
+    "of a sweep, a campaign or a run"
 )
 
 

@@ -10,19 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
-from rtamt_gym.results.span_matching import RecordedSpans, Span, Status, match_spans
+from rtamt_gym.results.span_matching import RecordedSpans, Status, TimeSpan, match_spans
 
 SWAPPED = {"new": "gone", "gone": "new", "longer": "shorter", "shorter": "longer"}
 words = st.lists(st.sampled_from("vvsssu"), min_size=1, max_size=12)
 tolerances = st.sampled_from([0, 1, 2, 3])
 
 
-def runs(letters: Sequence[str], letter: str, offset: int) -> list[Span]:
+def runs(letters: Sequence[str], letter: str, offset: int) -> list[TimeSpan]:
     result, place = [], offset
     for key, group in itertools.groupby(letters):
         length = len(list(group))
         if key == letter:
-            result.append(Span(place, place + length, place + length == offset + len(letters)))
+            result.append(TimeSpan(place, place + length, place + length == offset + len(letters)))
         place += length
     return result
 
@@ -32,7 +32,7 @@ def recorded(letters: Sequence[str], offset: int = 0) -> RecordedSpans:
     return RecordedSpans(
         runs(letters, "v", offset),
         runs(letters, "u", offset),
-        Span(offset, offset + len(letters)),
+        TimeSpan(offset, offset + len(letters)),
     )
 
 
@@ -75,7 +75,7 @@ def test_pairs_match_brute_force(a: list[str], b: list[str], offset: int, tolera
     assert len({i for i, _ in found.pairs}) == len({j for _, j in found.pairs}) == len(found.pairs)
 
 
-def seconds_of(span: Span) -> range:
+def seconds_of(span: TimeSpan) -> range:
     return range(int(span.start), int(span.stop))
 
 
@@ -89,7 +89,7 @@ class Letters(NamedTuple):
     def at(self, second: int) -> str:
         return letter_at(self.letters, self.begin, second)
 
-    def near(self, span: Span, wanted: str) -> bool:
+    def near(self, span: TimeSpan, wanted: str) -> bool:
         """Whether each second of a span is near one with a wanted letter, or not recorded."""
         tolerance = self.tolerance
         return all(
@@ -98,16 +98,16 @@ class Letters(NamedTuple):
             for second in seconds_of(span)
         )
 
-    def alone(self, span: Span, word: Status) -> Status:
+    def alone(self, span: TimeSpan, word: Status) -> Status:
         if self.near(span, "v"):
             return "part"
         return "undecided" if self.near(span, "vu") else word
 
-    def satisfied(self, span: Span) -> int:
+    def satisfied(self, span: TimeSpan) -> int:
         return sum(self.at(second) == "s" for second in seconds_of(span))
 
 
-def partner_status(own: Span, span: Span, a: Letters, b: Letters) -> Status:
+def partner_status(own: TimeSpan, span: TimeSpan, a: Letters, b: Letters) -> Status:
     tolerance = a.tolerance
     growth = (span.stop - span.start) - (own.stop - own.start)
     later = span.stop - own.stop
@@ -170,9 +170,11 @@ def test_equal_recordings_are_the_same(a: list[str], tolerance: int) -> None:
 @given(words, words, st.integers(0, 3), st.sampled_from([1.7e9, 0.1, 12345.7]))
 def test_rounding_changes_nothing(a: list[str], b: list[str], tolerance: int, base: float) -> None:
     def moved(spans: RecordedSpans, sign: int) -> RecordedSpans:
-        def shift(span: Span) -> Span:
-            ends = (math.nextafter(base + 0.1 * end, sign * math.inf) for end in span[:2])
-            return Span(*ends, span.censored)
+        def shift(span: TimeSpan) -> TimeSpan:
+            start, stop = (
+                math.nextafter(base + 0.1 * end, sign * math.inf) for end in (span.start, span.stop)
+            )
+            return TimeSpan(start, stop, span.censored)
 
         return RecordedSpans(
             [*map(shift, spans.violated)], [*map(shift, spans.unknown)], shift(spans.recorded)
@@ -185,12 +187,12 @@ def test_rounding_changes_nothing(a: list[str], b: list[str], tolerance: int, ba
 
 @pytest.mark.parametrize("tolerance", [0, 1e-3])
 def test_single_instants_of_dense_time(tolerance: float) -> None:
-    def instant(time: float) -> Span:
-        return Span(time, math.nextafter(time, math.inf))
+    def instant(time: float) -> TimeSpan:
+        return TimeSpan(time, math.nextafter(time, math.inf))
 
-    span = Span(0, 100)
-    a = RecordedSpans([Span(2, 5), instant(10)], [], span)
-    b = RecordedSpans([Span(2, 4), instant(5), instant(10), instant(20)], [], span)
+    span = TimeSpan(0, 100)
+    a = RecordedSpans([TimeSpan(2, 5), instant(10)], [], span)
+    b = RecordedSpans([TimeSpan(2, 4), instant(5), instant(10), instant(20)], [], span)
     found = match_spans(a, b, tolerance)
     assert found.pairs == ((0, 0), (1, 2))
     # the half-open violation of A ends before 5 s
@@ -198,25 +200,25 @@ def test_single_instants_of_dense_time(tolerance: float) -> None:
 
 
 def test_violation_after_the_recording() -> None:
-    span = Span(0, 10)
-    ahead = RecordedSpans([Span(10, 11, censored=True)], [], span, ahead=0)
+    span = TimeSpan(0, 10)
+    ahead = RecordedSpans([TimeSpan(10, 11, censored=True)], [], span, ahead=0)
     satisfied = RecordedSpans([], [], span, satisfied=True)
     undecided = RecordedSpans([], [], span)
     assert match_spans(satisfied, ahead, 0).of_b == ("new",)
     assert match_spans(undecided, ahead, 0).of_b == ("undecided",)
     assert match_spans(ahead, satisfied, 0).of_a == ("gone",)
     assert match_spans(ahead, ahead, 0).of_a == ("same",)
-    longer = RecordedSpans([Span(10, 14)], [], Span(0, 20))
+    longer = RecordedSpans([TimeSpan(10, 14)], [], TimeSpan(0, 20))
     assert match_spans(ahead, longer, 0).of_b == ("same",)
 
 
 def test_split_violation_is_not_new() -> None:
-    span = Span(0, 100)
-    long = RecordedSpans([Span(0, 100, censored=True)], [], span)
-    pieces = RecordedSpans([Span(10 * i, 10 * i + 8) for i in range(10)], [], span)
+    span = TimeSpan(0, 100)
+    long = RecordedSpans([TimeSpan(0, 100, censored=True)], [], span)
+    pieces = RecordedSpans([TimeSpan(10 * i, 10 * i + 8) for i in range(10)], [], span)
     found = match_spans(long, pieces, 0)
     assert sorted(found.of_b) == ["part"] * 9 + ["shorter"]
     # but a part that reaches out of the violation of A is
-    short = RecordedSpans([Span(0, 10)], [], span)
-    reaching = RecordedSpans([Span(0, 6), Span(9, 90)], [], span)
+    short = RecordedSpans([TimeSpan(0, 10)], [], span)
+    reaching = RecordedSpans([TimeSpan(0, 6), TimeSpan(9, 90)], [], span)
     assert match_spans(short, reaching, 1).of_b == ("shorter", "new")
