@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable, Iterable
-from contextlib import closing
+from contextlib import closing, nullcontext
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from rtamt import SpecificationError
+from rtamt import InputError, SpecificationError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
 from rtamt_gym.commands.end_notes import noted_ends
@@ -26,6 +27,7 @@ from rtamt_gym.results.warnings import (
 if TYPE_CHECKING:
     from rtamt_gym.play.run import Run
     from rtamt_gym.play.summaries import Episode
+    from rtamt_gym.watching.screen import Screen
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,6 +78,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--align",
         "--require-triggered",
         "--require-answered",
+        Option(
+            "--screen",
+            "draw verdicts, bounds and the course of the robustness on the terminal while an "
+            "episode runs, by standard error",
+        ),
+        Option(
+            "--speed FACTOR",
+            "with --screen: simulated seconds in a second, 1 for real time",
+            usual="as fast as possible",
+            read=float,
+        ),
         Option("--plot FILE", "draw the first violated episode", read=Path),
         Option(
             "--json FILE",
@@ -99,14 +112,17 @@ def run(options: argparse.Namespace) -> int:
     signals, reading = read_signals(options.signal), read_evaluation_options(options)
     check_outputs(options.json, picture=options.plot)
     kwargs = read_options(options.env_kwarg)
+    screen = _screen(options)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
         own = own_requirements(env)
         every = requirements_of(options.spec, own, options.env_id, "--spec")
         specs, signals = selected(every, options.only, signals)
         make_policy = policy_of(options.policy, env)
 
+        run_one = simulate if screen is None else _shown(screen, options)
+
         def play(seed: int) -> Run:
-            return simulate(
+            return run_one(
                 env,
                 specs,
                 signals,
@@ -116,7 +132,8 @@ def run(options: argparse.Namespace) -> int:
                 **reading.options(),
             )
 
-        episodes = _played(play, range(options.seed, options.seed + options.episodes))
+        with screen or nullcontext():
+            episodes = _played(play, range(options.seed, options.seed + options.episodes))
     for name, spec in specs.items():
         print(f"{name}: {spec.formula}")
     texts = {name: str(spec.formula) for name, spec in specs.items()}
@@ -150,6 +167,34 @@ def run(options: argparse.Namespace) -> int:
     warnings = evidence_warnings(record, "episode", Required.of(options))
     print_warnings(warnings)
     return exit_code(["failed"] if failed else [], warnings)
+
+
+def _screen(options: argparse.Namespace) -> Screen | None:
+    """Return the view of the episodes, if there is one."""
+    if options.speed is not None and not options.screen:
+        raise InputError("--speed paces the view of --screen. Add --screen, or leave it out.")
+    if options.speed is not None and not 0 < options.speed < math.inf:
+        raise InputError(f"--speed: expected a factor above 0, such as 1, got {options.speed:g}")
+    if not options.screen:
+        return None
+    from rtamt_gym.watching.screen import open_screen
+
+    return open_screen(options.env_id, unit="sample")
+
+
+def _shown(screen: Screen, options: argparse.Namespace) -> Callable[..., Run]:
+    """Return a function that runs an episode as `simulate` does, on the screen."""
+    from rtamt_gym.watching.run_screen import RunScreen
+
+    shown = RunScreen(screen, options.speed)
+
+    def run_one(*arguments: Any, seed: int, **keywords: Any) -> Run:  # noqa: ANN401 - of `simulate`
+        title = options.env_id
+        if options.episodes > 1:
+            title += f", episode {seed - options.seed + 1} of {options.episodes}"
+        return shown.simulate(title, *arguments, seed=seed, **keywords)
+
+    return run_one
 
 
 def _played(play: Callable[[int], Run], seeds: Iterable[int]) -> list[Episode]:

@@ -214,11 +214,9 @@ def _judge(
 
 
 def _screen(title: str) -> Screen:
-    from rtamt_gym.watching.screen import Screen, is_terminal
+    from rtamt_gym.watching.screen import open_screen
 
-    if not is_terminal():
-        raise InputError("--screen draws on a terminal, but standard error is not one")
-    return Screen(title)
+    return open_screen(title)
 
 
 def _replayed(

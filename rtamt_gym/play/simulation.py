@@ -23,6 +23,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.end_warnings import assumed, warn_of_open_end
 from rtamt_gym.judging.judge import Judge, Questions
+from rtamt_gym.judging.panel import PanelResult
 from rtamt_gym.judging.specs import (
     SpecsLike,
     check_period,
@@ -325,6 +326,20 @@ class Simulation:
             reward,
             reported=getattr(self._system, "reported", None),
         )
+
+    @property
+    def moment(self) -> Moment:
+        """The newest sample, before the run is over."""
+        return Moment.of(len(self._record) - 1, self._bound.period)
+
+    @property
+    def period(self) -> Fraction | None:
+        """Seconds between samples; None if they have no time."""
+        return self._bound.period
+
+    def results(self) -> list[PanelResult]:
+        """Return the result of each specification so far, before the run is over."""
+        return self._panel.results()
 
     @property
     def trace(self) -> SimulatedTrace | None:

@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from rtamt import Verdict
+from rtamt import InputError, Verdict
 from rtamt.errors import shown
 from rtamt_gym.tables import counted, short, shorten
 from rtamt_gym.watching.lines import Line
@@ -112,6 +112,10 @@ class Screen:
         title: The name of the stream.
         console: The terminal; None: standard error.
         clock: Returns seconds, for the age of the last row.
+        unit: The word for a row.
+
+    Attributes:
+        notes: Further lines below the requirements.
     """
 
     def __init__(
@@ -119,15 +123,14 @@ class Screen:
         title: str,
         console: Console | None = None,
         clock: Callable[[], float] = monotonic,
+        unit: str = "row",
     ) -> None:
-        self._title, self._clock = title, clock
+        self._title, self._clock, self._unit = title, clock, unit
+        self.notes: list[str] = []
         self._console = console or Console(stderr=True, highlight=False)
-        self._lines: dict[Key, Line] = {}
-        self._courses: dict[Key, Course] = {}
-        self._rows = self._bad = 0
-        self._began = self._newest = self._drawn = clock()
-        self._ended = ""
+        self._drawn = clock()
         self._live: Any = None
+        self.restart(title)
         self._plain = not self._console.encoding.lower().startswith("utf")
 
     def __enter__(self) -> Self:
@@ -146,6 +149,15 @@ class Screen:
         self._live.update(self.picture(), refresh=True)
         self._live.stop()
 
+    def restart(self, title: str) -> None:
+        """Forget all rows, and show another stream under a title."""
+        self._title = title
+        self._lines: dict[Key, Line] = {}
+        self._courses: dict[Key, Course] = {}
+        self._rows = self._bad = 0
+        self._newest = self._clock()
+        self._ended = ""
+
     def add(self, line: Line) -> None:
         """Take in a final line; others are read by `update`."""
         if line.final:
@@ -153,7 +165,7 @@ class Screen:
             self._lines[key] = line
             self._courses.setdefault(key, Course())
 
-    def update(self, lines: Iterable[Line], rows: int, bad: int) -> None:
+    def update(self, lines: Iterable[Line], rows: int, bad: int = 0) -> None:
         """Take in the newest verdicts, and draw if the last picture is old.
 
         Args:
@@ -195,6 +207,7 @@ class Screen:
         parts: list[Any] = [self._head(), table]
         if more > 0:
             parts.append(Text(f"and {counted(more, 'row')} with a higher robustness"))
+        parts += [Text(_cut(note, self._console.width, plain=plain)) for note in self.notes]
         return Group(*parts)
 
     def _order(self, key: Key) -> tuple[int, float]:
@@ -207,11 +220,13 @@ class Screen:
 
     def _head(self) -> Text:
         now = self._clock()
-        parts = [self._title, counted(self._rows, "row")]
+        parts = [self._title, counted(self._rows, self._unit)]
         times = [line.time for line in self._lines.values() if line.time is not None]
         if times:
             parts.append(f"at {max(times):.6g} s")
-        parts.append(self._ended or f"last row {now - self._newest:.1f} s ago")
+        age = f"{now - self._newest:.1f} s"
+        waits = f"last {self._unit} {age} ago" if self._rows else f"none for {age}"
+        parts.append(self._ended or waits)
         if self._bad:
             parts.append(counted(self._bad, "bad line"))
         return Text(_cut(", ".join(parts), self._console.width, plain=self._plain))
@@ -226,7 +241,8 @@ class Screen:
         widths["verdict"] = len("UNDECIDED")
         if wide:
             widths["decided"] = 10
-        widths |= {"robustness": 10, "bounds": 15}
+        bounds = max((len(_bounds(line)) for line in self._lines.values()), default=0)
+        widths |= {"robustness": 10, "bounds": max(15, bounds)}
         room = self._console.width - sum(widths.values()) - 2 * len(widths)
         widths["course"] = max(4, min(room, _POINTS))
         return widths
@@ -245,10 +261,16 @@ class Screen:
             "verdict": Text(line.verdict.name, style=_STYLES[line.verdict]),
             "decided": Text(at),
             "robustness": Text("-" if math.isnan(line.robustness) else short(line.robustness)),
-            "bounds": Text(f"{short(line.lower)} .. {short(line.upper)}"),
+            "bounds": Text(_bounds(line)),
             "course": _coloured(self._courses[key].bars(widths["course"], plain=plain)),
         }
         return [cells[column] for column in widths]
+
+
+def _bounds(line: Line) -> str:
+    if math.isnan(line.lower):
+        return "-"
+    return f"{short(line.lower)} .. {short(line.upper)}"
 
 
 def _cut(text: str, width: int, *, plain: bool) -> str:
@@ -264,6 +286,12 @@ def _coloured(bars: str) -> Text:
     return text
 
 
-def is_terminal() -> bool:
-    """Return whether the view can be drawn."""
-    return sys.stderr.isatty()
+def open_screen(title: str, unit: str = "row") -> Screen:
+    """Return a view on standard error.
+
+    Raises:
+        InputError: If standard error is not a terminal.
+    """
+    if not sys.stderr.isatty():
+        raise InputError("--screen draws on a terminal, but standard error is not one")
+    return Screen(title, unit=unit)

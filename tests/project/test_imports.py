@@ -54,7 +54,7 @@ FLOORS = {
         ("ros2_subscription",),
         ("ros1", "ros2"),
         ("ros2_lifecycle", "generation"),
-        ("simulator",),
+        ("simulator", "screen"),
         ("command",),
         ("__init__", "__main__"),
     ),
