@@ -9,14 +9,17 @@ import re
 import shlex
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from memory_middleware import MemoryMiddleware
 from paths import ROOT
+from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
 from rtamt import load
+from rtamt_gym.__main__ import main
 from rtamt_ros.command import _parser
 from rtamt_ros.generation import split
 from rtamt_ros.node import MonitorNode
@@ -210,6 +213,32 @@ def test_the_layout_of_plotjuggler_shows_the_topics(published: set[str]) -> None
     assert streamer is not None
     assert plugin is not None
     assert streamer.attrib["name"] == plugin.attrib["ID"] == "ROS2 Topic Subscriber"
+    # PlotJuggler takes an element that is missing for false, or for arrays of at most 0 elements.
+    settings = {each.tag: each.attrib["value"] for each in plugin if each.tag != "selected_topics"}
+    assert settings == {
+        "use_header_stamp": "false",
+        "discard_large_arrays": "true",
+        "max_array_size": "100",
+        "boolean_strings_to_number": "true",
+        "remove_suffix_from_strings": "true",
+    }
     selected = plugin.find("selected_topics")
     assert selected is not None
     assert set(selected.attrib["value"].split(";")) == topics
+
+
+def test_a_recording_has_the_topics_of_the_layouts_but_bounds(
+    published: set[str], tmp_path: Path
+) -> None:
+    output = tmp_path / "judged.mcap"
+    arguments = [str(FOLLOWS), str(ROOT / "examples/drive.mcap"), "--period", "100ms"]
+    assert main(["monitor", *arguments, "--write-mcap", str(output)]) in (0, 1)
+    with AnyReader([output]) as reader:
+        written = {
+            connection.topic: reader.typestore.fielddefs[connection.msgtype][1]
+            for connection in reader.connections
+            if connection.topic.startswith("/rtamt/")
+        }
+    bounds = {"/rtamt/follows/lower", "/rtamt/follows/upper"}
+    assert set(written) == published - bounds - {"/diagnostics"}
+    assert all("data" in [name for name, _ in fields] for fields in written.values())
