@@ -264,7 +264,7 @@ def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]
     word = "satisfied" if options.mutants and matrix.word != "failed" else matrix.word
     code = exit_code([word], warnings)
     if options.json:
-        from rtamt_gym.recorded.outcomes_json import to_json
+        from rtamt_gym.recorded.outcomes_json import json_parts
 
         made_of = matrix.with_files([*files_of(options.specs), *recorded_files(paths)])
         columns, least = _columns(asked, paths), asked.min_duration
@@ -274,10 +274,11 @@ def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]
             **({"stages": stages} if (stages := asked.reading.stages) else {}),
         }
         groups = {shown(name): keys for name, keys in asked.groups.items()}
-        text = to_json(
+        parts = json_parts(
             *(made_of, rules, columns, code), least=least, mutants=mutants, groups=groups
         )
-        print(text)
+        sys.stdout.writelines(parts)
+        print()
     else:
         print(*_report(asked, matrix, judged), sep="\n", end="")
         print(*occurrences.report(options, matrix), sep="\n", end="")
@@ -375,10 +376,11 @@ def _write(
     """Write the output files; return a line about each."""
     messages = []
     if options.junit:
-        from rtamt_gym.results.junit import to_junit
+        from rtamt_gym.results.junit import junit_parts
 
-        junit = to_junit(matrix, _rules(asked), warnings, least=asked.min_duration)
-        options.junit.write_bytes(junit)
+        parts = junit_parts(matrix, _rules(asked), warnings, least=asked.min_duration)
+        with options.junit.open("wb") as file:
+            file.writelines(parts)
         messages.append(f"outcomes: {options.junit}\n")
     if options.markdown:
         from rtamt_gym.results.markdown import to_markdown

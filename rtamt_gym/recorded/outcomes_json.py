@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from fractions import Fraction
 from types import MappingProxyType
 from typing import Any
 
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.results.codec import document, plain_results, plain_trial
+from rtamt_gym.results.codec import document_parts, plain_results, plain_trial
 from rtamt_gym.results.matrix import Matrix, label
 
 
-def to_json(
+def json_parts(
     matrix: Matrix,
     rules: Mapping[str, Any],
     columns: Columns,
@@ -22,8 +22,8 @@ def to_json(
     least: Fraction | None = None,
     mutants: Mapping[str, Any] | None = None,
     groups: Mapping[str, Mapping[str, object]] = MappingProxyType({}),
-) -> str:
-    """Return the traces as a result of the kind ``"traces"``.
+) -> Iterator[str]:
+    """Yield the traces as a result of the kind ``"traces"``, in parts.
 
     Args:
         matrix: The outcomes.
@@ -41,7 +41,7 @@ def to_json(
         option.name: getattr(columns, option.name) for option in fields(columns)
     }
     other = {name: value for name, value in options.items() if value != getattr(default, name)}
-    trials = [
+    trials = (
         {
             **plain_trial(row),
             **(
@@ -52,9 +52,9 @@ def to_json(
             "verdict": label(row.word),
         }
         for row in matrix.rows
-    ]
+    )
     counts = {label(word).lower(): count for word, count in matrix.counts().items()}
-    return document(
+    return document_parts(
         "traces",
         {
             "reading": {**rules, "columns": other},

@@ -16,7 +16,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from fractions import Fraction
 from functools import cache
@@ -69,8 +69,36 @@ def document(kind: str, fields: Mapping[str, Any]) -> str:
 
     Lists of numbers or texts stand on one line, and so does each of the trials.
     """
+    return "".join(document_parts(kind, fields))
+
+
+def document_parts(kind: str, fields: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the text of `document` in parts, of which each trial is one.
+
+    Args:
+        kind: The kind of the result.
+        fields: Its fields. ``trials`` may be any iterable, which is read once.
+    """
     head = {"format": FORMAT, "version": VERSION, "kind": kind, "rtamt": rtamt.__version__}
-    return _indented(plain({**head, **fields}))
+    trials = iter(fields.get("trials", ()))
+    texts = (json.dumps(plain(trial), allow_nan=False) for trial in trials)
+    first = next(texts, None)
+    listed = {"trials": [_TRIALS]} if first is not None else {}
+    text = json.dumps(plain({**head, **fields, **listed}), indent=2, allow_nan=False)
+    # No text of JSON holds a newline.
+    text = re.sub(r"\[\n([^\[\]{}]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
+    if first is None:
+        yield text
+        return
+    before, _, after = text.partition(f'  "trials": ["{_TRIALS}"]')
+    yield f'{before}  "trials": [\n    {first}'
+    for other in texts:
+        yield f",\n    {other}"
+    yield f"\n  ]{after}"
+
+
+_TRIALS: Final = "TRIALS"
+"""The place of the trials in the text around them."""
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
@@ -377,16 +405,3 @@ def made(
 
 def _no_number(text: str) -> float:
     raise ValueError(f'{text}, which strict JSON does not have; write "inf" or "-inf"')
-
-
-def _indented(kept: Mapping[str, Any]) -> str:
-    """Return JSON over several lines; a list of plain values is one line, and so is each trial."""
-    lines = dict(kept)
-    trials: Sequence[Any] = lines.get("trials", ())
-    if trials:
-        lines["trials"] = ["TRIALS"]
-    text = json.dumps(lines, indent=2, allow_nan=False)
-    # No text of JSON holds a newline.
-    text = re.sub(r"\[\n([^\[\]{}]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
-    written = ",\n    ".join(json.dumps(trial, allow_nan=False) for trial in trials)
-    return text.replace('  "trials": ["TRIALS"]', f'  "trials": [\n    {written}\n  ]', 1)

@@ -7,7 +7,7 @@ its option to `rtamt_gym.commands.monitor`.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
@@ -26,14 +26,14 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What no XML file may hold."""
 
 
-def to_junit(
+def junit_parts(
     matrix: Matrix,
     rules: Mapping[str, str],
     warnings: Sequence[VerdictWarning] = (),
     *,
     least: Fraction | None = None,
-) -> bytes:
-    """Return the outcomes as a file of JUnit XML.
+) -> Iterator[bytes]:
+    """Yield the parts of a file of JUnit XML with the outcomes; a suite is a part.
 
     A violation is a failure, an undecided requirement is skipped, and a trace that could not be
     judged is an error. A warning that makes the command fail is a failure too, so the file agrees
@@ -51,20 +51,22 @@ def to_junit(
     )
     del counts["skipped"]  # schemas have it in suites only
     root = ET.Element("testsuites", {"name": "rtamt", **counts})
-    shorter = [] if least is None else matrix.shorter(least)
+    shorter = set() if least is None else {*matrix.shorter(least)}
     minimum = {} if least is None else {"shorter_than": f"{number(float(least))} s"}
+    opening, _, _ = ET.tostring(root, encoding="unicode").rpartition(" />")
+    yield f'<?xml version="1.0" encoding="UTF-8"?>\n{opening}>'.encode()
     for row in matrix.rows:
         own = {**rules, **minimum} if row.name in shorter else rules
-        root.append(_suite(row, matrix.requirements, own, matrix.provenance.ids, warnings))
-    ET.indent(root)
-    text = ET.tostring(root, encoding="unicode")
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+        suite = _suite(row, matrix.requirements, own, matrix.provenance.ids, warnings)
+        ET.indent(suite, level=1)
+        yield b"\n  " + ET.tostring(suite, encoding="unicode").encode()
+    yield b"\n</testsuites>\n"
 
 
 def discard_junit(path: Path) -> None:
     """Remove the outcomes of an earlier run, so that no old file remains after an early stop.
 
-    Only a file that `to_junit` wrote is removed.
+    Only a file that `junit_parts` wrote is removed.
     """
     with suppress(OSError):
         with path.open("rb") as file:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import tracemalloc
+from collections.abc import Iterator, Sized
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -12,8 +14,11 @@ from xml.etree import ElementTree as ET
 import pytest
 
 import rtamt
+from rtamt import Verdict
 from rtamt_gym.__main__ import main
-from rtamt_gym.results.junit import to_junit
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.outcomes_json import json_parts
+from rtamt_gym.results.junit import junit_parts
 from rtamt_gym.results.markdown import to_markdown
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome
@@ -210,14 +215,73 @@ def test_a_trace_that_is_too_short_fails_in_junit_and_markdown(folder: Path) -> 
 def test_what_no_xml_may_hold_is_escaped() -> None:
     name = "a\x1b[0m\ud800<&>\"'\uffff.csv"
     failure = Failure("bad \x00 byte & <tag>")
-    data = to_junit(
-        Matrix([Trial.of_trace(name, "", {"p": failure})], {"p": "x > 0"}), {"end": "cut"}
-    )
+    matrix = Matrix([Trial.of_trace(name, "", {"p": failure})], {"p": "x > 0"})
+    data = b"".join(junit_parts(matrix, {"end": "cut"}))
     root = ET.fromstring(data)  # noqa: S314 - our own
     assert root[0].get("name") == "a\\x1b[0m\\ud800<&>\"'\ufffd.csv"
     error = root.find(".//error")
     assert error is not None
     assert (error.get("message"), error.text) == ("bad \\x00 byte & <tag>",) * 2
+
+
+def many(count: int) -> Matrix:
+    """Outcomes of so many traces, some of them violated, open or failed."""
+    outcomes: list[Outcome | Failure] = [
+        Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED),
+        Outcome(-1.0, -1.0, -1.0, Verdict.VIOLATED, text="VIOLATED", explanation="x at 3 s\n  why"),
+        Outcome(0.5, -1.0, 1.0, Verdict.UNDECIDED, not_recorded=("1 s to 2 s",)),
+        Failure("no column 'x'"),
+    ]
+    rows = [
+        Trial.of_trace(
+            f"t[car={i}]", f"t[car={i}]: 3 samples", {"p": outcomes[i % 4]}, ["note " * 100]
+        )
+        for i in range(count)
+    ]
+    return Matrix(rows, {"p": "always(x > 0)"})
+
+
+@pytest.mark.parametrize("count", [1, 2, 40])
+def test_parts_of_junit_are_one_document(count: int) -> None:
+    data = b"".join(junit_parts(many(count), {"end": "cut"}))
+    head, _, text = data.decode().partition("\n")
+    assert head == '<?xml version="1.0" encoding="UTF-8"?>'
+    root = ET.fromstring(data)  # noqa: S314 - our own
+    assert len(root) == count
+    ET.indent(root)
+    assert text == ET.tostring(root, encoding="unicode") + "\n"
+
+
+@pytest.mark.parametrize("count", [1, 2, 40])
+def test_parts_of_json_are_one_document(count: int) -> None:
+    matrix = many(count)
+    groups = {row.name: {"car": i} for i, row in enumerate(matrix.rows)}
+    text = "".join(json_parts(matrix, {"end": "cut"}, Columns(), 1, groups=groups))
+    stored = json.loads(text)
+    assert [trial["group"]["car"] for trial in stored["trials"]] == [*range(count)]
+    # Everything else is indented, with plain lists on one line; each trial is a line.
+    lines = [f"    {json.dumps(trial)}" for trial in stored["trials"]]
+    assert ",\n".join(lines) in text
+    assert text.count("\n    {") == count
+    assert [*stored][:4] == ["format", "version", "kind", "rtamt"]
+
+
+@pytest.mark.parametrize("form", ["json", "junit"])
+def test_outcomes_of_many_traces_are_written_in_parts(form: str) -> None:
+    """The text of all traces is never in memory at once."""
+    matrix, size = many(10_001), 0
+    tracemalloc.start()
+    try:
+        parts: Iterator[Sized] = junit_parts(matrix, {"end": "cut"})
+        if form == "json":
+            parts = json_parts(matrix, {"end": "cut"}, Columns(), 1)
+        for part in parts:
+            size += len(part)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert size > 5_000_000
+    assert peak < size / 2
 
 
 def test_markdown_is_a_table_with_what_is_wrong_below(folder: Path, capsys: Output) -> None:
