@@ -6,6 +6,7 @@ import pytest
 from robot_contract import RobotContract
 from ros_processes import ros
 from ros_world import World
+from verdict_contract import VerdictContract
 
 
 @pytest.fixture(scope="module")
@@ -18,4 +19,8 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 
 
 class TestRos1Robots(RobotContract):
+    pass
+
+
+class TestRos1Verdicts(VerdictContract):
     pass
