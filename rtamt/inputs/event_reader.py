@@ -179,7 +179,7 @@ class EventReader:
             given: All events of every variable.
             until: The time, or ``"latest"`` for the time of the last event of all.
         """
-        columns, dated = self.counted(given, [-math.inf] * len(given), None)
+        columns, dated = self.counted(given)
         lasts = [int(ticks[-1]) for ticks, _ in columns]
         if isinstance(until, str) and until == "latest":
             end = max(lasts)
@@ -215,7 +215,7 @@ class EventReader:
 
     def early_end(self, given: Sequence[Given]) -> str:
         """Describe a variable that ends the trace before others do; empty if none does."""
-        columns, dated = self.counted(given, [-math.inf] * len(given), None)
+        columns, dated = self.counted(given)
         lasts = [int(ticks[-1]) for ticks, _ in columns]
         end = min(lasts)
         later = sum(len(ticks) - int(ticks.searchsorted(end, "right")) for ticks, _ in columns)
@@ -231,15 +231,16 @@ class EventReader:
     def counted(
         self,
         given: Sequence[GivenLike],
-        last: Sequence[float],
-        dated: Dated,
+        last: Sequence[float] | None = None,
+        dated: Dated = None,
         heard: Sequence[bool] = (),
     ) -> tuple[list[TimedColumn], Dated]:
-        """Return the events of every variable with times in ticks, as `read`.
+        """Return the events of every variable with times in ticks, as `read`; by default, all.
 
         A gap starts with an unknown event one tick after the previous event.
         """
         columns = []
+        last = [-math.inf] * len(given) if last is None else last
         own = heard or [False] * len(last)
         for name, events, after, heard_before in zip(self.variables, given, last, own, strict=True):
             times, values, declared = Given(*events)

@@ -205,7 +205,7 @@ class TraceBatch:
     ) -> tuple[list[TriggerRows], Booleans]:
         """Return the triggers of each implication, and the vacuity of all together.
 
-        It is `rtamt.monitors.triggers.evidence_of` for many traces.
+        It is `rtamt.monitors.implications.evidence_of` for many traces.
         """
         counted = implications(self.formula)
         none = np.zeros(len(satisfied), bool)

@@ -7,7 +7,6 @@ from fractions import Fraction
 from typing import Any, Unpack
 
 from rtamt.inputs.event_reader import EventReader
-from rtamt.inputs.samples import NanPolicy
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import DenseEpisodeMachine, DenseMachine, End
 from rtamt.machines.readout import verdict_of
@@ -20,13 +19,13 @@ from rtamt.monitors.options import (
     check_interpolation,
     checked_end,
     compiled_dense,
+    compiled_regions,
     described,
-    event_reader,
     listed_in_signature,
 )
 from rtamt.monitors.verdict import Verdict
-from rtamt.program.dense_lowering import DenseProgram, compile_regions
-from rtamt.program.timing import Period, as_period
+from rtamt.program.dense_lowering import DenseProgram, compile_dense
+from rtamt.program.timing import Period
 
 _UPDATE = """Take in new events, and return the breakpoints that they settle.
 
@@ -256,16 +255,18 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
     def __init__(
         self, spec: Spec, *, resolution: Period = "1ns", **options: Unpack[EventOptions]
     ) -> None:
-        self.specification, self.interface, self.backend, program = compiled_dense(
-            type(self), spec, resolution, options, online=False, bounds=True
-        )
-        regions = compile_regions(self.specification, program.resolution, interface=self.interface)
+        (
+            self.specification,
+            self.interface,
+            self.backend,
+            self.nan,
+            self.max_gap,
+            regions,
+        ) = parts = compiled_regions(type(self), spec, resolution, options)
+        program = compile_dense(self.specification, regions.resolution, interface=self.interface)
         self.program = program.result_alone()
-        make = BACKENDS[self.backend].dense_episode_machine
-        reader = event_reader(self.program, options)
-        self.nan: NanPolicy = reader.nan
-        self.max_gap = as_period(options.get("max_gap"), "max_gap")
-        self._runs(make(regions, reader))
+        machine = BACKENDS[self.backend].dense_episode_machine(regions, parts.reader())
+        self._runs(machine)
         self.update = self._machine.update
 
     def _arguments(self) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.event_reader import EventReader
-from rtamt.inputs.events import Given, are_dates
+from rtamt.inputs.events import EventsLike, Given, Until, are_dates
 from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
@@ -20,11 +19,12 @@ from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS, BackendName
 from rtamt.machines.dense.outlook import DenseOutlook, with_robustness
-from rtamt.machines.dense.rows import rows_between, rows_of
+from rtamt.machines.dense.rows import RegionRows, rows_between, unknown_of
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import DenseSigns, End
 from rtamt.machines.readout import verdict_of
 from rtamt.machines.segments import PlaceNumbers, Segments
+from rtamt.monitors.options import CompiledEvents
 from rtamt.monitors.trace import TraceClock, TraceRegisters, UnseenPlace
 from rtamt.monitors.triggers import DenseTriggerCount, reads_hidden
 from rtamt.program.algebra import ordered
@@ -35,41 +35,34 @@ from rtamt.program.interface import STANDARD, Interface
 
 
 class DenseTrace:
-    """A trace in dense time with a verdict, which its machine computes.
-
-    Args:
-        specification: The specification.
-        interface: The semantics of the verdict.
-        end: The end mode.
-        regions: The program of the verdict.
-        events: For each variable the times and values of its events.
-        reader: Counts their times.
-        backend: The back-end.
-    """
+    """A trace in dense time with a verdict, which its machine computes."""
 
     def __init__(
         self,
-        specification: Specification,
-        interface: Interface,
+        compiled: CompiledEvents,
         end: End,
-        regions: RegionProgram,
-        events: Sequence[Given],
-        reader: EventReader,
-        backend: BackendName,
+        signals: Mapping[str, EventsLike],
+        until: Until | None = None,
     ) -> None:
-        self._specification, self._interface, self._end = specification, interface, end
-        self._regions, self._events, self._reader = regions, events, reader
-        self._machines = BACKENDS[backend]
-        self._backend = backend
-        self.formula = specification.formula
-        self.hides = reads_hidden(specification.formula, interface)
-        machine = self._machines.dense_episode_machine(regions, reader)
-        machine.run(events)
+        self._compiled, self._end = compiled, end
+        self._regions, self._reader = compiled.program, compiled.reader()
+        self._machines = BACKENDS[compiled.backend]
+        self._events = self._reader.whole(signals)
+        if until is not None:
+            self._events = self._reader.held(self._events, until)
+        self.formula = compiled.specification.formula
+        self.hides = reads_hidden(self.formula, compiled.interface)
+        machine = self._machines.dense_episode_machine(self._regions, self._reader)
+        machine.run(self._events)
         self._decided = verdict_of(machine.lower, machine.upper) != 0
         self.complete = machine.complete()
         machine.finish(end)
         self.values = machine.robustness, machine.lower, machine.upper
         self._span = machine.span
+
+    def unknown(self) -> tuple[str, ...]:
+        """Return the variables with a value that is not known."""
+        return unknown_of(self._events, self._reader)
 
     def decided_at(self) -> float | None:
         """Return the time of the first tick at which the open end is decided."""
@@ -97,16 +90,18 @@ class DenseTrace:
         """Return the signs of the negation of a left side, by standard semantics."""
         whole = self._reader
         regions, reader = _opposite(
-            self._regions, left, self._backend, whole.nan, whole.max_gap, whole.unknown
+            self._regions, left, self._compiled.backend, whole.nan, whole.max_gap, whole.unknown
         )
         events = self._events_of(regions)
         return self._machines.dense_signs(regions, reader, events, self._span, self._end)
 
     def satisfied_without(self, answered: Sequence[Formula]) -> bool:
         """Return whether the verdict is SATISFIED with ``false`` as right side of implications."""
-        specification = _with_result(self._specification, unanswered(self.formula, answered))
+        specification = _with_result(
+            self._compiled.specification, unanswered(self.formula, answered)
+        )
         regions = compile_regions(
-            specification, self._regions.resolution, interface=self._interface
+            specification, self._regions.resolution, interface=self._compiled.interface
         )
         machine = self._machines.dense_episode_machine(regions, self._reader.of(regions))
         machine.run(self._events_of(regions))
@@ -125,8 +120,7 @@ class DenseTrace:
 
     def registers(self) -> TraceRegisters:
         """Return the registers of the formula, for an end that is not complete."""
-        terms = self._machines.term_columns, self._machines.term_ranges
-        begin, last, rows = rows_of(self._regions, self._events, self._reader, terms)
+        rows, last, begin = self._rows(self._regions), self.extent.last, self._span[0]
         cut = self._end == "cut"
         outlook = DenseOutlook(self._regions.program, rows, last, cut=cut)
         program = outlook.program
@@ -191,19 +185,22 @@ class DenseTrace:
 
     def _runs(self, formula: Formula, *, standard: bool = False) -> tuple[Runs, Runs, Runs]:
         """Return robustness and bounds of a part of the formula."""
-        regions = self._regions_of(formula, STANDARD if standard else self._interface)
-        reader = self._reader.of(regions)
-        given = self._events_of(regions)
-        counted = reader.counted(given, [-math.inf] * len(given), None)
-        terms = self._machines.term_columns, self._machines.term_ranges
-        rows = rows_between(regions, counted, self._span, reader, terms)
+        regions = self._regions_of(formula, STANDARD if standard else self._compiled.interface)
+        rows = self._rows(regions)
         return with_robustness(regions.program, rows, self.extent.last, self._end)
+
+    def _rows(self, regions: RegionProgram) -> list[RegionRows]:
+        """Return the terms of a program over the trace."""
+        reader = self._reader.of(regions)
+        counted = reader.counted(self._events_of(regions))
+        terms = self._machines.term_columns, self._machines.term_ranges
+        return rows_between(regions, counted, self._span, reader, terms)
 
     def _regions_of(self, formula: Formula, interface: Interface) -> RegionProgram:
         """Return the program of a part, with the variables of the formula if it has none."""
-        specification = self._specification.with_result(formula)
+        specification = self._compiled.specification.with_result(formula)
         if not formula.variables:
-            specification = _with_result(self._specification, formula)
+            specification = _with_result(self._compiled.specification, formula)
         return compile_regions(specification, self._regions.resolution, interface=interface)
 
     def _events_of(self, regions: RegionProgram) -> list[Given]:

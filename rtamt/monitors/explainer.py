@@ -587,7 +587,7 @@ def _explained_dense(
     machines.dense_machine(alone, reader, ()).run(
         given
     )  # raises the errors of rtamt.dense.evaluate
-    columns, dated = reader.counted(given, [-np.inf] * len(given), None)
+    columns, dated = reader.counted(given)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     end = min(int(ticks[-1]) for ticks, _ in columns)
     tick = begin if time is None else _tick(time, reader, begin, end, dated=bool(dated))

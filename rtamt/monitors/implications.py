@@ -1,9 +1,9 @@
-"""Triggers of the implications on many traces of one specification, without judging them again."""
+"""Triggers of implications on a judged trace, and on many traces without judging them again."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Unpack
+from collections.abc import Mapping, Sequence
+from typing import Any, Unpack, cast
 
 from rtamt.errors import InputTypeError, brief
 from rtamt.inputs.events import EventsLike
@@ -19,15 +19,60 @@ from rtamt.monitors.options import (
     Spec,
     checked_end,
     compiled,
-    compiled_dense,
-    event_reader,
+    compiled_regions,
     listed_in_signature,
 )
 from rtamt.monitors.sample_trace import SampleTrace
-from rtamt.monitors.triggers import DenseTriggerCount, Evidence, TriggerCount, evidence_of, texts_of
+from rtamt.monitors.triggers import DenseTriggerCount, Evidence, TriggerCount, text_of, texts_of
 from rtamt.monitors.verdict import Verdict
-from rtamt.program.dense_lowering import compile_regions
+from rtamt.program.implications import Counted, implications
 from rtamt.program.timing import Period
+
+JudgedTrace = SampleTrace | DenseTrace
+"""A trace with a verdict."""
+
+_NEVER: Counted = 0, 0, None
+
+
+def evidence_of(trace: JudgedTrace, *, satisfied: bool) -> Evidence[Any]:
+    """Return the evidence for the verdict on a trace."""
+    rows, vacuous = _rows(trace, implications(trace.formula), satisfied=satisfied)
+    never = satisfied and bool(rows) and not any(counted[1] for _, counted, _ in rows)
+    asked = (trace.triggers(text, counted, vacuous=alone) for text, counted, alone in rows)
+    return Evidence(tuple(asked), vacuous, never)
+
+
+def _rows(
+    trace: JudgedTrace, counted: Sequence[Formula], *, satisfied: bool
+) -> tuple[list[tuple[str, Counted, bool]], bool]:
+    """Return text, count and vacuity of each implication, and the vacuity of all together."""
+    if not counted:
+        return [], False
+    places = trace.reads()
+    rows, redundant = [], []
+    for implication in counted:
+        every, needed = places[implication]
+        text = text_of(implication)
+        if not every:
+            rows.append((text, _NEVER, satisfied))
+            redundant.append(True)
+            continue
+        opposite = trace.opposite(cast("Formula", implication.args[0]))
+        count = opposite.fails_at(every)
+        vacuous = False
+        if satisfied:
+            _, answers, _ = count if needed == every else opposite.fails_at(needed)
+            vacuous = not answers
+            # If the left side fails, the right side does not matter.
+            redundant.append(not count[1] and not trace.hides and opposite.holds_at(every))
+            if vacuous and not redundant[-1]:
+                vacuous = trace.satisfied_without((implication,))
+        rows.append((text, count, vacuous))
+    # More false right sides satisfy less.
+    vacuous = satisfied and all(alone for _, _, alone in rows)
+    if vacuous and len(rows) > 1 and not all(redundant):
+        vacuous = trace.satisfied_without(counted)
+    return rows, vacuous
 
 
 class _Implications:
@@ -148,17 +193,16 @@ class DenseImplications(_Implications):
         triggered 1 time, first at time 1
     """
 
-    __slots__ = ("_compiled", "_options")
+    __slots__ = ("_compiled",)
 
     @listed_in_signature(EventOptions)
     def __init__(
         self, spec: Spec, *, resolution: Period = "1ns", **options: Unpack[EventOptions]
     ) -> None:
-        self._compiled = compiled_dense(
-            DenseImplications, spec, resolution, options, online=False, bounds=True
+        self._compiled = compiled_regions(DenseImplications, spec, resolution, options)
+        self._describe(
+            self._compiled.specification.formula, self._compiled.program.program.variables
         )
-        self._options = options
-        self._describe(self._compiled[0].formula, self._compiled[-1].program.variables)
 
     def evidence(
         self,
@@ -180,11 +224,7 @@ class DenseImplications(_Implications):
         mode = checked_end(end)
         if not self._needs_trace(verdict):
             return _NOTHING
-        specification, interface, backend, program = self._compiled
-        regions = compile_regions(specification, program.resolution, interface=interface)
-        reader = event_reader(regions, self._options)
-        events = reader.whole(signals)
-        trace = DenseTrace(specification, interface, mode, regions, events, reader, backend)
+        trace = DenseTrace(self._compiled, mode, signals)
         satisfied = verdict_of(*trace.values[1:]) if verdict is None else verdict
         return evidence_of(trace, satisfied=satisfied > 0)
 

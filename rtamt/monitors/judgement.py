@@ -12,11 +12,11 @@ from typing import Any, Unpack
 from rtamt.inputs.between import identical
 from rtamt.inputs.events import EventsLike, Until
 from rtamt.inputs.samples import SampleReader, TraceColumns
-from rtamt.machines.dense.rows import unknown_of
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.dense_trace import DenseTrace
 from rtamt.monitors.evaluation import trace_between
+from rtamt.monitors.implications import JudgedTrace, evidence_of
 from rtamt.monitors.options import (
     Compiled,
     EventOptions,
@@ -24,16 +24,13 @@ from rtamt.monitors.options import (
     Spec,
     checked_end,
     compiled,
-    compiled_dense,
-    event_reader,
+    compiled_regions,
     listed_in_signature,
 )
 from rtamt.monitors.sample_trace import SampleTrace
-from rtamt.monitors.trace import JudgedTrace
-from rtamt.monitors.triggers import Evidence, evidence_of, text_of
+from rtamt.monitors.triggers import Evidence, text_of
 from rtamt.monitors.unrecorded import Unrecorded, unrecorded_of
 from rtamt.monitors.verdict import Verdict, holds, zero_text
-from rtamt.program.dense_lowering import compile_regions
 from rtamt.program.memory import limit_beyond
 from rtamt.program.timing import Align, Period
 from rtamt.renamed import OldName
@@ -360,17 +357,9 @@ def judge_dense(
     Source: see `rtamt.dense.Monitor`.
     """
     mode = checked_end(end)
-    specification, interface, backend, program = compiled_dense(
-        judge_dense, spec, resolution, options, online=False, bounds=True
-    )
-    regions = compile_regions(specification, program.resolution, interface=interface)
-    reader = event_reader(regions, options)
-    events = reader.whole(signals)
-    if until is not None:
-        events = reader.held(events, until)
-    trace = DenseTrace(specification, interface, mode, regions, events, reader, backend)
-    unknown = unknown_of(events, reader)
-    return Judgement.of(trace, mode, trace.values, trace.complete, unknown)
+    parts = compiled_regions(judge_dense, spec, resolution, options)
+    trace = DenseTrace(parts, mode, signals, until)
+    return Judgement.of(trace, mode, trace.values, trace.complete, trace.unknown())
 
 
 def _number(value: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any, Protocol, Unpack, cast
+from typing import Any, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from rtamt.inputs.events import EventsLike, Until
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
-from rtamt.language.node import Node
-from rtamt.language.operators import OPERATORS, Bounds
+from rtamt.language.operators import OPERATORS
 from rtamt.machines.protocols import End
 from rtamt.machines.segments import PlaceNumbers, PlaceRuns, SegmentRuns, Segments
 from rtamt.machines.walk import numbers_of
 from rtamt.monitors.dense_trace import DenseTrace
 from rtamt.monitors.evaluation import trace_between
+from rtamt.monitors.implications import JudgedTrace
 from rtamt.monitors.occurrence_table import (
     BodyOccurrences,
     Occurrence,
@@ -33,44 +33,18 @@ from rtamt.monitors.options import (
     Spec,
     checked_end,
     compiled,
-    compiled_dense,
-    event_reader,
+    compiled_regions,
     listed_in_signature,
 )
 from rtamt.monitors.sample_trace import SampleTrace
 from rtamt.monitors.trace import UnseenPlace
 from rtamt.monitors.triggers import text_of
 from rtamt.program.bodies import bodies
-from rtamt.program.dense_lowering import compile_regions
-from rtamt.program.implications import InstantRuns, TraceSpan, implications
+from rtamt.program.implications import InstantRuns, implications
 from rtamt.program.memory import limit_beyond
 from rtamt.program.timing import Period
 
 _Columns = Mapping[str, NDArray[Any]]
-
-
-class SegmentedTrace(Protocol):
-    """A trace whose formulas can be evaluated at all of its places."""
-
-    @property
-    def formula(self) -> Formula:
-        """The formula that is evaluated."""
-
-    @property
-    def extent(self) -> TraceSpan:
-        """The places of the trace."""
-
-    def body_reads(self) -> Mapping[Formula, InstantRuns]:
-        """Return where the formula reads each of its bodies."""
-
-    def bounds_of(self, formula: Node) -> Bounds:
-        """Return the bounds of an operator, in samples or ticks."""
-
-    def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
-        """Return the values of a part of the formula over the trace."""
-
-    def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
-        """Return the first place after the trace at which a body fails for certain."""
 
 
 class _Clock:
@@ -121,7 +95,7 @@ def scaled(count: PlaceNumbers, tick: Fraction) -> NDArray[np.float64]:
     return count * tick.numerator / np.float64(tick.denominator)
 
 
-def _occurrences_of(trace: SegmentedTrace, clock: _Clock, end: End) -> Occurrences:
+def _occurrences_of(trace: JudgedTrace, clock: _Clock, end: End) -> Occurrences:
     rows = tuple(
         _of_body(trace, body, instants, clock) for body, instants in trace.body_reads().items()
     )
@@ -130,7 +104,7 @@ def _occurrences_of(trace: SegmentedTrace, clock: _Clock, end: End) -> Occurrenc
 
 
 def _of_body(
-    trace: SegmentedTrace, body: Formula, instants: InstantRuns, clock: _Clock
+    trace: JudgedTrace, body: Formula, instants: InstantRuns, clock: _Clock
 ) -> BodyOccurrences:
     recorded = PlaceRuns.of(instants, trace.extent.last)
     values = trace.segments(body).divided(recorded)
@@ -186,7 +160,7 @@ def _unseen(unseen: UnseenPlace, clock: _Clock) -> _Columns:
 
 
 def _responses(
-    trace: SegmentedTrace, body: Formula, values: Segments, recorded: PlaceRuns, clock: _Clock
+    trace: JudgedTrace, body: Formula, values: Segments, recorded: PlaceRuns, clock: _Clock
 ) -> tuple[_Columns, _Columns]:
     """Return the columns of the responses of a body, and of its unknown triggers."""
     none = PlaceRuns.of((), 0)
@@ -212,7 +186,7 @@ def _responses(
 
 
 def _answer_times(
-    trace: SegmentedTrace, right: Formula, runs: PlaceRuns, clock: _Clock
+    trace: JudgedTrace, right: Formula, runs: PlaceRuns, clock: _Clock
 ) -> NDArray[np.float64]:
     """Return the time from the first place of each run to its answer; nan if there is none."""
     unanswered = np.full(len(runs.first), np.nan)
@@ -353,14 +327,7 @@ def occurrences_dense(
         8.0 9.0 -1.0 True
     """
     mode = checked_end(end)
-    specification, interface, backend, program = compiled_dense(
-        occurrences_dense, spec, resolution, options, online=False, bounds=True
-    )
-    regions = compile_regions(specification, program.resolution, interface=interface)
-    reader = event_reader(regions, options)
-    events = reader.whole(signals)
-    if until is not None:
-        events = reader.held(events, until)
-    trace = DenseTrace(specification, interface, mode, regions, events, reader, backend)
-    clock = _Clock(2, trace.extent.last, program.resolution, trace.times)
+    parts = compiled_regions(occurrences_dense, spec, resolution, options)
+    trace = DenseTrace(parts, mode, signals, until)
+    clock = _Clock(2, trace.extent.last, parts.program.resolution, trace.times)
     return _occurrences_of(trace, clock, mode)

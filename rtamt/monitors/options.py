@@ -21,7 +21,13 @@ from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import Backend, BackendName, choose
 from rtamt.machines.protocols import End
-from rtamt.program.dense_lowering import DenseProgram, as_resolution, compile_dense
+from rtamt.program.dense_lowering import (
+    DenseProgram,
+    RegionProgram,
+    as_resolution,
+    compile_dense,
+    compile_regions,
+)
 from rtamt.program.interface import Interface, Names, SemanticsName, as_interface
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
@@ -185,19 +191,14 @@ def compiled_dense(
     options: Options,
     *,
     online: bool,
-    bounds: bool = False,
 ) -> tuple[Specification, Interface, BackendName, DenseProgram]:
-    """Check the options of a monitor or an evaluation of events, and compile its specification.
-
-    The arguments are as for `compiled`; ``bounds`` is set if the caller takes `EventOptions`.
-    """
-    known = _EVENT_DEFAULTS if bounds else _DEFAULTS
-    settings: Options = {**known, **options}
-    if len(settings) > len(known):
-        for name in () if bounds else ("nan", "max_gap"):
+    """Do the same for a monitor or an evaluation of events; see `compiled`."""
+    settings: Options = {**_DEFAULTS, **options}
+    if len(settings) > len(_DEFAULTS):
+        for name in ("nan", "max_gap"):
             if name in settings:
                 raise InputError(f"{name}= speaks of values that are not known; {NO_DENSE_BOUNDS}")
-        raise _unknown(caller, settings, known)
+        raise _unknown(caller, settings, _DEFAULTS)
     specification, interface, backend = _understood(spec, settings)
     program = compile_dense(
         specification, as_resolution(resolution), interface=interface, online=online
@@ -205,11 +206,33 @@ def compiled_dense(
     return specification, interface, backend, program
 
 
-def event_reader(dense: DenseProgram, options: EventOptions) -> EventReader:
-    """Return the reader of a program's events for machines that give bounds."""
-    max_gap = as_period(options.get("max_gap"), "max_gap")
-    most = None if max_gap is None else int(max_gap / dense.resolution)
-    return EventReader(dense, checked_nan(options.get("nan", "raise")), most, bounds=True)
+class CompiledEvents(NamedTuple):
+    """A specification of events with its options, and its program over regions."""
+
+    specification: Specification
+    interface: Interface
+    backend: BackendName
+    nan: NanPolicy
+    max_gap: Fraction | None
+    program: RegionProgram
+
+    def reader(self) -> EventReader:
+        """Return a reader of events, which remembers whether their values are known."""
+        gap = None if self.max_gap is None else int(self.max_gap / self.program.resolution)
+        return EventReader(self.program, self.nan, gap, bounds=True)
+
+
+def compiled_regions(
+    caller: Callable[..., object], spec: Spec, resolution: Period, options: EventOptions
+) -> CompiledEvents:
+    """Do the same for a judgement or a monitor of events that gives bounds."""
+    settings: EventOptions = {**_EVENT_DEFAULTS, **options}
+    if len(settings) > len(_EVENT_DEFAULTS):
+        raise _unknown(caller, settings, _EVENT_DEFAULTS)
+    specification, interface, backend = _understood(spec, settings)
+    program = compile_regions(specification, as_resolution(resolution), interface=interface)
+    max_gap, nan = as_period(settings["max_gap"], "max_gap"), checked_nan(settings["nan"])
+    return CompiledEvents(specification, interface, backend, nan, max_gap, program)
 
 
 def checked_end(end: object) -> End:

@@ -1,17 +1,14 @@
-"""A trace with a verdict, for its judgement: samples or dense time, over one clock."""
+"""Places and times of a judged trace: samples or dense time, over one clock."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
-from rtamt.language.formula import Formula
 from rtamt.language.node import Node
-from rtamt.machines.protocols import DenseSigns
 from rtamt.machines.segments import PlaceRuns
-from rtamt.program.implications import Counted, Reads, TraceSpan
 from rtamt.program.program import Program
 
 
@@ -78,40 +75,3 @@ class TraceRegisters:
     cut: bool
     undecided: Callable[[int], PlaceRuns]
     reach: Callable[[int], tuple[Node, int, int | None]]
-
-
-class JudgedTrace(Protocol):
-    """A trace with a verdict: `SampleTrace` or `DenseTrace`."""
-
-    @property
-    def formula(self) -> Formula:
-        """The formula that was judged."""
-
-    @property
-    def extent(self) -> TraceSpan:
-        """The places of the trace."""
-
-    @property
-    def hides(self) -> bool:
-        """Whether the semantics of the verdict hides values that left sides need."""
-
-    def reads(self) -> Mapping[Formula, Reads]:
-        """Return where the formula reads its implications."""
-
-    def opposite(self, left: Formula) -> DenseSigns:
-        """Return the signs of the negation of a left side, by standard semantics."""
-
-    def satisfied_without(self, answered: Sequence[Formula]) -> bool:
-        """Return whether the verdict is SATISFIED with ``false`` as right side of implications."""
-
-    def triggers(self, text: str, counted: Counted, *, vacuous: bool) -> object:
-        """Return how often an implication was triggered, in the unit of the trace."""
-
-    def registers(self) -> TraceRegisters:
-        """Return the registers of the formula, for an end that is not complete."""
-
-    def decided_at(self) -> float | None:
-        """Return when the open end was decided."""
-
-    def early_end(self) -> str:
-        """Return how a variable ends the trace before others do; empty if none does."""

@@ -2,19 +2,17 @@
 
 An implication is triggered if the formula reads it and its left side holds for certain: then its
 right side is needed. If it is never triggered, or if its right side does not matter, a satisfied
-formula is weaker evidence than it seems (`rtamt.program.implications`).
+formula is weaker evidence than it seems (`rtamt.monitors.implications`).
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar, cast
+from typing import Generic, TypeVar
 
 from rtamt.language.formula import Formula
-from rtamt.monitors.trace import JudgedTrace
-from rtamt.program.implications import Counted, implications
+from rtamt.program.implications import implications
 from rtamt.program.interface import Interface
 from rtamt.renamed import OldName
 
@@ -133,47 +131,3 @@ def reads_hidden(formula: Formula, interface: Interface) -> bool:
         for node in nodes
         if node.op is not None and node.op.holds is not None
     )
-
-
-_NEVER: Counted = 0, 0, None
-
-
-def evidence_of(trace: JudgedTrace, *, satisfied: bool) -> Evidence[Any]:
-    """Return the evidence for the verdict on a trace."""
-    rows, vacuous = _rows(trace, implications(trace.formula), satisfied=satisfied)
-    never = satisfied and bool(rows) and not any(counted[1] for _, counted, _ in rows)
-    asked = (trace.triggers(text, counted, vacuous=alone) for text, counted, alone in rows)
-    return Evidence(tuple(asked), vacuous, never)
-
-
-def _rows(
-    trace: JudgedTrace, counted: Sequence[Formula], *, satisfied: bool
-) -> tuple[list[tuple[str, Counted, bool]], bool]:
-    """Return text, count and vacuity of each implication, and the vacuity of all together."""
-    if not counted:
-        return [], False
-    places = trace.reads()
-    rows, redundant = [], []
-    for implication in counted:
-        every, needed = places[implication]
-        text = text_of(implication)
-        if not every:
-            rows.append((text, _NEVER, satisfied))
-            redundant.append(True)
-            continue
-        opposite = trace.opposite(cast("Formula", implication.args[0]))
-        count = opposite.fails_at(every)
-        vacuous = False
-        if satisfied:
-            _, answers, _ = count if needed == every else opposite.fails_at(needed)
-            vacuous = not answers
-            # If the left side fails, the right side does not matter.
-            redundant.append(not count[1] and not trace.hides and opposite.holds_at(every))
-            if vacuous and not redundant[-1]:
-                vacuous = trace.satisfied_without((implication,))
-        rows.append((text, count, vacuous))
-    # More false right sides satisfy less.
-    vacuous = satisfied and all(alone for _, _, alone in rows)
-    if vacuous and len(rows) > 1 and not all(redundant):
-        vacuous = trace.satisfied_without(counted)
-    return rows, vacuous

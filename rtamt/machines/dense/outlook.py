@@ -119,7 +119,7 @@ class PythonDenseSigns:
         end: End,
         terms: FindBoth = (term_columns, term_ranges),
     ) -> None:
-        counted = reader.counted(given, [-np.inf] * len(given), None)
+        counted = reader.counted(given)
         rows = rows_between(regions, counted, trace, reader, terms)
         last = self._last = 2 * (trace[1] - trace[0])
         _, *bounds = with_robustness(regions.program, rows, last, end)

@@ -185,20 +185,6 @@ class RegionRows(NamedTuple):
         return RegionRows(self.positions[first:after], [a[first:after] for a in self.terms])
 
 
-def rows_of(
-    regions: RegionProgram, given: Sequence[Given], reader: EventReader, terms: FindBoth
-) -> tuple[int, int, list[RegionRows]]:
-    """Return the first tick of a whole trace, its last position, and the terms."""
-    columns, dated = reader.counted(given, [-math.inf] * len(given), None)
-    begin = max(int(ticks[0]) for ticks, _ in columns)
-    last = min(int(ticks[-1]) for ticks, _ in columns)
-    return (
-        begin,
-        2 * (last - begin),
-        rows_between(regions, (columns, dated), (begin, last), reader, terms),
-    )
-
-
 def rows_between(
     regions: RegionProgram,
     counted: tuple[Sequence[TimedColumn], Dated],
@@ -206,7 +192,7 @@ def rows_between(
     reader: EventReader,
     terms: FindBoth,
 ) -> list[RegionRows]:
-    """Return the terms of `rows_of` between two ticks, from counted events."""
+    """Return the terms of a whole trace between two ticks, from counted events."""
     columns, dated = counted
     begin, last = trace
     events = [Waiting() for _ in columns]
@@ -227,7 +213,7 @@ def unknown_of(given: Sequence[Given], reader: EventReader) -> tuple[str, ...]:
         values.ndim > 1 or np.isnan(values).any() for _, values, _ in given
     ):
         return ()
-    columns, _ = reader.counted(given, [-math.inf] * len(given), None)
+    columns, _ = reader.counted(given)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     last = min(int(ticks[-1]) for ticks, _ in columns)
     names = []
