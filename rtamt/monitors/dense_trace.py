@@ -19,7 +19,7 @@ from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS, BackendName
 from rtamt.machines.dense.outlook import DenseOutlook, with_robustness
-from rtamt.machines.dense.rows import RegionRows, rows_between, unknown_of
+from rtamt.machines.dense.rows import RegionRows, rows_of, unknown_of, values_between
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import DenseSigns, End
 from rtamt.machines.readout import verdict_of
@@ -194,7 +194,7 @@ class DenseTrace:
         reader = self._reader.of(regions)
         counted = reader.counted(self._events_of(regions))
         terms = self._machines.term_columns, self._machines.term_ranges
-        return rows_between(regions, counted, self._span, reader, terms)
+        return rows_of(regions.program, values_between(counted, self._span), reader, terms)
 
     def _regions_of(self, formula: Formula, interface: Interface) -> RegionProgram:
         """Return the program of a part, with the variables of the formula if it has none."""

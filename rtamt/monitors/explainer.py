@@ -21,7 +21,7 @@ import numpy as np
 from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.inputs.arrays import kind_of
 from rtamt.inputs.clock import shown
-from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
+from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import EventsLike
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
@@ -29,16 +29,9 @@ from rtamt.language.node import Node, node_text
 from rtamt.language.operators import Bounds, Operator
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
-from rtamt.machines.backend import BACKENDS
+from rtamt.machines.backend import BACKENDS, Factories
 from rtamt.machines.dense.outlook import with_robustness
-from rtamt.machines.dense.rows import (
-    FindBoth,
-    RegionRows,
-    TraceValues,
-    Waiting,
-    terms_of,
-    together,
-)
+from rtamt.machines.dense.rows import TraceValues, rows_of, values_between
 from rtamt.machines.dense.runs import clipped
 from rtamt.machines.offline import run_outputs
 from rtamt.machines.protocols import End
@@ -84,7 +77,6 @@ from rtamt.program.dense_lowering import MAX_TICKS, RegionProgram, compile_regio
 from rtamt.program.implications import operand_signs
 from rtamt.program.instructions import Const, Map, operands
 from rtamt.program.interface import Interface, PredicateValue
-from rtamt.program.placement import variants_of
 from rtamt.program.program import Program
 from rtamt.program.timing import Period, alignment, samples
 
@@ -594,9 +586,8 @@ def _explained_dense(
     regions = compile_regions(observed, program.resolution, interface=interface, named=True)
     if end - begin + regions.reach >= MAX_TICKS:
         reader.refuse_length(end - begin + regions.reach)
-    terms = machines.term_columns, machines.term_ranges
-    trace = _TraceEvents(columns, begin, end, dated)
-    run = _RegionRun(regions, names, terms, reader, trace, decision.end)
+    values = values_between((columns, dated), (begin, end))
+    run = _RegionRun(regions, names, values, reader, machines, decision.end)
     last = 2 * (end - begin)
     complete = decision.end == "complete"
     ahead = 0 if complete else places_ahead(specification.formula, run.bounds)
@@ -722,15 +713,6 @@ def _tick(time: object, reader: EventReader, begin: int, end: int, *, dated: boo
     return tick
 
 
-class _TraceEvents(NamedTuple):
-    """The events of every variable, and the ticks at which the trace begins and ends."""
-
-    columns: Sequence[TimedColumn]
-    begin: int
-    end: int
-    dated: Dated
-
-
 class _RegionRun:
     """Runs the formulas of a specification over the regions of a trace, each at its first use."""
 
@@ -738,22 +720,17 @@ class _RegionRun:
         self,
         regions: RegionProgram,
         names: Mapping[str, Formula],
-        terms: FindBoth,
+        values: TraceValues,
         reader: EventReader,
-        trace: _TraceEvents,
+        machines: Factories,
         end: End,
     ) -> None:
         self._program, self._bounds = regions.program, regions.bounds
         outputs = regions.program.outputs
         self._registers: dict[Node, int] = {f: outputs[name] for name, f in names.items()}
         self._unneeded = _unneeded(regions.program)
-        self._terms, self._reader = terms, reader
-        waiting = [Waiting() for _ in trace.columns]
-        for events, column in zip(waiting, trace.columns, strict=True):
-            events.extend(column)
-        self._values = TraceValues(*together(waiting, trace.begin, trace.end), trace.dated)
-        self._begin, self._last = trace.begin, 2 * (trace.end - trace.begin)
-        self._end = end
+        self._values, self._reader, self._end = values, reader, end
+        self._terms = machines.term_columns, machines.term_ranges
         self._signals: dict[int, tuple[RobustnessSignal, RobustnessSignal]] = {}
 
     def bounds(self, formula: Formula) -> Bounds:
@@ -773,19 +750,16 @@ class _RegionRun:
             unknown = RobustnessSignal(np.array([math.nan]), np.zeros(1, np.int64))
             return unknown, unknown
         part = self._program.restricted(register, {})
-        places = 2 * (self._values.ticks - self._begin)
-        tables = terms_of(variants_of(part), self._terms, self._reader, self._values)
-        rows = [RegionRows(places, table) for table in tables]
-        _, *bounds = with_robustness(part, rows, self._last, self._end)
+        rows = rows_of(part, self._values, self._reader, self._terms)
+        last = 2 * (self._values.last - self._values.begin)
+        _, *bounds = with_robustness(part, rows, last, self._end)
         if self._end == "complete":
-            runs = clipped(bounds[1], 0, self._last)
+            runs = clipped(bounds[1], 0, last)
             signal = RobustnessSignal(runs.last, runs.starts)
             return signal, signal
         seen = part.result < part.terms and not isinstance(part.instructions[part.result], Const)
         if seen:  # a predicate, which is unknown after the trace
-            low, high = (
-                unseen_from(self._last + 1, b, v) for b, v in zip(bounds, UNSEEN, strict=True)
-            )
+            low, high = (unseen_from(last + 1, b, v) for b, v in zip(bounds, UNSEEN, strict=True))
             return low, high
         low, high = (RobustnessSignal(runs.last, runs.starts) for runs in bounds)
         return low, high

@@ -301,7 +301,7 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
 
     def _rows(self, begin: int, end: int, dated: Dated) -> list[RegionRows]:
         """Return the terms at all new times for each of the registers; changes nothing."""
-        trace = TraceValues(*together(self._waiting, begin, end), dated)
+        trace = TraceValues(begin, end, *together(self._waiting, begin, end), dated)
         terms = terms_of(self._programs, (self._find, self._ranges), self.reader, trace)
         if self._greatest and len(terms) == len(self._readings):
             terms.append(terms[-1])

@@ -11,7 +11,7 @@ from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
 from rtamt.machines.dense.episode import Regions
 from rtamt.machines.dense.regions import CUT, CUT_LOWER, CUT_UPPER, LOWER, NOW, UPPER, WORLDS
-from rtamt.machines.dense.rows import FindBoth, RegionRows, rows_between
+from rtamt.machines.dense.rows import FindBoth, RegionRows, rows_of, values_between
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import End
 from rtamt.machines.segments import FOREVER, PlaceRuns
@@ -120,7 +120,7 @@ class PythonDenseSigns:
         terms: FindBoth = (term_columns, term_ranges),
     ) -> None:
         counted = reader.counted(given)
-        rows = rows_between(regions, counted, trace, reader, terms)
+        rows = rows_of(regions.program, values_between(counted, trace), reader, terms)
         last = self._last = 2 * (trace[1] - trace[0])
         _, *bounds = with_robustness(regions.program, rows, last, end)
         self._least, self._greatest = (clipped(bound, 0, last) for bound in bounds)

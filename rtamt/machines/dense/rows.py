@@ -18,7 +18,6 @@ from rtamt.inputs.samples import in_between
 from rtamt.machines.dense.runs import Positions
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import FindRanges, FindTerms
-from rtamt.program.dense_lowering import RegionProgram
 from rtamt.program.placement import variants_of
 from rtamt.program.program import Program
 
@@ -185,26 +184,39 @@ class RegionRows(NamedTuple):
         return RegionRows(self.positions[first:after], [a[first:after] for a in self.terms])
 
 
-def rows_between(
-    regions: RegionProgram,
-    counted: tuple[Sequence[TimedColumn], Dated],
-    trace: tuple[int, int],
-    reader: EventReader,
-    terms: FindBoth,
-) -> list[RegionRows]:
-    """Return the terms of a whole trace between two ticks, from counted events."""
+class TraceValues(NamedTuple):
+    """The values of all variables at the ticks of events, each numbers or pairs of ends."""
+
+    begin: int
+    last: int
+    ticks: Ticks
+    values: Sequence[Floats]
+    dated: Dated
+
+
+def values_between(
+    counted: tuple[Sequence[TimedColumn], Dated], trace: tuple[int, int]
+) -> TraceValues:
+    """Return the values of a whole trace between two ticks, from counted events."""
     columns, dated = counted
     begin, last = trace
     events = [Waiting() for _ in columns]
     for waiting, column in zip(events, columns, strict=True):
         waiting.extend(column)
-    ticks, at_ticks = together(events, begin, last)
+    ticks, values = together(events, begin, last)
     if not len(ticks) or ticks[0] > begin:  # the trace begins with an event of another variable
         ticks = np.concatenate([[begin], ticks])
-        at_ticks = [values_at(ticks, waiting.upto(last)) for waiting in events]
-    values = TraceValues(ticks, at_ticks, dated)
-    tables = terms_of(variants_of(regions.program), terms, reader, values)
-    return [RegionRows(2 * (values.ticks - begin), table) for table in tables]
+        values = [values_at(ticks, waiting.upto(last)) for waiting in events]
+    return TraceValues(begin, last, ticks, values, dated)
+
+
+def rows_of(
+    program: Program, trace: TraceValues, reader: EventReader, terms: FindBoth
+) -> list[RegionRows]:
+    """Return the terms of a program over a trace; see `terms_of`."""
+    positions = 2 * (trace.ticks - trace.begin)
+    tables = terms_of(variants_of(program), terms, reader, trace)
+    return [RegionRows(positions, table) for table in tables]
 
 
 def unknown_of(given: Sequence[Given], reader: EventReader) -> tuple[str, ...]:
@@ -222,14 +234,6 @@ def unknown_of(given: Sequence[Given], reader: EventReader) -> tuple[str, ...]:
         if not_known(values[first - 1 : after]).any():
             names.append(name)
     return tuple(names)
-
-
-class TraceValues(NamedTuple):
-    """The values of all variables at some ticks, each numbers or pairs of ends."""
-
-    ticks: Ticks
-    values: Sequence[Floats]
-    dated: Dated
 
 
 class _Refusal(NamedTuple):
