@@ -20,7 +20,7 @@ between fields. A missing field is ``-``, a flag is 0 or 1, and numbers are writ
 ``derived FUNCTION A B``                   a number that follows from parameters; the i-th is ``$i``
 ``episodes READINGS``                      before them: how many episodes are of the specification;
                                            two with neutral predicates, which are -0.0 in the first
-                                           and 0.0 in the second (`rtamt.machines.episode.variants`)
+                                           and 0.0 in the second (`rtamt.machines.episode.machine`)
 ``episode``                                an `EncodedEpisode` begins: the specification's, then one
                                            for each named formula that no monitor can wait for
 ``sample-row`` and the fields of a row     `DiscreteRow`: terms of an episode, rows of a monitor

@@ -29,13 +29,13 @@ from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.machine import PythonDenseMachine
 from rtamt.machines.dense.outlook import PythonDenseSigns
 from rtamt.machines.discrete import PythonDiscreteMachine
-from rtamt.machines.episode.variants import PythonEpisodeVariants
+from rtamt.machines.episode.machine import PythonEpisodeVariants
 from rtamt.machines.protocols import (
+    Bank,
     ClockBank,
     DenseEpisodeMachine,
     DenseMachine,
     DenseSigns,
-    DiscreteBank,
     DiscreteMachine,
     End,
     EpisodeBank,
@@ -102,7 +102,7 @@ class Factories:
     dense_signs: Callable[
         [RegionProgram, EventReader, Sequence[Given], tuple[int, int], End], DenseSigns
     ]
-    discrete_bank: Callable[[Program, int, LaneReader], DiscreteBank]
+    discrete_bank: Callable[[Program, int, LaneReader], Bank]
     episode_bank: Callable[[Program, int, LaneReader], EpisodeBank]
     clock_bank: Callable[[Sequence[OperatorClock], int, int], ClockBank]
     clock: Callable[[DenseProgram], Clock]

@@ -13,7 +13,7 @@ from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.lanes import LaneReader, Lanes
 from rtamt.inputs.samples import ends_of, in_between
 from rtamt.machines.discrete import PythonDiscreteMachine
-from rtamt.machines.episode.variants import PythonEpisodeVariants
+from rtamt.machines.episode.machine import PythonEpisodeVariants
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdicts_of
 from rtamt.machines.state import StateFields

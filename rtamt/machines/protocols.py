@@ -9,7 +9,7 @@ if the two differ, the C++ machine is wrong.
 `EpisodeMachine`     bounds the robustness of an episode: `rtamt.machines.episode.machine`
 `DenseMachine`       runs a program on events over dense time: `rtamt.machines.dense.machine`
 `DenseSigns`         where a formula fails on a trace in dense time: `rtamt.machines.dense.outlook`
-`DiscreteBank`       a batch of discrete machines: `rtamt.machines.bank`
+`Bank`               a batch of discrete machines: `rtamt.machines.bank`
 `EpisodeBank`        a batch of episode machines: `rtamt.machines.bank`
 `ClockBank`          a batch of clocks of temporal operators: `rtamt.machines.clocks`
 ===================  ========================================================================
@@ -21,8 +21,8 @@ every kind of instruction and names its changing fields in ``STATE``, and a fiel
 To add an end mode, such as ``end="cut"``: add its name to `End`, and decide in
 `rtamt.program.instructions.Window` how windows read unseen samples. Then give it a meaning in
 
-- `rtamt.machines`: ``bounds``, ``walk``, ``episode/machine``, ``episode/variants``,
-  ``dense/episode`` and ``dense/outlook``;
+- `rtamt.machines`: ``bounds``, ``walk``, ``episode/machine``, ``dense/episode`` and
+  ``dense/outlook``;
 - ``rtamt/native``: ``core/end.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
   ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``lockstep/columns.cpp`` and
   ``lockstep/variants.cpp``;
@@ -327,10 +327,6 @@ class ClockBank(Protocol):
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None: ...
     def state(self) -> MachineState: ...
     def restore(self, state: MachineState) -> None: ...
-
-
-class DiscreteBank(Bank, Protocol):
-    """A batch of discrete machines."""
 
 
 class EpisodeBank(Bank, Protocol):

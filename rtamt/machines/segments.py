@@ -93,6 +93,18 @@ def _changes(flags: Flagged) -> PlaceNumbers:
     return np.concatenate([np.zeros(1, np.int64), changes]) if flags[0] else changes
 
 
+class UnseenPlace(NamedTuple):
+    """A place after the trace at which a formula fails for certain.
+
+    Attributes:
+        place: The place.
+        robustness: The largest possible robustness there.
+    """
+
+    place: int
+    robustness: float
+
+
 class Minima(NamedTuple):
     """The minimum in each of some runs.
 

@@ -23,10 +23,10 @@ from rtamt.machines.dense.rows import RegionRows, rows_of, unknown_of, values_be
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import DenseSigns, End
 from rtamt.machines.readout import verdict_of
-from rtamt.machines.segments import PlaceNumbers, Segments
+from rtamt.machines.segments import PlaceNumbers, Segments, UnseenPlace
 from rtamt.monitors.options import CompiledEvents
-from rtamt.monitors.trace import TraceClock, TraceRegisters, UnseenPlace
 from rtamt.monitors.triggers import DenseTriggerCount, reads_hidden
+from rtamt.monitors.unrecorded import TraceClock, TraceRegisters
 from rtamt.program.algebra import ordered
 from rtamt.program.bodies import body_reads, with_one_body
 from rtamt.program.dense_lowering import RegionProgram, compile_regions

@@ -14,7 +14,7 @@ from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
 from rtamt.language.operators import OPERATORS
 from rtamt.machines.protocols import End
-from rtamt.machines.segments import PlaceNumbers, PlaceRuns, SegmentRuns, Segments
+from rtamt.machines.segments import PlaceNumbers, PlaceRuns, SegmentRuns, Segments, UnseenPlace
 from rtamt.machines.walk import numbers_of
 from rtamt.monitors.dense_trace import DenseTrace
 from rtamt.monitors.evaluation import trace_between
@@ -37,7 +37,6 @@ from rtamt.monitors.options import (
     listed_in_signature,
 )
 from rtamt.monitors.sample_trace import SampleTrace
-from rtamt.monitors.trace import UnseenPlace
 from rtamt.monitors.triggers import text_of
 from rtamt.program.bodies import bodies
 from rtamt.program.implications import InstantRuns, implications

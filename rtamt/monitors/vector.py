@@ -13,7 +13,7 @@ from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.arrays import kind_of
 from rtamt.inputs.lanes import LaneReader
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.protocols import Bank, DiscreteBank, End, EpisodeBank
+from rtamt.machines.protocols import Bank, End, EpisodeBank
 from rtamt.monitors.online import (
     DirectUpdate,
     EpisodeValues,
@@ -103,7 +103,7 @@ class _Lockstep(DirectUpdate, Sampled[_B]):
         self._machine.reset(mask)
 
 
-class VectorMonitor(Late, _Lockstep[DiscreteBank]):
+class VectorMonitor(Late, _Lockstep[Bank]):
     """A `Monitor` of a batch: the robustness of ``num`` signals, late by the latency.
 
     Each batch entry has its own time: it behaves as a separate `Monitor`, also if masks leave out
@@ -138,7 +138,7 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
 
     __slots__ = {"update": _UPDATE.format(upper="", memory="")}
 
-    def _made(self, reader: LaneReader) -> DiscreteBank:
+    def _made(self, reader: LaneReader) -> Bank:
         limit_discrete(self.program, self.num)
         return BACKENDS[self.backend].discrete_bank(self.program, self.num, reader)
 

@@ -125,7 +125,7 @@ def _episode_needs(program: Program) -> int:
 
 
 def _machines(program: Program, *, unknown: bool) -> int:
-    """Return the number of machines of an episode; see `rtamt.machines.episode.variants`."""
+    """Return the number of machines of an episode; see `rtamt.machines.episode.machine`."""
     return 1 + program.neutral + unknown
 
 

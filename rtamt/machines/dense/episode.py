@@ -175,7 +175,7 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
 
     From the first unknown value on, twins of the last registers continue from their state: they
     take the largest values of all terms, and the others the smallest, as in
-    `rtamt.machines.episode.variants`.
+    `rtamt.machines.episode.machine`.
     """
 
     STATE = (

@@ -1,5 +1,5 @@
 // Episodes with neutral predicates or uncertain values, as up to three variants of one episode. The
-// definition is rtamt/machines/episode/variants.py.
+// definition is rtamt/machines/episode/machine.py.
 #pragma once
 
 #include <cmath>
