@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, Unpack
+from typing import Any, TypeVar, Unpack
 
 from rtamt.inputs.event_reader import EventReader
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import DenseEpisodeMachine, DenseMachine, End
 from rtamt.machines.readout import verdict_of
-from rtamt.monitors.online import DirectUpdate, MachineValue, NamedValues, Online, machine_value
+from rtamt.monitors.online import (
+    DirectUpdate,
+    EpisodeValues,
+    MachineValue,
+    NamedValues,
+    Online,
+    machine_value,
+)
 from rtamt.monitors.options import (
     EventOptions,
     Interpolation,
@@ -26,6 +33,8 @@ from rtamt.monitors.options import (
 from rtamt.monitors.verdict import Verdict
 from rtamt.program.dense_lowering import DenseProgram, compile_dense
 from rtamt.program.timing import Period
+
+_M = TypeVar("_M", DenseMachine, DenseEpisodeMachine)
 
 _UPDATE = """Take in new events, and return the breakpoints that they settle.
 
@@ -69,7 +78,34 @@ Raises:
 """
 
 
-class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]):
+class _Dense(DirectUpdate, Online[_M, DenseProgram]):
+    """A monitor of events."""
+
+    __slots__ = ()
+
+    def _arguments(self) -> dict[str, Any]:
+        return super()._arguments() | {"resolution": self.resolution}
+
+    @property
+    def resolution(self) -> Fraction:
+        """The length of a tick in seconds, exactly."""
+        return self.program.resolution
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables: in order of declaration, else of first appearance."""
+        return self.program.program.variables
+
+    finished: MachineValue[bool] = machine_value(
+        "finished", "Whether `finish` has ended the trace."
+    )
+
+    def reset(self) -> None:
+        """Forget every event."""
+        self._machine.reset()
+
+
+class DenseMonitor(NamedValues, _Dense[DenseMachine]):
     """A monitor of the robustness over dense time, from events at any times.
 
     Signals are right-continuous step functions: a value lasts until the variable's next event. The
@@ -135,23 +171,10 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
         self._runs(make(self.program, EventReader(self.program), observed))
         self.update = self._machine.update
 
-    def _arguments(self) -> dict[str, Any]:
-        return super()._arguments() | {"resolution": self.resolution}
-
-    @property
-    def resolution(self) -> Fraction:
-        """The length of a tick in seconds, exactly."""
-        return self.program.resolution
-
     @property
     def interpolation(self) -> Interpolation:
         """The value of a signal between events: ``"previous"``, the last one."""
         return "previous"
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of the variables: in order of declaration, else of first appearance."""
-        return self.program.program.variables
 
     @property
     def horizon(self) -> float:
@@ -176,9 +199,6 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
         "The time before which the robustness has been given: the least of the variables' last "
         "times, less `horizon`; -inf until every variable has an event; after `finish`, the end.",
     )
-    finished: MachineValue[bool] = machine_value(
-        "finished", "Whether `finish` has ended the trace."
-    )
 
     def finish(self) -> list[tuple[float, float]]:
         """End the trace, and return the remaining breakpoints.
@@ -193,16 +213,12 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
         """
         return self._machine.finish()
 
-    def reset(self) -> None:
-        """Forget every event."""
-        self._machine.reset()
-
     def __repr__(self) -> str:
         return f"<DenseMonitor of {self.specification.formula}, horizon {self.horizon:g}>"
 
 
 @described("max_gap")
-class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram]):
+class DenseEpisodeMonitor(EpisodeValues[float, bool], _Dense[DenseEpisodeMachine]):
     """A monitor of the robustness of a whole trace in dense time, with bounds as events come.
 
     The robustness is about the start of the trace, the first time when all variables are known;
@@ -270,28 +286,8 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
         self.update = self._machine.update
 
     def _arguments(self) -> dict[str, Any]:
-        options = {"resolution": self.resolution, "nan": self.nan, "max_gap": self.max_gap}
-        return super()._arguments() | options
+        return super()._arguments() | {"nan": self.nan, "max_gap": self.max_gap}
 
-    @property
-    def resolution(self) -> Fraction:
-        """The length of a tick in seconds, exactly."""
-        return self.program.resolution
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of the variables: in order of declaration, else of first appearance."""
-        return self.program.program.variables
-
-    robustness: MachineValue[float] = machine_value(
-        "robustness", "Robustness if the trace ended at `settled`; nan before there is one."
-    )
-    lower: MachineValue[float] = machine_value(
-        "lower", "The least robustness over all continuations and ends."
-    )
-    upper: MachineValue[float] = machine_value(
-        "upper", "The greatest robustness over all continuations and ends."
-    )
     settled: MachineValue[float] = machine_value(
         "settled",
         "The end of the trace so far: the least of the variables' last times; -inf until all "
@@ -301,9 +297,6 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
         "decided_at",
         "The first tick such that the trace up to it decides the verdict, whatever follows: a time "
         "of the kind of the events' times; None while there is none, and if the end decided.",
-    )
-    finished: MachineValue[bool] = machine_value(
-        "finished", "Whether `finish` has ended the trace."
     )
 
     @property
@@ -342,10 +335,6 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
             -1.0 -1.0 inf UNDECIDED
         """
         return self._machine.finish(checked_end(end))
-
-    def reset(self) -> None:
-        """Forget every event."""
-        self._machine.reset()
 
     def __repr__(self) -> str:
         return f"<DenseEpisodeMonitor of {self.specification.formula}, {self.verdict.name}>"
