@@ -55,12 +55,7 @@ Backend = Literal["auto", BackendName]
 
 
 class TraceFunctions(NamedTuple):
-    """The functions of a back-end on many traces: see `rtamt.machines.native`.
-
-    Attributes:
-        judge: ``(program, traces, end, threads)``.
-        count_failures: ``(program, traces, runs, threads)``.
-    """
+    """The functions of a back-end on many traces; `rtamt.machines.native` describes them."""
 
     judge: Callable[[Program, TraceSet, End, int], EpisodeRuns]
     count_failures: Callable[

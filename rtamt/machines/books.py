@@ -21,16 +21,9 @@ LaneValue = Literal["robustness", "lower", "upper"]
 class BankOutcomes(NamedTuple):
     """The outcomes of episodes so far: fresh arrays with a row per bank, a column per entry.
 
-    Attributes:
-        robustness: 0 without a sample.
-        verdicts: 1, -1 or 0; 0 without a sample.
-        settled_at: The sample that decided the verdict, or the last one if only the end did; -1
-            while it is open.
-        settled: Whether it is not open.
-        satisfied: Whether the verdict is 1.
-        by_end: Whether the verdict is -1 at a robustness that holds.
-        success: Whether all verdicts of the entry are 1; of shape (entries,).
-        undecided: Whether one of them is 0; of shape (entries,).
+    Robustness and verdict are 0 without a sample. ``settled_at`` is the sample that decided the
+    verdict, or the last one if only the end did; -1 while it is open. ``by_end`` marks a verdict of
+    -1 at a robustness that holds. ``success`` and ``undecided`` have one value per entry.
     """
 
     robustness: Floats
@@ -53,24 +46,10 @@ dimension of the values counts entries. ``there`` states which elements exist, N
 
 @dataclass(frozen=True, slots=True)
 class BookFunctions:
-    """The functions of a back-end on banks of equal size.
+    """The functions of a back-end on banks of equal size; `VerdictBook` describes their results.
 
     In a log, a row belongs to a bank and a column to an entry; other arrays have one value per
-    entry.
-
-    Attributes:
-        feed: ``(banks, columns, table, mask)``: updates each bank with its columns of a table.
-        least: ``(banks, value, failed)``: the minimum over the banks, with -0.0 where ``failed``
-            and nan for entries without a sample.
-        finish: ``(banks, mask, end)``: ends the episodes of the mask.
-        note: ``(banks, mask, settled_at, violated, failed, first, violated_at)``: writes the new
-            verdicts in entries of the mask.
-        forget: ``(mask, settled_at, violated, failed, first, violated_at)``.
-        outcomes: ``(banks, lanes, failed, settled_at)``: the outcomes of the entries with these
-            numbers.
-        spread: ``(columns, lanes, num)``: writes arrays of all num entries from values of those
-            with these numbers.
-        reset: ``(banks, mask)``: resets the entries of the mask.
+    entry. ``least`` is the minimum over the banks: -0.0 where ``failed``, nan without a sample.
     """
 
     feed: Callable[[Banks, Sequence[tuple[int, ...]], Floats, Lanes | None], None]

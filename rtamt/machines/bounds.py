@@ -24,17 +24,8 @@ from rtamt.program.program import Program
 class TraceBounds:
     """Bounds of the robustness at the first sample of a trace, however it ends.
 
-    Args:
-        worst: The program for the lower bound.
-        best: The program for the upper bound and the robustness; another one with neutral
-            predicates.
-        least: The n smallest values of each predicate.
-        greatest: The largest ones; the same object if all are known.
-        n: Length of the trace, 1 or more.
-        fold_pairs: See `rtamt.machines.walk.Walk`.
-
-    Attributes:
-        split: The program for the lower bound.
+    The programs for the lower and the upper bound differ only with neutral predicates. ``least``
+    and ``greatest`` are the values of each predicate, one object if all are known.
     """
 
     def __init__(
@@ -208,13 +199,10 @@ def _extended(values: Keys, length: int) -> Keys:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SplitProgram:
-    """A program for bounds.
+    """A program for bounds, in two parts: the variables of its formulas are its predicates.
 
-    Attributes:
-        predicates: Computes the predicates, and opposites of predicates, as its outputs.
-        formulas: The rest; its variables are those outputs.
-        exact: The same registers, with bounds that are not cut to the trace.
-        needed: Samples that the bounds depend on; None: all.
+    ``exact`` has the registers of the formulas with bounds that are not cut to the trace; the
+    bounds depend on ``needed`` samples, or on all.
     """
 
     predicates: Program

@@ -83,17 +83,10 @@ def judge_traces(program: Program, traces: TraceSet, end: End, threads: int) -> 
 def count_failures(
     program: Program, traces: TraceSet, runs: SampleRuns, threads: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Count in each trace the samples of its runs at which a program fails.
+    """Count in each trace the samples of its runs at which a program without latency fails.
 
-    Args:
-        program: A program without latency.
-        traces: The traces.
-        runs: The samples to count in each trace.
-        threads: The number of threads.
-
-    Returns:
-        The number of samples, which is -1 if a value or a term of the trace is nan, the number of
-        starts, and the first sample or -1.
+    Return the number of samples, -1 if a value or a term of the trace is nan, the number of starts,
+    and the first sample or -1.
     """
     rows, terms, variables, result = encoded_discrete(program)
     ends, first, last, class_of = runs

@@ -131,12 +131,8 @@ class EpisodeMachine(SampleMachine, Protocol):
 class EpisodeRun(NamedTuple):
     """The result of an episode machine for a whole trace.
 
-    Attributes:
-        robustness: The robustness, inside the bounds.
-        complete: The robustness of the complete trace.
-        lower: The smallest robustness that the end mode leaves possible.
-        upper: The largest.
-        decided_at: The first sample after which the verdict was decided; None if never.
+    ``complete`` is the robustness of the complete trace; ``robustness`` is inside the bounds.
+    ``decided_at`` is the first sample after which the verdict was decided; None if never.
     """
 
     robustness: float
@@ -165,16 +161,10 @@ class TraceSet(NamedTuple):
 
 
 class EpisodeRuns(NamedTuple):
-    """The results of an episode machine for many traces: `EpisodeRun` with arrays.
+    """`EpisodeRun` for many traces, with -1 for never.
 
-    Attributes:
-        robustness: The robustness of each trace.
-        complete: The robustness of each complete trace.
-        lower: The lower bounds.
-        upper: The upper bounds.
-        decided_at: The first samples that decide; -1 for never.
-        refused: Whether the machine refuses a trace, because a value or a term is nan; the other
-            attributes then have no meaning.
+    The machine refuses a trace with a nan or a term that is one; then the other numbers have no
+    meaning.
     """
 
     robustness: NDArray[np.float64]
@@ -188,11 +178,7 @@ class EpisodeRuns(NamedTuple):
 class SampleRuns(NamedTuple):
     """Runs of samples for several classes of traces, all as int64.
 
-    Attributes:
-        ends: Class c has the runs ``ends[c]`` to ``ends[c + 1] - 1``.
-        first: The first sample of each run.
-        last: The last sample of each run.
-        class_of: The class of each trace.
+    Class c has the runs ``ends[c]`` to ``ends[c + 1] - 1``; ``class_of`` has each trace's class.
     """
 
     ends: NDArray[np.int64]
@@ -229,17 +215,10 @@ class DenseMachine(Stateful, Protocol):
 
 
 class DenseEpisodeMachine(Stateful, Protocol):
-    """Bounds the robustness at the start of a trace from events; its future may have no end.
+    """Bounds the robustness at the start of a trace from events, as `EpisodeMachine`.
 
-    Attributes:
-        robustness: The robustness if the trace ended at the last time at which all is known.
-        lower: The smallest robustness over all continuations and ends.
-        upper: The largest robustness over all continuations and ends.
-        settled: The last time at which all variables are known; -inf before there is one.
-        span: The first and the last tick of the trace.
-        decided_at: The first time after which the bounds have one sign bit; None if never.
-        finished: Whether the trace has ended.
-        update: Takes new events; returns the robustness.
+    ``settled`` is the last time at which all variables are known, or -inf, and ``span`` the first
+    and the last tick of the trace. The bounds have one sign bit after ``decided_at``.
     """
 
     @property

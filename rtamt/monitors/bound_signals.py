@@ -43,12 +43,7 @@ class NoSingleCause(Exception):  # noqa: N818 - no error for users
 
 
 class DecidingBound(NamedTuple):
-    """The bound that an explanation follows.
-
-    Attributes:
-        end: The end mode.
-        best: Whether it is the upper bound; otherwise, it is the lower bound.
-    """
+    """The bound that an explanation follows: the upper one if ``best`` is true."""
 
     end: End
     best: bool
@@ -77,15 +72,7 @@ def unseen_from(place: int, runs: Runs, value: float) -> RobustnessSignal:
 
 @dataclass(frozen=True, slots=True)
 class SampleBounds:
-    """The bounds of the formulas of a specification over samples.
-
-    Attributes:
-        specification: The specification.
-        interface: What predicates count.
-        period: Seconds between samples, or None.
-        align: The rounding of bounds to whole samples.
-        end: The end mode.
-    """
+    """The bounds of the formulas of a specification over samples."""
 
     specification: Specification
     interface: Interface
@@ -103,12 +90,8 @@ class SampleBounds:
     ) -> BoundSignal:
         """Return the bounds of formulas, each computed at its first use.
 
-        Args:
-            program: The program of the specification.
-            columns: The values of its variables.
-            lengths: The number of samples, and of places after them.
-            machine: The back-end, and how it reads nan.
-            known: The robustness on the complete trace; nan for a formula that is not needed.
+        ``lengths`` are the numbers of samples and of places after them. ``known`` has the
+        robustness on the complete trace; nan for a formula that is not needed.
         """
         n, ahead = lengths
         if ahead > _MAX_AHEAD:

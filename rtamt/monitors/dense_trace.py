@@ -142,12 +142,7 @@ class DenseTrace:
         return self._regions.bounds(formula)
 
     def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
-        """Return the values of a part of the formula over the trace.
-
-        Args:
-            formula: The part.
-            standard: Whether it is evaluated by standard semantics, as left sides are.
-        """
+        """Return the values of a part of the formula, by standard semantics as left sides are."""
         last = self.extent.last
         runs = self._runs(formula, standard=standard)
         if all(bound is runs[0] for bound in runs):
@@ -158,12 +153,7 @@ class DenseTrace:
         return Segments.of(both.starts, last, *map(ordered, both.values))
 
     def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
-        """Return the first place after the trace at which a body fails for certain.
-
-        Args:
-            body: The body, which fails at no place of the trace.
-            instants: The places at which the formula reads it.
-        """
+        """Return the first place after the trace at which a body fails that fails at none of it."""
         last = self.extent.last
         if self._end != "cut" or instants[-1][1] <= last:
             return None

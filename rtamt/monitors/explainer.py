@@ -84,14 +84,7 @@ from rtamt.program.timing import Period, alignment, samples
 class Visit(NamedTuple):
     """A formula at a place, on the path from a specification to the cause.
 
-    Attributes:
-        formula: The formula.
-        name: Its name in the specification, or None.
-        text: The formula as text; named formulas inside it are shown by their names.
-        place: The place at which it is evaluated.
-        origin: The origin of its value there.
-        reading: What it counts under the semantics, if it is a predicate.
-        best: Whether its value is its upper bound; otherwise, it is its lower bound.
+    Its value is its upper bound if ``best`` is true; otherwise, it is its lower bound.
     """
 
     formula: Formula
@@ -106,14 +99,7 @@ class Visit(NamedTuple):
 class Share(NamedTuple):
     """A formula whose sign from a first to a last place contributes to a violation.
 
-    Attributes:
-        formula: The formula.
-        role: ``"held"``: it holds; ``"missing"``: it fails where it could have prevented the
-            violation; ``"broken"``: it fails, and had to hold on a stretch of places.
-        first: The first place.
-        last: The last place.
-        best: Whether the sign is that of the upper bound; see `Visit`.
-        outside: First and last place of its window if that lies outside the trace; see `Origin`.
+    ``role`` is as in `Contribution`, ``best`` as in `Visit`, and ``outside`` as in `Origin`.
     """
 
     formula: Formula
@@ -127,16 +113,9 @@ class Share(NamedTuple):
 class FormulaSignals:
     """The robustness of all formulas of a specification on a trace, and where it comes from.
 
-    Args:
-        specification: The specification.
-        interface: What predicates count.
-        signal: Returns the robustness of a formula over the trace, or a bound of it: the upper
-            one if its second argument is true. On a complete trace both are the robustness.
-        bounds: Returns the bounds of an operator in places.
-        last: The last place of the trace.
-        dense: Whether places are regions of dense time.
-        best: Whether the upper bound of the specification is explained.
-        ahead: The number of places after the trace that signals cover; see `BoundSignals`.
+    ``signal`` returns a bound of a formula over the trace and ``ahead`` places after it: the upper
+    one if its second argument is true. On a complete trace both bounds are the robustness. ``best``
+    states that the upper bound of the specification is explained.
     """
 
     def __init__(

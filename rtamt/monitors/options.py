@@ -65,13 +65,7 @@ class EventOptions(Options, total=False):
 
 
 class MonitorOption(NamedTuple):
-    """An option of monitors and evaluations.
-
-    Attributes:
-        default: Its default.
-        choices: Its choices; empty if it takes other values.
-        about: The text that describes it.
-    """
+    """An option of monitors and evaluations; without ``choices`` it takes other values."""
 
     default: object
     choices: tuple[object, ...]
@@ -165,12 +159,7 @@ def compiled(
 ) -> Compiled:
     """Check the options of a monitor or an evaluation of samples, and compile its specification.
 
-    Args:
-        caller: What was called with the options, for the error of an unknown one.
-        spec: Text, a formula, or a parsed specification.
-        period: Seconds between samples; None: bounds are numbers of samples.
-        options: The keywords of the call.
-        online: Whether a future without an end is refused; see `Program.online`.
+    The error of an unknown option names the caller. ``online`` refuses a future without an end.
     """
     settings: SampleOptions = {**_SAMPLE_DEFAULTS, **options}
     if len(settings) > len(_SAMPLE_DEFAULTS):

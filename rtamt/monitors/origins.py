@@ -170,19 +170,10 @@ def origin_of(
     dense: bool = False,
     earliest: bool = False,
 ) -> Origin:
-    """Return the origin of the value of a formula at a place.
+    """Return the origin of the value of a formula at a place; of equal values, the first one.
 
-    Where values are equal, the first operand counts, and its first place.
-
-    Args:
-        row: The operator at the root of the formula.
-        bounds: Its bounds in places, if it has any.
-        operands: The robustness of each operand.
-        last: The last place of the trace.
-        place: Where the formula is evaluated.
-        dense: Whether places are regions of dense time; otherwise, they are samples.
-        earliest: Where an operand had to hold on a stretch, its parts name the first place at
-            which it fails, instead of the place with the smallest value.
+    ``earliest``: where an operand had to hold on a stretch, its parts name the first place at which
+    it fails, instead of the place with the smallest value.
     """
     definition = _Definition(operands, last, dense=dense, earliest=earliest)
     return definition.origin(row, bounds, place)

@@ -87,15 +87,9 @@ class TraceClock(NamedTuple):
 class TraceRegisters:
     """The registers of a program over a trace that goes on.
 
-    Attributes:
-        program: The program, whose windows may be limited to the trace.
-        clock: The clock of the trace.
-        last: The last place of the trace.
-        beyond: The first place after the recorded time.
-        cut: Whether the trace was cut; otherwise, anything may follow.
-        undecided: Returns the places at which a register may have either sign.
-        reach: Returns the formula of a window, and its first and last place relative to its own;
-            None without a last place.
+    ``beyond`` is the first place after the recorded time. ``undecided`` returns the places at which
+    a register may have either sign. ``reach`` returns the formula of a window, and its first and
+    last place relative to its own; None without a last place.
     """
 
     program: Program

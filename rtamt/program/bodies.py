@@ -47,13 +47,7 @@ def bodies(formula: Formula) -> tuple[Formula, ...]:
 def body_reads(
     formula: Formula, bounds: Callable[[Node], Bounds], span: TraceSpan
 ) -> Mapping[Formula, InstantRuns]:
-    """Return the instants of a trace where a formula reads each of its bodies.
-
-    Args:
-        formula: The formula, which is read at instant 0.
-        bounds: Returns the bounds of an operator.
-        span: The instants of the trace. Instants after it are part of the result.
-    """
+    """Return the instants, also after the trace, at which a formula read at 0 reads its bodies."""
     runs: dict[Node, list[tuple[int, float]]] = {formula: [(0, 0)]}
     for node in reversed([*formula.nodes()]):
         if node not in runs or node.op not in _DIVIDES:

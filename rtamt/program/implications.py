@@ -35,11 +35,8 @@ starts, and the first instant or None. A start of the trace counts.
 class _Step(NamedTuple):
     """The instants that an operator reads from an instant: offsets lo to hi; None is no bound.
 
-    Attributes:
-        lo: Smallest offset, in samples or ticks.
-        hi: Largest offset.
-        begin: The offset at which the window of a future operator without an end starts.
-        open_end: Whether the offset farthest from 0 is excluded.
+    ``begin`` is the offset at which the window of a future operator without an end starts;
+    ``open_end`` excludes the offset farthest from 0.
     """
 
     lo: int | None
@@ -50,13 +47,9 @@ class _Step(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Way:
-    """How the value of a register depends on an operand.
+    """How the value of a register depends on an operand, which is some steps away.
 
-    Attributes:
-        operand: The number of the operand.
-        steps: From the register to the operand.
-        positive: Whether the value rises with the operand; it falls otherwise.
-        chosen: Whether ``"min"`` and ``"max"`` choose it among other values.
+    The value rises or falls with it; ``chosen`` has the folds that choose it among other values.
     """
 
     operand: int
@@ -224,9 +217,7 @@ def _like(node: Node, args: tuple[Node, ...]) -> Node:
 class Reads(NamedTuple):
     """The instants at which a formula reads a part of it in positive position.
 
-    Attributes:
-        all: All of them.
-        needed: The instants at which the formula fails if the part does.
+    At the ``needed`` ones the formula fails if the part does.
     """
 
     all: InstantRuns
