@@ -20,6 +20,14 @@ Lanes = NDArray[np.bool_]
 """A mask of batch entries."""
 
 
+def numbers_of(mask: Lanes | None, num: int) -> Sequence[int]:
+    """Return the numbers of the batch entries in a mask; None: all."""
+    if mask is None:
+        return range(num)
+    lanes: list[int] = np.flatnonzero(mask).tolist()
+    return lanes
+
+
 class LaneReader:
     """Reads samples of many batch entries, and masks of the entries that take them.
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.between import UncertainValue
-from rtamt.inputs.lanes import LaneReader, Lanes
+from rtamt.inputs.lanes import LaneReader, numbers_of
 from rtamt.inputs.samples import ends_of, in_between
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.episode.machine import PythonEpisodeVariants
@@ -37,14 +37,8 @@ class _PythonBank(StateFields, Generic[_M]):
         return np.array([machine.samples for machine in self._machines], dtype=np.int64)
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        for lane in self._chosen(self._reader.mask(mask)):
+        for lane in numbers_of(self._reader.mask(mask), len(self._machines)):
             self._machines[lane].reset()
-
-    def _chosen(self, mask: Lanes | None) -> Sequence[int]:
-        if mask is None:
-            return range(len(self._machines))
-        lanes: list[int] = np.flatnonzero(mask).tolist()
-        return lanes
 
     def _each(self, name: str) -> Floats:
         return np.array([getattr(machine, name) for machine in self._machines], dtype=np.float64)
@@ -84,7 +78,7 @@ class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
         if named or _absent(values):
             return self._reader.update(self, values, mask, **named)
         table, chosen = self._reader.values(values), self._reader.mask(mask)
-        lanes = self._chosen(chosen)
+        lanes = numbers_of(chosen, len(self._machines))
         inputs = np.array([_inputs(m, table.shape[1]) for m in self._machines])
         table = self._reader.without_nan(table, chosen, self.samples, inputs)
         rows = table.tolist()
@@ -117,7 +111,7 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeVariants]):
         table = self._reader.values(values)
         above = None if upper is None else self._reader.values(upper)
         chosen = self._reader.mask(mask)
-        lanes = self._chosen(chosen)
+        lanes = numbers_of(chosen, len(self._machines))
         self._require_open(lanes)
         last = [_inputs(m, table.shape[1]) for m in self._machines]
         before = tuple(np.array([[ends_of(x)[i] for x in row] for row in last]) for i in (0, 1))
@@ -165,7 +159,7 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeVariants]):
         return np.array([machine.finished for machine in self._machines])
 
     def finish(self, mask: ArrayLike | None = None, end: End = "complete") -> Floats:
-        lanes = self._chosen(self._reader.mask(mask))
+        lanes = numbers_of(self._reader.mask(mask), len(self._machines))
         for lane in lanes:
             if self._machines[lane].samples == 0:
                 self._reader.refuse_finish(lane)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.arrays import Floats
-from rtamt.inputs.lanes import Lanes
+from rtamt.inputs.lanes import Lanes, numbers_of
 from rtamt.machines.state import StateFields
 
 ClockKind = Literal["oldest", "newest", "last"]
@@ -67,11 +67,11 @@ class PythonClockBank(StateFields):
 
     def feed(self, values: Floats, mask: Lanes | None = None) -> None:
         columns = values.T.tolist()
-        for lane in self._chosen(mask):
+        for lane in numbers_of(mask, len(self._lanes)):
             self._lanes[lane].feed(columns[lane])
 
     def reset(self, mask: Lanes | None = None) -> None:
-        for lane in self._chosen(mask):
+        for lane in numbers_of(mask, len(self._lanes)):
             self._lanes[lane].reset()
 
     @property
@@ -81,12 +81,6 @@ class PythonClockBank(StateFields):
     @property
     def margins(self) -> Floats:
         return _rows([lane.margins() for lane in self._lanes])
-
-    def _chosen(self, mask: Lanes | None) -> Sequence[int]:
-        if mask is None:
-            return range(len(self._lanes))
-        lanes: list[int] = np.flatnonzero(mask).tolist()
-        return lanes
 
 
 def _rows(columns: list[list[float]]) -> Floats:

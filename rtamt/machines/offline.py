@@ -13,17 +13,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rtamt.errors import InputError
+from rtamt.inputs.arrays import Floats
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import DiscreteMachine
 from rtamt.program.instructions import Instruction, Load, Window, latencies_of
 from rtamt.program.program import Program
-
-Array = NDArray[np.float64]
-
 
 _T = TypeVar("_T")
 
@@ -71,7 +66,7 @@ class Passes:
         self._backwards = plan.backwards
         self._names = tuple(program.outputs)
 
-    def run(self, columns: Sequence[Array], n: int) -> dict[str, Array]:
+    def run(self, columns: Sequence[Floats], n: int) -> dict[str, Floats]:
         """Return the named formulas at every sample of a trace."""
         known = list(columns)
         for args, fold in self._cut:
@@ -81,8 +76,8 @@ class Passes:
 
 
 def run_offline(
-    program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Array], n: int
-) -> Array:
+    program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Floats], n: int
+) -> Floats:
     """Return the robustness at every sample of a trace of n samples.
 
     The machine looks for nan on its way: a separate pass over the columns would double the cost.
@@ -92,7 +87,7 @@ def run_offline(
 
 
 def without_nan(
-    reader: SampleReader, columns: Sequence[Array], run: Callable[[Sequence[Array]], _T]
+    reader: SampleReader, columns: Sequence[Floats], run: Callable[[Sequence[Floats]], _T]
 ) -> _T:
     """Run a machine on columns, and again without nan if it meets one that the reader allows."""
     try:
@@ -105,8 +100,8 @@ def without_nan(
 
 
 def run_outputs(
-    program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Array], n: int
-) -> dict[str, Array]:
+    program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Floats], n: int
+) -> dict[str, Floats]:
     """Return the named formulas at every sample of a trace."""
     return Passes(program, reader, machine, n).run(columns, n)
 

@@ -41,11 +41,11 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rtamt.inputs.arrays import Floats
 from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.events import GivenLike
 from rtamt.program.implications import Counted, InstantRuns
 
-Floats = NDArray[np.float64]
 End = Literal["complete", "cut", "open"]
 """How a trace ends: complete, cut at an arbitrary time, or open to go on."""
 MachineState = Any

@@ -161,7 +161,7 @@ def evaluate_dense(
 def raw_trace(
     reader: SampleReader, data: TraceColumns, n: int | None, period: Period | None
 ) -> tuple[list[Floats], int]:
-    """Return what `whole_trace` returns, with every nan still in it."""
+    """Return the columns of a trace in the order of the variables, and its length, 1 or more."""
     columns, length = reader.columns(data, n=n, extra=True)
     _check_trace(reader, data, length, period)
     return columns, length
@@ -177,14 +177,6 @@ def trace_between(
     lower, upper, length = reader.between(data, n=n, extra=True)
     _check_trace(reader, data, length, period)
     return lower, upper, length
-
-
-def whole_trace(
-    reader: SampleReader, data: TraceColumns, n: int | None, period: Period | None
-) -> tuple[list[Floats], int]:
-    """Return the columns of a trace in the order of the variables, and its length, 1 or more."""
-    columns, length = raw_trace(reader, data, n, period)
-    return reader.without_nan(columns), length
 
 
 def _check_trace(

@@ -7,7 +7,6 @@ finds the operand and the place from which one formula at one place has its valu
 
 from __future__ import annotations
 
-import functools
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -44,7 +43,7 @@ from rtamt.monitors.bound_signals import (
     places_ahead,
     unseen_from,
 )
-from rtamt.monitors.evaluation import whole_trace
+from rtamt.monitors.evaluation import raw_trace
 from rtamt.monitors.explanation import (
     Cause,
     Contribution,
@@ -73,12 +72,13 @@ from rtamt.monitors.origins import (
     holds_by_sign,
     origin_of,
 )
+from rtamt.monitors.sample_trace import bounds_of_nodes
 from rtamt.program.dense_lowering import MAX_TICKS, RegionProgram, compile_regions
 from rtamt.program.implications import operand_signs
 from rtamt.program.instructions import Const, Map, operands
 from rtamt.program.interface import Interface, PredicateValue
 from rtamt.program.program import Program
-from rtamt.program.timing import Period, alignment, samples
+from rtamt.program.timing import Period, alignment
 
 
 class Visit(NamedTuple):
@@ -385,7 +385,8 @@ def _explained(
         explain, observed, period, options, online=False
     )
     reader = SampleReader(program, nan)
-    columns, length = whole_trace(reader, data, n, period)
+    columns, length = raw_trace(reader, data, n, period)
+    columns = reader.without_nan(columns)
     sample_index = _place(sample, length)
     # What the result does not need decides nothing, and may have no value.
     unneeded, unknown = _unneeded(program), RobustnessSignal(np.full(length, math.nan))
@@ -399,9 +400,7 @@ def _explained(
     }
     unit, align = specification.unit, options.get("align")
 
-    def bounds(formula: Formula) -> Bounds:
-        error = functools.partial(specification.error, formula)
-        return samples(formula.interval, seconds, unit, error, align)
+    bounds = bounds_of_nodes(specification, seconds, align)
 
     def aligned(formula: Formula) -> str | None:
         """Return what the interval of an operator became; None if its bounds fit."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NamedTuple, cast
@@ -12,7 +11,7 @@ import numpy as np
 
 from rtamt.language.formula import Formula
 from rtamt.language.interval import number_text
-from rtamt.monitors.verdict import holds, zero_text
+from rtamt.monitors.verdict import holds, rounded, wrapped, zero_text
 from rtamt.program.interface import PredicateValue
 from rtamt.renamed import OldName
 
@@ -187,7 +186,7 @@ class _Explained:
     @property
     def reason(self) -> str:
         """The deciding predicate, its time or sample, and the values there, in a phrase."""
-        values = " and ".join(f"{name} = {_number(value)}" for name, _, value in self.causes)
+        values = " and ".join(f"{name} = {rounded(value)}" for name, _, value in self.causes)
         return f"{self._decision}{f', where {values}' if values else ''}"
 
     @property
@@ -202,9 +201,9 @@ class _Explained:
         head = f"robustness {self._value_text(first, ',')} at {start}, {self._decision}"
         rows = [("at", "value", "formula"), *self._rows()]
         widths = [max(len(row[i]) for row in rows) for i in range(2)]
-        lines = [*_wrapped("", head), ""]
+        lines = [*wrapped(head), ""]
         for where, value, shown in rows:
-            lines += _wrapped(f"{where:>{widths[0]}}  {value:>{widths[1]}}  ", shown)
+            lines += wrapped(shown, f"{where:>{widths[0]}}  {value:>{widths[1]}}  ")
         return "\n".join(lines)
 
     def _rows(self) -> Iterator[tuple[str, str, str]]:
@@ -213,9 +212,9 @@ class _Explained:
             for note in self._notes(step):
                 yield "", "", f"  {note}"
         for variable, position, value in self.causes:
-            yield self._at(position), _number(value), variable
+            yield self._at(position), rounded(value), variable
         for part in self.contributions[:_MAX_SHOWN]:
-            yield self._at_step(part), _number(part.value), f"{part.role}: {_shown(part)}"
+            yield self._at_step(part), rounded(part.value), f"{part.role}: {_shown(part)}"
             first, last = part.window
             if first != last:
                 missing = part.role == "missing"
@@ -233,7 +232,7 @@ class _Explained:
     def _value_text(self, step: Any, ending: str = "") -> str:  # noqa: ANN401 - a step
         """Return a robustness; of 0 also whether the formula holds, which the sign bit tells."""
         if step.value or self.steps[-1].reading == "zero":
-            return _number(step.value)
+            return rounded(step.value)
         return f"{zero_text(held=holds(step.value))}{ending}"
 
     def _notes(self, step: Any) -> Iterator[str]:  # noqa: ANN401 - a step
@@ -362,19 +361,3 @@ _MAX_COUNT = 1e14
 def _shown(step: Any) -> str:  # noqa: ANN401 - a step or a circumstance
     text: str = step.text
     return text if step.name is None else f"{step.name} = {text}"
-
-
-def _number(value: float) -> str:
-    return f"{value + 0.0:.6g}"  # no -0
-
-
-def _wrapped(margin: str, text: str) -> list[str]:
-    return textwrap.wrap(
-        text,
-        width=80,
-        initial_indent=margin,
-        subsequent_indent=" " * (len(margin) + 4),
-        break_on_hyphens=False,
-        max_lines=3,
-        placeholder=" ...",
-    )

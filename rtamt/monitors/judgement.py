@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
@@ -30,7 +29,7 @@ from rtamt.monitors.options import (
 from rtamt.monitors.sample_trace import SampleTrace
 from rtamt.monitors.triggers import Evidence, text_of
 from rtamt.monitors.unrecorded import Unrecorded, unrecorded_of
-from rtamt.monitors.verdict import Verdict, holds, zero_text
+from rtamt.monitors.verdict import Verdict, holds, rounded, wrapped, zero_text
 from rtamt.program.memory import limit_beyond
 from rtamt.program.timing import Align, Period
 from rtamt.renamed import OldName
@@ -166,7 +165,7 @@ class Judgement:
         open_ = {self.verdict, self.complete} == {Verdict.UNDECIDED}
         if self.robustness == 0.0 and not open_:
             return zero_text(held=bool(holds(self.robustness)))
-        return _number(self.robustness)
+        return rounded(self.robustness)
 
     def _values(self) -> tuple[object, ...]:
         return (
@@ -189,7 +188,7 @@ class Judgement:
 
     def __str__(self) -> str:
         lines = [f"{self.verdict.name}: {self.formula}", *self._lines()]
-        return "\n".join(part for line in lines for part in _wrapped(line))
+        return "\n".join(part for line in lines for part in wrapped(line))
 
     def _repr_html_(self) -> str:
         """Return the text for notebooks, with a coloured verdict."""
@@ -198,7 +197,7 @@ class Judgement:
 
     def _lines(self) -> Iterator[str]:
         """Yield the lines below the formula, before they are wrapped."""
-        bounds = f"bounds {_number(self.lower)} to {_number(self.upper)}"
+        bounds = f"bounds {rounded(self.lower)} to {rounded(self.upper)}"
         yield f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"'
         yield from map(str, self.unrecorded)
         if early_end := self._details.early_end:
@@ -360,18 +359,3 @@ def judge_dense(
     parts = compiled_regions(judge_dense, spec, resolution, options)
     trace = DenseTrace(parts, mode, signals, until)
     return Judgement.of(trace, mode, trace.values, trace.complete, trace.unknown())
-
-
-def _number(value: float) -> str:
-    return f"{value + 0.0:.6g}"  # no -0: the verdict stands above
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(
-        text,
-        width=80,
-        subsequent_indent="    ",
-        break_on_hyphens=False,
-        max_lines=3,
-        placeholder=" ...",
-    )

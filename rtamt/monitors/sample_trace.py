@@ -207,13 +207,13 @@ class SampleTrace:
     def body_reads(self) -> Mapping[Formula, InstantRuns]:
         """Return where the formula reads each of its bodies."""
         compiled = self._compiled
-        bounds = _bounds_of_nodes(compiled.specification, compiled.period, self._align)
+        bounds = bounds_of_nodes(compiled.specification, compiled.period, self._align)
         return body_reads(self.formula, bounds, self.extent)
 
     def bounds_of(self, formula: Node) -> Bounds:
         """Return the bounds of an operator in samples."""
         compiled = self._compiled
-        return _bounds_of_nodes(compiled.specification, compiled.period, self._align)(formula)
+        return bounds_of_nodes(compiled.specification, compiled.period, self._align)(formula)
 
     def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
         """Return the values of a part of the formula at every sample.
@@ -378,9 +378,11 @@ def _first_decided(bounds: TraceBounds) -> int | None:
     return high - 1
 
 
-def _bounds_of_nodes(
+def bounds_of_nodes(
     specification: Specification, period: Fraction | None, align: Align | None
 ) -> Callable[[Node], Bounds]:
+    """Return a function for the bounds of operators in samples."""
+
     def bounds(node: Node) -> Bounds:
         error = functools.partial(specification.error, node)
         return samples(node.interval, period, specification.unit, error, align)
@@ -390,7 +392,7 @@ def _bounds_of_nodes(
 
 @functools.lru_cache(maxsize=512)
 def _routes(specification: Specification, period: Fraction | None, align: Align | None) -> Routes:
-    return Routes(specification.formula, _bounds_of_nodes(specification, period, align))
+    return Routes(specification.formula, bounds_of_nodes(specification, period, align))
 
 
 @functools.lru_cache(maxsize=512)  # many traces have one length

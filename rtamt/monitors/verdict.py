@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import textwrap
 from collections.abc import Sequence
 from typing import Any, overload
 
@@ -92,3 +93,21 @@ def holds(robustness: object) -> object:
 def zero_text(*, held: bool) -> str:
     """Return the text of a robustness of 0, with the meaning of its sign."""
     return "0, holds" if held else "0, violated"
+
+
+def rounded(value: float) -> str:
+    """Return a number for a text, without -0: the verdict stands next to it."""
+    return f"{value + 0.0:.6g}"
+
+
+def wrapped(text: str, margin: str = "") -> list[str]:
+    """Return the lines of a text of at most 80 columns, the first after a margin."""
+    return textwrap.wrap(
+        text,
+        width=80,
+        initial_indent=margin,
+        subsequent_indent=" " * (len(margin) + 4),
+        break_on_hyphens=False,
+        max_lines=3,
+        placeholder=" ...",
+    )

@@ -15,8 +15,6 @@ import numpy as np
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, GivenLike
 from rtamt.machines.dense.regions import (
-    CUT,
-    WORLDS,
     AtBegin,
     RegionConstant,
     RegionFuture,
@@ -35,6 +33,7 @@ from rtamt.machines.dense.rows import (
     together,
 )
 from rtamt.machines.dense.runs import Runs
+from rtamt.machines.episode.streams import CUT, WORLDS
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
 from rtamt.machines.state import Retiring, StateFields

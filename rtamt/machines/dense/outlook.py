@@ -10,9 +10,17 @@ import numpy as np
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
 from rtamt.machines.dense.episode import Regions
-from rtamt.machines.dense.regions import CUT, CUT_LOWER, CUT_UPPER, LOWER, NOW, UPPER, WORLDS
 from rtamt.machines.dense.rows import FindBoth, RegionRows, rows_of, values_between
 from rtamt.machines.dense.runs import Runs, clipped, joint
+from rtamt.machines.episode.streams import (
+    CUT,
+    CUT_LOWER,
+    CUT_UPPER,
+    LOWER,
+    NOW,
+    UPPER,
+    WORLDS,
+)
 from rtamt.machines.protocols import End
 from rtamt.machines.segments import FOREVER, PlaceRuns
 from rtamt.machines.terms import term_columns, term_ranges

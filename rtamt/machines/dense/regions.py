@@ -18,6 +18,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rtamt.inputs.arrays import Floats
 from rtamt.machines.dense.runs import (
     Runs,
     clipped,
@@ -29,27 +30,25 @@ from rtamt.machines.dense.runs import (
     slid,
     suffixes,
 )
+from rtamt.machines.episode.streams import CUT, NOW, UPPER
 from rtamt.machines.state import StateFields
 from rtamt.machines.windows import fold_all
 from rtamt.program.algebra import FOLDS, Arrays, LatticeFold, greater, lesser
 from rtamt.program.instructions import Window
 
-Array = NDArray[np.float64]
 INF = math.inf
-NOW, LOWER, UPPER = WORLDS = range(3)
-CUT = CUT_LOWER, CUT_UPPER = range(3, 5)
 UNSEEN = (-INF, -INF, INF, -INF, INF)
 """The values of predicates at unseen positions; in ``NOW`` nothing reads it."""
 
 
-def in_world(settled: Array, unknowns: Array) -> Array:
+def in_world(settled: Floats, unknowns: Floats) -> Floats:
     """Return the settled values for given values of the unknowns."""
     for u in unknowns:
         settled = greater(settled[0], lesser(settled[1], u))
     return settled
 
 
-def substituted(values: Arrays, axis: int, value: Array) -> Arrays:
+def substituted(values: Arrays, axis: int, value: Floats) -> Arrays:
     """Return polynomials in an unknown as polynomials in its later value."""
     return tuple(
         greater(a.take([0], axis), lesser(a.take([1], axis), value[..., None])) for a in values
@@ -103,22 +102,22 @@ class RegionStream(StateFields):
             values = tuple(a[..., first:].copy() for a in self.kept.values)
             self.kept = Runs(self.kept.starts[first:].copy(), values)
 
-    def substitute(self, axis: int, value: Array) -> None:
+    def substitute(self, axis: int, value: Floats) -> None:
         """Write an unknown as a polynomial in its later value."""
         self.kept = Runs(self.kept.starts, substituted(self.kept.values, axis, value))
 
-    def look(self, world: int, t: int, unknowns: Array) -> None:
+    def look(self, world: int, t: int, unknowns: Floats) -> None:
         """Compute the open values of a world after position t."""
         self.open[world] = self._look(world, self.last + 1, t, unknowns).merged()
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Array) -> Runs:
+    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:
         raise NotImplementedError
 
     def settled(self, begin: int, end: int) -> Runs:
         """Return the settled runs of positions begin to end."""
         return clipped(self.kept, begin, end)
 
-    def seen(self, world: int, begin: int, unknowns: Array) -> Runs:
+    def seen(self, world: int, begin: int, unknowns: Floats) -> Runs:
         """Return the runs of a world from a position on."""
         if begin > self.last:
             return clipped(self.open[world], begin)
@@ -134,7 +133,7 @@ class RegionPredicate(RegionStream):
         super().__init__(corners, 0)
         self.new = self.kept
 
-    def take(self, starts: NDArray[np.int64], values: Array) -> None:
+    def take(self, starts: NDArray[np.int64], values: Floats) -> None:
         """Take the runs that will settle next; the last previous one goes on."""
         begin = self.last + 1
         if not len(starts) or starts[0] > begin:
@@ -151,7 +150,7 @@ class RegionPredicate(RegionStream):
     def _settled(self, begin: int, end: int) -> Runs:
         return clipped(self.new, begin, end)
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Array) -> Runs:  # noqa: ARG002
+    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
         return constant(UNSEEN[world], begin)
 
 
@@ -165,7 +164,7 @@ class RegionConstant(RegionStream):
     def _settled(self, begin: int, end: int) -> Runs:  # noqa: ARG002 - the same everywhere
         return constant(self._value, begin, self.corners)
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Array) -> Runs:  # noqa: ARG002
+    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
         return constant(self._value, begin)
 
 
@@ -189,7 +188,7 @@ class RegionPointwise(RegionStream):
     def _settled(self, begin: int, end: int) -> Runs:
         return self._across(joint([s.settled(begin, end) for s in self._streams]))
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Array) -> Runs:  # noqa: ARG002
+    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
         return self._across(joint([s.seen(world, begin, unknowns) for s in self._streams]))
 
 
@@ -221,7 +220,7 @@ class RegionOperands:
         runs = joint([s.settled(first, end) for s in self.streams])
         return paired(self.fold.name, runs, end)
 
-    def seen(self, world: int, begin: int, unknowns: Array) -> Runs:
+    def seen(self, world: int, begin: int, unknowns: Floats) -> Runs:
         """Return the elements of a world from a position on."""
         runs = joint([s.seen(world, max(0, begin), unknowns) for s in self.streams])
         return paired(self.fold.name, runs, None)
@@ -250,7 +249,7 @@ class RegionSliding(RegionStream):
         elements = self._operands.settled(begin + self._lo, end + self._hi)
         return slid(self._fold, elements, self._lo, self._hi, begin, end)
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Array) -> Runs:
+    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:
         lo, hi = self._lo, self._hi
         elements = self._operands.seen(world, begin + lo, unknowns)
         if _stops(self._window, world):
@@ -292,7 +291,7 @@ class RegionPast(RegionStream):
         self._total = tuple(a[..., -1:] for a in values)
         return clipped(Runs(starts, values[-1:]), begin)
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Array) -> Runs:  # noqa: ARG002
+    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
         total = tuple(in_world(a, unknowns[world]) for a in self._total)
         elements = self._operands.seen(world, begin + self._hi, unknowns)
         starts, values = self._scanned(total, elements, begin)
@@ -304,7 +303,7 @@ class RegionPast(RegionStream):
         starts = np.append(np.array([begin]), elements.starts - self._hi)
         return Runs(starts, scanned(self._fold, values))
 
-    def substitute(self, axis: int, value: Array) -> None:
+    def substitute(self, axis: int, value: Floats) -> None:
         super().substitute(axis, value)
         self._total = substituted(self._total, axis, value)
 
@@ -335,7 +334,7 @@ class RegionFuture(RegionStream):
         )
         return Runs(starts, (suffixes(self._fold, both)[-1][..., :-1].copy(),))
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Array) -> Runs:
+    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:
         elements = self._operands.seen(world, begin, unknowns)
         if world in CUT:
             later = clipped(self.open[world - 2], max(begin, t + 1))
@@ -371,7 +370,7 @@ class AtBegin(StateFields):
         self._last = -1
         self._total = identities(self._fold, self._operands.corners, 0).values
 
-    def substitute(self, axis: int, value: Array) -> None:
+    def substitute(self, axis: int, value: Floats) -> None:
         """Write an unknown as a polynomial in its later value."""
         self._total = substituted(self._total, axis, value)
 
@@ -386,7 +385,7 @@ class AtBegin(StateFields):
             total = fold_all(self._fold, elements)
             self._total = self._fold.combine_arrays(self._total, total)
 
-    def value(self, world: int, t: int, unknowns: Array) -> float:
+    def value(self, world: int, t: int, unknowns: Floats) -> float:
         """Return the fold over settled and open values in a world after position t."""
         endless = self._hi is None or self._window.endless
         if world in CUT and endless and self._window.begin > t:

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rtamt.inputs.arrays import Floats
 from rtamt.program.algebra import FOLDS, Arrays, LatticeFold, greater, lesser
 
-Floats = NDArray[np.float64]
 Positions = NDArray[np.int64]
 
 
