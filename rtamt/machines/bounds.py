@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from rtamt.machines.offline import without_nan
 from rtamt.machines.protocols import End
 from rtamt.machines.segments import FOREVER, PlaceRuns
 from rtamt.machines.walk import FoldPairs, Keys, TraceEnd, Walk, initial_registers, to_keys
-from rtamt.program.instructions import Const, Load, Map, Window, latencies_of
+from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.memory import limit_beyond, sufficient
 from rtamt.program.placement import positive
 from rtamt.program.program import Program
@@ -228,13 +228,7 @@ def split(program: Program, n: int, *, best: bool) -> SplitProgram:
     first = inputs[0] if inputs else program.result
     predicates = program.restricted(first, {names[r]: r for r in inputs})
     instructions = [Load(names[r]) if r in names else i for r, i in enumerate(program.instructions)]
-    formulas = replace(
-        program,
-        instructions=tuple(instructions),
-        latencies=latencies_of(instructions),
-        variables=tuple(names.values()),
-        rates={},
-    )
+    formulas = program.rewritten(instructions, variables=tuple(names.values()), rates={})
     needed: int | None = 1
     for register in initial_registers(formulas):
         if isinstance(instructions[register], Window):

@@ -17,7 +17,7 @@ from rtamt.errors import InputError
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import DiscreteMachine
-from rtamt.program.instructions import Instruction, Load, Window, latencies_of
+from rtamt.program.instructions import Instruction, Load, Window
 from rtamt.program.program import Program
 
 _T = TypeVar("_T")
@@ -152,11 +152,9 @@ def _folding(program: Program, window: Window) -> Program:
     names = tuple(str(i) for i in range(width))
     last = replace(window, args=tuple(range(width))).mirrored()
     instructions: tuple[Instruction, ...] = (*map(Load, names), last)
-    return replace(
-        program,
-        instructions=instructions,
+    return program.rewritten(
+        instructions,
         terms=width,
-        latencies=latencies_of(instructions),
         result=width,
         outputs={"": width},
         variables=names,
@@ -169,12 +167,7 @@ def _with_variable(program: Program, cut: int, name: str) -> Program:
     """Return the program with a window replaced by a variable, which becomes its first register."""
     instructions = list(program.instructions)
     instructions[cut] = Load(name)
-    loaded = replace(
-        program,
-        instructions=tuple(instructions),
-        latencies=latencies_of(instructions),
-        variables=(*program.variables, name),
-    )
+    loaded = program.rewritten(instructions, variables=(*program.variables, name))
     others = (r for r in range(len(instructions)) if r != cut)
     return loaded.reordered([cut, *others], program.terms + 1)
 

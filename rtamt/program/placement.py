@@ -13,7 +13,7 @@ from typing import assert_never
 from rtamt.errors import SpecificationError
 from rtamt.language.interval import applied
 from rtamt.program.algebra import FOLDS, FUNCTIONS
-from rtamt.program.instructions import Const, Instruction, Map, Window, latencies_of
+from rtamt.program.instructions import Const, Instruction, Map, Window
 from rtamt.program.program import Program
 
 MAX_UNKNOWNS = 8
@@ -83,11 +83,9 @@ def positive(program: Program) -> Program:
     writer = _Writer(program)
     writer.write(program.result, negated=False)
     terms_first = sorted(range(len(writer.instructions)), key=lambda r: not writer.is_term[r])
-    raw = replace(
-        program,
-        instructions=tuple(writer.instructions),
+    raw = program.rewritten(
+        writer.instructions,
         terms=sum(writer.is_term),
-        latencies=latencies_of(writer.instructions),
         result=writer.known[program.result, False],
         outputs={},
         sources=tuple(program.sources[r] for r in writer.origins),

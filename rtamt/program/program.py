@@ -10,9 +10,9 @@ syntax trees.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING, Any, assert_never
 
 from rtamt.errors import Argument, Message
 from rtamt.language.node import Node
@@ -210,14 +210,10 @@ class Program:
         outputs = {name: judged(named[name], register) for name, register in self.outputs.items()}
         if not folds:
             return self
-        return replace(
-            self,
-            instructions=tuple(instructions),
-            latencies=latencies_of(instructions),
-            sources=tuple(sources),
-            result=result,
-            outputs=outputs,
-        ).pruned()
+        program = self.rewritten(
+            instructions, sources=tuple(sources), result=result, outputs=outputs
+        )
+        return program.pruned()
 
     def _is_running(self, formula: Node) -> bool:
         """Return whether a formula is ``always p`` or ``eventually p`` without bounds.
@@ -289,6 +285,11 @@ class Program:
             sources=tuple(self.sources[r] for r in order),
         )
 
+    def rewritten(self, instructions: Iterable[Instruction], **changes: Any) -> Program:  # noqa: ANN401 - fields
+        """Return the program with other instructions, and other fields."""
+        written = tuple(instructions)
+        return replace(self, instructions=written, latencies=latencies_of(written), **changes)
+
     @property
     def neutral(self) -> bool:
         """Whether a predicate is neutral, so that a robustness of 0 may have no verdict."""
@@ -296,10 +297,9 @@ class Program:
 
     def with_zero(self, zero: float) -> Program:
         """Return the program in which every neutral constant is this zero, which has a sign."""
-        instructions = tuple(
+        return self.rewritten(
             Const(zero) if isinstance(i, Const) and i.neutral else i for i in self.instructions
         )
-        return replace(self, instructions=instructions)
 
     def clamped(self, n: int) -> Program:
         """Return the program with bounds cut to n: equivalent on traces of n samples or less."""
@@ -307,18 +307,16 @@ class Program:
         def cut(bound: int | None) -> int | None:
             return None if bound is None else max(-n, min(n, bound))
 
-        instructions = tuple(
+        return self.rewritten(
             replace(i, lo=cut(i.lo), hi=cut(i.hi)) if isinstance(i, Window) else i
             for i in self.instructions
         )
-        return replace(self, instructions=instructions, latencies=latencies_of(instructions))
 
     def mirrored(self) -> Program:
         """Return the program with time flipped, whose values on a reversed trace are reversed."""
-        instructions = tuple(
+        return self.rewritten(
             i.mirrored() if isinstance(i, Window) else i for i in self.instructions
         )
-        return replace(self, instructions=instructions, latencies=latencies_of(instructions))
 
     def __str__(self) -> str:
         """Return a listing, in columns: register, instruction, latency, source."""
