@@ -269,10 +269,7 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         return [*self._readings, *self._greatest]
 
     def _take(self, columns: Sequence[TimedColumn], dated: Dated, *, decided: bool = True) -> None:
-        times = [t for t, _ in columns]
-        first = [min((old, *t[:1].tolist())) for old, t in zip(self._first, times, strict=True)]
-        last = [max((old, *t[-1:].tolist())) for old, t in zip(self._last, times, strict=True)]
-        begin, end = self._declared.begin(first), self._declared.end(last)
+        first, last, begin, end = self._declared.extended(self._first, self._last, columns)
         before = self._end
         rows: list[RegionRows] = []
         for waiting, column in zip(self._waiting, columns, strict=True):

@@ -391,15 +391,12 @@ class PythonDenseMachine(Retiring, StateFields):
         return [(self.reader.time(tick, self._dated), value) for tick, value in steps]
 
     def _take(self, columns: Sequence[TimedColumn], dated: Dated) -> list[Breakpoint]:
-        times = [t for t, _ in columns]
-        first = [min((old, *t[:1].tolist())) for old, t in zip(self._first, times, strict=True)]
-        last = [max((old, *t[-1:].tolist())) for old, t in zip(self._last, times, strict=True)]
-        begin, end = self._declared.begin(first), self._declared.end(last)
+        first, last, begin, end = self._declared.extended(self._first, self._last, columns)
         self._inputs.extend([zip(t.tolist(), v.tolist(), strict=True) for t, v in columns])
         try:
             rows = self._rows(begin, end, dated)
         except BaseException:
-            self._inputs.retract([len(t) for t in times])
+            self._inputs.retract([len(t) for t, _ in columns])
             raise
         self._first, self._last, self._begin, self._end = first, last, begin, end
         self._dated = dated

@@ -37,6 +37,15 @@ class DeclaredValues:
         """The value of each variable before its first event; nan if none is declared."""
         self._free = [name in defaults for name in variables]
 
+    def extended(
+        self, first: Sequence[float], last: Sequence[float], columns: Sequence[TimedColumn]
+    ) -> tuple[list[float], list[float], float, float]:
+        """Return first and last ticks of variables after new events, and of the trace."""
+        times = [ticks for ticks, _ in columns]
+        begins = [min((old, *t[:1].tolist())) for old, t in zip(first, times, strict=True)]
+        ends = [max((old, *t[-1:].tolist())) for old, t in zip(last, times, strict=True)]
+        return begins, ends, self.begin(begins), self.end(ends)
+
     def begin(self, first: Sequence[float]) -> float:
         """Return the start of the trace."""
         awaited = [tick for tick, free in zip(first, self._free, strict=True) if not free]
