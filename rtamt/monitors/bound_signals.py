@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from fractions import Fraction
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rtamt.inputs.samples import NanPolicy, SampleReader
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.operators import Bounds
-from rtamt.language.specification import Specification
-from rtamt.machines.backend import BACKENDS, BackendName
-from rtamt.machines.bounds import TraceBounds
 from rtamt.machines.dense.runs import Runs
 from rtamt.machines.protocols import End
 from rtamt.machines.walk import Keys, numbers_of
 from rtamt.monitors.origins import RobustnessSignal
-from rtamt.monitors.sample_trace import with_result
-from rtamt.program.interface import Interface
-from rtamt.program.lowering import compile_program
-from rtamt.program.program import Program
-from rtamt.program.timing import Align
+from rtamt.monitors.sample_trace import SampleTrace
 
 UNSEEN = (-math.inf, math.inf)
 """The lower and the upper bound of a predicate after the trace."""
@@ -70,60 +60,26 @@ def unseen_from(place: int, runs: Runs, value: float) -> RobustnessSignal:
     return RobustnessSignal(np.append(runs.last[:count], value), starts)
 
 
-@dataclass(frozen=True, slots=True)
-class SampleBounds:
-    """The bounds of the formulas of a specification over samples."""
+def sample_signals(
+    trace: SampleTrace, ahead: int, known: Mapping[Node, RobustnessSignal]
+) -> BoundSignal:
+    """Return the bounds of formulas over samples, and so many after them, each at its first use.
 
-    specification: Specification
-    interface: Interface
-    period: Fraction | None
-    align: Align | None
-    end: End
+    ``known`` has the robustness on the complete trace; nan for a formula that is not needed.
+    """
+    if ahead > _MAX_AHEAD:
+        raise NoSingleCause
 
-    def signals(
-        self,
-        program: Program,
-        columns: Sequence[NDArray[np.float64]],
-        lengths: tuple[int, int],
-        machine: tuple[BackendName, NanPolicy],
-        known: Mapping[Node, RobustnessSignal],
-    ) -> BoundSignal:
-        """Return the bounds of formulas, each computed at its first use.
+    @functools.cache
+    def both(formula: Node) -> tuple[RobustnessSignal, RobustnessSignal]:
+        if not isinstance(formula, Formula) or np.isnan(known[formula].values).all():
+            return known[formula], known[formula]
+        low, high = (extended(*keys) for keys in trace.around_end(formula))
+        return low, high
 
-        ``lengths`` are the numbers of samples and of places after them. ``known`` has the
-        robustness on the complete trace; nan for a formula that is not needed.
-        """
-        n, ahead = lengths
-        if ahead > _MAX_AHEAD:
-            raise NoSingleCause
-        backend, nan = machine
-        column = dict(zip(program.variables, columns, strict=True))
-        signals: dict[Node, tuple[RobustnessSignal, RobustnessSignal]] = {}
+    def extended(recorded: Keys, beyond: Keys) -> RobustnessSignal:
+        rest = beyond[:ahead]
+        rest = np.concatenate([rest, np.full(ahead - len(rest), beyond[-1])])
+        return RobustnessSignal(numbers_of(np.concatenate([recorded, rest])))
 
-        def both(formula: Node) -> tuple[RobustnessSignal, RobustnessSignal]:
-            if not isinstance(formula, Formula) or np.isnan(known[formula].values).all():
-                return known[formula], known[formula]
-            part = compile_program(
-                with_result(self.specification, formula),
-                self.period,
-                interface=self.interface,
-                align=self.align,
-            )
-            values = [column[name] for name in part.variables]
-            reader = SampleReader(part, nan, bounds=True)
-            machines = BACKENDS[backend]
-            bounds = TraceBounds.of(part, reader, machines, (values, values), n, everywhere=True)
-            low, high = (extended(*keys) for keys in bounds.around_end(self.end))
-            return low, high
-
-        def extended(recorded: Keys, beyond: Keys) -> RobustnessSignal:
-            rest = beyond[:ahead]
-            rest = np.concatenate([rest, np.full(ahead - len(rest), beyond[-1])])
-            return RobustnessSignal(numbers_of(np.concatenate([recorded, rest])))
-
-        def signal(formula: Node, best: bool) -> RobustnessSignal:  # noqa: FBT001 - a bound
-            if formula not in signals:
-                signals[formula] = both(formula)
-            return signals[formula][best]
-
-        return signal
+    return lambda formula, best: both(formula)[best]

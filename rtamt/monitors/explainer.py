@@ -39,8 +39,8 @@ from rtamt.monitors.bound_signals import (
     BoundSignal,
     DecidingBound,
     NoSingleCause,
-    SampleBounds,
     places_ahead,
+    sample_signals,
     unseen_from,
 )
 from rtamt.monitors.evaluation import raw_trace
@@ -72,7 +72,7 @@ from rtamt.monitors.origins import (
     holds_by_sign,
     origin_of,
 )
-from rtamt.monitors.sample_trace import bounds_of_nodes
+from rtamt.monitors.sample_trace import SampleTrace, bounds_of_nodes
 from rtamt.program.dense_lowering import MAX_TICKS, RegionProgram, compile_regions
 from rtamt.program.implications import operand_signs
 from rtamt.program.instructions import Const, Map, operands
@@ -381,9 +381,8 @@ def _explained(
     specification = as_specification(spec)
     start = _start(start)
     names, observed = _with_all_named(specification)
-    _, interface, backend, nan, seconds, program = compiled(
-        explain, observed, period, options, online=False
-    )
+    parts = compiled(explain, observed, period, options, online=False)
+    _, interface, backend, nan, seconds, program = parts
     reader = SampleReader(program, nan)
     columns, length = raw_trace(reader, data, n, period)
     columns = reader.without_nan(columns)
@@ -415,8 +414,10 @@ def _explained(
     ahead = 0
     if decision.end != "complete":
         ahead = places_ahead(specification.formula, bounds)
-        traced = SampleBounds(specification, interface, seconds, align, decision.end)
-        signal = traced.signals(program, columns, (length, ahead), (backend, nan), signals)
+        parts = parts._replace(specification=specification, program=program)
+        both = columns, columns
+        trace = SampleTrace(parts, align, decision.end, both, length, by_columns=True)
+        signal = sample_signals(trace, ahead, signals)
     formulas = FormulaSignals(
         *(specification, interface, signal, bounds, length - 1), best=decision.best, ahead=ahead
     )

@@ -22,7 +22,7 @@ from rtamt.machines.offline import result_alone
 from rtamt.machines.protocols import End, SampleRuns, TraceSet
 from rtamt.machines.readout import moved, verdict_of
 from rtamt.machines.segments import PlaceRuns, Segments, UnseenPlace
-from rtamt.machines.walk import number_of
+from rtamt.machines.walk import Keys, number_of
 from rtamt.monitors.options import Compiled
 from rtamt.monitors.triggers import TriggerCount, reads_hidden
 from rtamt.monitors.unrecorded import TraceClock, TraceRegisters
@@ -224,6 +224,10 @@ class SampleTrace:
         """
         values = self._part(formula, standard=standard).recorded(self._end)
         return Segments.of(None, self._n - 1, *values)
+
+    def around_end(self, formula: Formula) -> tuple[tuple[Keys, Keys], tuple[Keys, Keys]]:
+        """Return both bounds of a part of the formula at every sample, and after the trace."""
+        return self._part(formula).around_end(self._end)
 
     def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
         """Return the first sample after the trace at which a body fails for certain.
