@@ -115,11 +115,7 @@ class _Lane(StateFields):
 
 
 class _Clock(StateFields):
-    """A clock.
-
-    Attributes:
-        values: The newest matching values of its operands; nan before there are any.
-    """
+    """A clock, with the newest matching values of its operands; nan before there are any."""
 
     STATE: ClassVar[tuple[str, ...]] = ("values", "_count", "_waiting")
 

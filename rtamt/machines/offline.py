@@ -26,24 +26,16 @@ MakeMachine = Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
 
 
 class _Cut(NamedTuple):
-    """A window without an end that is cut out of a program.
-
-    Attributes:
-        operands: The program of its operands, which are its outputs in order.
-        fold: The program that folds them, backwards.
-    """
+    """A window without an end, cut out of a program: its operands, and their fold backwards."""
 
     operands: Program
     fold: Program
 
 
 class _Plan(NamedTuple):
-    """The programs of the passes over a trace.
+    """The programs of the passes over a trace: the windows that are cut out, and the rest.
 
-    Attributes:
-        cut: The windows without an end, in order.
-        last: The program with a variable in place of each of these windows.
-        backwards: Whether the last program runs backwards.
+    The last program has a variable in place of each of these windows.
     """
 
     cut: tuple[_Cut, ...]
@@ -97,13 +89,6 @@ def without_nan(
         if all(held is column for held, column in zip(known, columns, strict=True)):
             raise
     return run(known)
-
-
-def run_outputs(
-    program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Floats], n: int
-) -> dict[str, Floats]:
-    """Return the named formulas at every sample of a trace."""
-    return Passes(program, reader, machine, n).run(columns, n)
 
 
 @functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity

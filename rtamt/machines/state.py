@@ -18,11 +18,7 @@ def refuse_stale() -> NoReturn:
 
 
 class Retiring:
-    """A machine whose monitor may replace it while somebody still holds its update.
-
-    Attributes:
-        reader: Reads the arguments of each update.
-    """
+    """A machine whose monitor may replace it while somebody still holds its update."""
 
     __slots__ = ()
     reader: Any

@@ -48,12 +48,7 @@ _PREFIX_BLOCK = 1 << 17
 
 
 class TraceEnd(NamedTuple):
-    """One assumption about unseen samples.
-
-    Attributes:
-        end: The end mode.
-        best: Whether unseen predicates are +inf, for the upper bound; otherwise, they are -inf.
-    """
+    """An end mode, and one assumption about unseen predicates: at best +inf, otherwise -inf."""
 
     end: End
     best: bool

@@ -32,7 +32,7 @@ from rtamt.machines.backend import BACKENDS, Factories
 from rtamt.machines.dense.outlook import with_robustness
 from rtamt.machines.dense.rows import TraceValues, rows_of, values_between
 from rtamt.machines.dense.runs import clipped
-from rtamt.machines.offline import run_outputs
+from rtamt.machines.offline import Passes
 from rtamt.machines.protocols import End
 from rtamt.monitors.bound_signals import (
     UNSEEN,
@@ -144,11 +144,7 @@ class FormulaSignals:
         return own, node_text(formula, names)
 
     def path(self, place: int) -> list[Visit]:
-        """Return the formulas from the specification down to the predicate or window that decided.
-
-        Args:
-            place: The place at which the specification is evaluated.
-        """
+        """Return the formulas from the specification at a place down to what decided."""
         formula, path, best = self._specification.formula, list[Visit](), self._best
         while True:
             row = cast("Operator", formula.op)
@@ -343,24 +339,11 @@ def explain_verdict(
     n: int | None = None,
     **options: Unpack[SampleOptions],
 ) -> Explanation | None:
-    """Return the explanation of a decided verdict under an end mode.
+    """Return the explanation of a decided verdict; other arguments are as for `explain`.
 
-    It follows the bound that decides: the upper bound of a violated specification, the lower bound
-    of a satisfied one. Other arguments are as for `explain`.
-
-    Args:
-        spec: As for `explain`.
-        data: As for `explain`.
-        period: As for `explain`.
-        end: The end mode of the verdict.
-        violated: Whether the verdict is VIOLATED; otherwise, it is SATISFIED.
-        start: As for `explain`.
-        n: As for `explain`.
-        **options: As for `explain`.
-
-    Returns:
-        The explanation; None if the verdict does not rest on one value of the trace, as with a
-        formula that fails at an unseen sample.
+    It follows the bound that decides under the end mode: the upper bound of a violated
+    specification, the lower bound of a satisfied one. None if the verdict does not rest on one
+    value of the trace, as with a formula that fails at an unseen sample.
     """
     try:
         return _explained(spec, data, period, DecidingBound(end, violated), (0, start, n), options)
@@ -392,7 +375,7 @@ def _explained(
     outputs = {n: program.outputs[n] for n in names if program.outputs[n] not in unneeded}
     program = program.restricted(program.result, outputs)
     machine = BACKENDS[backend].discrete_machine
-    values = run_outputs(program, reader, machine, columns, length)
+    values = Passes(program, reader, machine, length).run(columns, length)
     signals: dict[Node, RobustnessSignal] = {
         f: RobustnessSignal(values[name]) if name in values else unknown
         for name, f in names.items()

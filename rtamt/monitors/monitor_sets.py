@@ -146,13 +146,7 @@ class VerdictBook:
         )
 
     def outcomes(self, lanes: NDArray[np.int64] | None = None) -> BankOutcomes:
-        """Return the outcomes of the episodes so far in some batch entries; None: all.
-
-        Fresh arrays of shape (monitors, lanes): ``robustness`` and ``verdicts`` (1, -1 or 0), both
-        0 without a sample, ``settled_at``, ``settled``, ``satisfied``, and ``by_end``, whether the
-        verdict is -1 at a robustness that holds; and of shape (lanes,) ``success``, whether all are
-        satisfied, and ``undecided``, whether a verdict is open.
-        """
+        """Return the outcomes of the episodes so far in some batch entries; None: all."""
         banks, functions = self._found
         return functions.outcomes(banks, self._numbers(lanes), self.failed, self.settled_at)
 
@@ -243,21 +237,16 @@ def joint_feed(
     """Return an object that updates several C++ monitors in one call.
 
     Each monitor then shows its values as after an ``update`` of its own. After an error the
-    monitors before the one that raised it have taken the sample.
+    monitors before the one that raised it have taken the sample. None where a monitor runs in
+    Python or keeps a history: then update the monitors one after the other.
 
     Args:
-        monitors: The monitors.
-        names: The names of the numbers of a sample, the variables of all monitors among them.
-        reads: What reads each of them: the key of an element of the first argument of ``feed``; an
-            array of one dimension (float64 or float32) and an index, which is read where it is; or
-            a function of the arguments of ``feed``.
-        decided: Called after a sample with the number of verdicts that are decided, unless it is 0.
-        seen: Called after that with the numbers of the sample, a new list.
-        number: The class of the numbers that are returned: ``float`` or ``numpy.float64``.
-
-    Returns:
-        The object; None where a monitor runs in Python or keeps a history: then update the monitors
-        one after the other.
+    monitors: The monitors.
+    names: The names of the numbers of a sample, the variables of all monitors among them.
+    reads: What reads each of them from the arguments of ``feed``; see `JointRead`.
+    decided: Called after a sample with the number of verdicts that are decided, unless it is 0.
+    seen: Called after that with the numbers of the sample, a new list.
+    number: The class of the numbers that are returned: ``float`` or ``numpy.float64``.
     """
     make = BACKENDS[monitors[0].backend].episode_panel if monitors else None
     machines = [monitor.fed_machine for monitor in monitors]

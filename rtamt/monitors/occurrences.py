@@ -49,11 +49,8 @@ _Columns = Mapping[str, NDArray[Any]]
 class _Clock:
     """The times of places, as arrays.
 
-    Args:
-        step: PlaceNumbers of a sample or tick.
-        last: The last place of the trace.
-        tick: The length of a sample or tick in seconds; None: times are numbers of samples.
-        times: Returns the times of samples or ticks.
+    ``tick`` is the length of a sample or tick in seconds; None: times are numbers of samples.
+    ``times`` returns the times of samples or ticks.
     """
 
     def __init__(

@@ -79,8 +79,7 @@ def discrete_numbers(program: Program) -> Counter[int]:
 def episode_numbers(placement: Placement) -> Counter[int]:
     """Count the most doubles that each register keeps while a machine bounds an episode.
 
-    A stream keeps the settled values that windows read, at every corner of its unknowns, and its
-    open values in each world; see `rtamt.machines.episode.machine`.
+    A stream keeps settled values at every corner of its unknowns, and open ones in each world.
     """
     program, numbers = placement.program, Counter[int]()
     late, past, open_ended = Counter[int](), Counter[int](), set[int]()

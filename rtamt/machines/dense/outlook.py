@@ -85,11 +85,7 @@ def everywhere(program: Program) -> Placement:
 
 
 class DenseOutlook:
-    """The bounds of all registers on a trace.
-
-    Attributes:
-        program: The program whose registers `undecided` takes.
-    """
+    """The bounds of all registers of ``program`` on a trace."""
 
     def __init__(
         self, program: Program, rows: Sequence[RegionRows], last: int, *, cut: bool

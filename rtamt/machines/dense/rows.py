@@ -175,12 +175,7 @@ FindBoth = tuple[FindTerms, FindRanges]
 
 
 class RegionRows(NamedTuple):
-    """The terms from some positions on.
-
-    Attributes:
-        positions: The positions, increasing.
-        terms: For every term its value from each position to the next.
-    """
+    """The terms from some positions on: for each its value from a position to the next."""
 
     positions: Positions
     terms: Sequence[Floats]
