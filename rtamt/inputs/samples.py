@@ -226,13 +226,7 @@ class SampleReader:
         raise InputError(f"variable '{name}' is nan at sample {sample}{self._where}", hint)
 
     def block(
-        self,
-        data: TraceColumns,
-        sample: int,
-        previous: Sequence[float],
-        *,
-        n: int | None = None,
-        extra: bool = False,
+        self, data: TraceColumns, sample: int, previous: Sequence[float]
     ) -> tuple[list[Floats], int]:
         """Return the columns of a block, in the order of the variables, and their length.
 
@@ -241,10 +235,8 @@ class SampleReader:
                 (n, variables).
             sample: Number of the block's first sample, for errors.
             previous: The sample before the block, for ``nan="hold"``; empty if there is none.
-            n: The length, for a program without variables.
-            extra: Whether unknown names are ignored.
         """
-        columns, length = self.columns(data, sample, previous, n=n, extra=extra)
+        columns, length = self.columns(data, sample, previous)
         return self.without_nan(columns, sample, previous), length
 
     def columns(
@@ -256,7 +248,10 @@ class SampleReader:
         n: int | None = None,
         extra: bool = False,
     ) -> tuple[list[Floats], int]:
-        """Return the result of `block`, with every nan still in it."""
+        """Return the result of `block`, with every nan still in it.
+
+        ``n`` is the length for a program without variables; ``extra`` ignores unknown names.
+        """
         if (plain := self._plain(data, n, extra=extra)) is not None:
             return plain + self.rates.of_columns(plain, previous), len(plain[0])
         data = cast("TraceColumns", named_columns(data))
