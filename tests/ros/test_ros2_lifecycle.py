@@ -175,7 +175,7 @@ def test_a_file_is_read_again_when_it_is_set_again(tools: Client, tmp_path: Path
     assert heard.next(bool).data == 2.0
     file.write_text(ABOVE[:-2])
     hint = "hint: write a variable, a number or '(' there"
-    refused = f"{UNREADABLE}  out = x >\n           ^\n  {hint}\nin {file}"
+    refused = f"in {file}: {UNREADABLE}  out = x >\n           ^\n  {hint}"
     assert monitor.set(spec_file=str(file)) == refused
     assert heard.next(bool).data == 2.0
     file.write_text(BELOW)
