@@ -208,7 +208,9 @@ class RecordingsComparison:
             {item.name: _plain_violation(getattr(row, item.name)) for item in fields(row)}
             for row in self.changes
         ]
-        return document("recordings", {**stored, **plain_provenance(Provenance(self.ids))})
+        return document(
+            "recordings", {**stored, **plain_provenance(Provenance(self.ids))}, rows="changes"
+        )
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the text of `to_json` into a file, whose name ends in ``.json``."""

@@ -184,6 +184,8 @@ class _Builder:
             self.shorter[name] = max(lacking, self.shorter.get(name, 0.0))
         one, two = (outcome.occurrences for outcome in outcomes)
         assert one is not None and two is not None  # noqa: PT018, S101 - `RecordingSet` checks it
+        verdicts = [outcome.verdict for outcome in outcomes]
+        open_before = self._open["b", requirement]
         for body_a, body_b in zip(one.bodies, two.bodies, strict=True):
             matches = self._matches(name, requirement, clocks, outcomes, (body_a, body_b))
             self._open["a", requirement] += matches.open_a
@@ -199,6 +201,9 @@ class _Builder:
                 if j not in taken:
                     row = ViolationChange(status, name, requirement, body_a.text, None, rows_b[j])
                     self.changes.append(row)
+        undecided = verdicts == [Verdict.SATISFIED, Verdict.UNDECIDED]
+        if undecided and self._open["b", requirement] == open_before:
+            self._open["b", requirement] += 1  # an instant that B has not recorded
 
     def _matches(
         self,

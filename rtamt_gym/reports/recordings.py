@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from pathlib import PurePath
 
 from rtamt.monitors import Occurrence
 from rtamt_gym.evaluation.recording_changes import (
@@ -63,7 +64,7 @@ def of_recordings(comparison: RecordingsComparison) -> Section:
     warnings = [f"{warning.text}." for warning in comparison_warnings(comparison)]
     return Section(
         kind="recordings",
-        title=f"{comparison.b} against {comparison.a}",
+        title="{} against {}".format(*_names(comparison.b, comparison.a)),
         facts=(
             ("A", comparison.a),
             ("B", comparison.b),
@@ -78,6 +79,12 @@ def of_recordings(comparison: RecordingsComparison) -> Section:
             _requirement(comparison, name, item) for name, item in comparison.requirements.items()
         ),
     )
+
+
+def _names(*paths: str) -> list[str]:
+    """Return the names of files without their folders, if they differ."""
+    names = [PurePath(path).name for path in paths]
+    return names if len(set(names)) == len(names) else list(paths)
 
 
 def _counts(comparison: RecordingsComparison) -> Table:
@@ -172,11 +179,12 @@ def _times(span: Occurrence | None, unit: str) -> str:
 def _timeline(
     rows: Sequence[ViolationChange], unit: str, shifts: Mapping[str, float]
 ) -> list[Figure]:
-    """Return the violations of A and B in the recording with most differences."""
+    """Return the violations in the recording with most that are new or longer, or that differ."""
     differing = Counter(row.recording for row in rows if row.status != "same")
     if not differing:
         return []
-    name, count = differing.most_common(1)[0]
+    worse = Counter(row.recording for row in rows if row.status in ("new", "longer"))
+    name, count = max(differing.items(), key=lambda item: (worse[item[0]], item[1]))
     own = [row for row in rows if row.recording == name]
     bodies, drawn = [], list[float]()
     for text in dict.fromkeys(row.body for row in own):

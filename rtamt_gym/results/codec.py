@@ -64,41 +64,41 @@ _BROKEN: Final = (KeyError, TypeError, ValueError, AttributeError, IndexError)
 T = TypeVar("T")
 
 
-def document(kind: str, fields: Mapping[str, Any]) -> str:
+def document(kind: str, fields: Mapping[str, Any], rows: str = "trials") -> str:
     """Return the text of a result: its head, and its fields as `plain` makes them.
 
-    Lists of numbers or texts stand on one line, and so does each of the trials.
+    Lists of numbers or texts stand on one line, and so does each of the rows.
     """
-    return "".join(document_parts(kind, fields))
+    return "".join(document_parts(kind, fields, rows))
 
 
-def document_parts(kind: str, fields: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the text of `document` in parts, of which each trial is one.
+def document_parts(kind: str, fields: Mapping[str, Any], rows: str = "trials") -> Iterator[str]:
+    """Yield the text of `document` in parts, of which each row is one.
 
     Args:
         kind: The kind of the result.
-        fields: Its fields. ``trials`` may be any iterable, which is read once.
+        fields: Its fields. The rows may be any iterable, which is read once.
+        rows: The field of the rows.
     """
     head = {"format": FORMAT, "version": VERSION, "kind": kind, "rtamt": rtamt.__version__}
-    trials = iter(fields.get("trials", ()))
-    texts = (json.dumps(plain(trial), allow_nan=False) for trial in trials)
+    texts = (json.dumps(plain(row), allow_nan=False) for row in fields.get(rows, ()))
     first = next(texts, None)
-    listed = {"trials": [_TRIALS]} if first is not None else {}
+    listed = {rows: [_ROWS]} if first is not None else {}
     text = json.dumps(plain({**head, **fields, **listed}), indent=2, allow_nan=False)
     # No text of JSON holds a newline.
     text = re.sub(r"\[\n([^\[\]{}]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
     if first is None:
         yield text
         return
-    before, _, after = text.partition(f'  "trials": ["{_TRIALS}"]')
-    yield f'{before}  "trials": [\n    {first}'
+    before, _, after = text.partition(f'  "{rows}": ["{_ROWS}"]')
+    yield f'{before}  "{rows}": [\n    {first}'
     for other in texts:
         yield f",\n    {other}"
     yield f"\n  ]{after}"
 
 
-_TRIALS: Final = "TRIALS"
-"""The place of the trials in the text around them."""
+_ROWS: Final = "ROWS"
+"""The place of the rows in the text around them."""
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds

@@ -244,6 +244,37 @@ def test_unknown_samples_of_b_are_undecided(judge: Judge, compare: Compare) -> N
     assert "B does not decide `limit` in 1 stretch that A satisfies" in text
 
 
+def test_unrecorded_instants_of_b_are_undecided(judge: Judge, compare: Compare) -> None:
+    spec = ["bounded = always[0:10](x < 1)"]
+    judge("a", {"1.csv": QUIET}, specs=spec)
+    judge("b", {"1.csv": QUIET[:6]}, specs=spec)
+    code, comparison, _ = compare()
+    assert (code, statuses(comparison)) == (3, [])
+    assert comparison.requirements["bounded"].open_b == 1
+
+
+def test_exit_code_covers_worse_verdicts(judge: Judge, compare: Compare) -> None:
+    """No pair of verdicts that is worse in B passes, whatever the samples are."""
+    generator = np.random.default_rng(7)
+    specs = ["answered = always(x > 0 implies eventually[1:2](x < 0))", "up = eventually(x > 0)"]
+    codes = set()
+    for _ in range(40):
+        for side in "ab":
+            values = generator.integers(-1, 2, generator.integers(2, 6)).tolist()
+            judge(side, {"1.csv": values}, specs=specs)
+        pairs = []
+        for name in ("answered", "up"):
+            kept = [json.loads(Path(f"{side}.json").read_text()) for side in "ab"]
+            pairs.append(tuple(k["trials"][0]["outcomes"][name]["verdict"] for k in kept))
+        code, comparison, _ = compare("--times", "recorded")
+        codes.add(code)
+        worse = [pair for pair in pairs if pair[0] == "SATISFIED" and pair[1] != "SATISFIED"]
+        assert code in ({1, 3} if worse else {0, 1, 3}), (pairs, statuses(comparison))
+        violated_rows = any(row.b for row in comparison.changes)
+        assert violated_rows == ("VIOLATED" in [pair[1] for pair in pairs])
+    assert codes == {0, 1, 3}
+
+
 def test_unknown_samples_of_a_alone_pass(judge: Judge, compare: Compare) -> None:
     judge("a", {"1.csv": UNKNOWN}, "--missing", "unknown")
     judge("b", {"1.csv": QUIET}, "--missing", "unknown")
