@@ -189,6 +189,12 @@ def add_columns(group: argparse._ActionsContainer) -> None:
             dest="folders",
         ),
         Option(
+            "--sorted",
+            "with --by: read a Parquet file in parts, for a file larger than memory; the rows of "
+            "each group must follow each other",
+            usual="the columns of the whole file are in memory",
+        ),
+        Option(
             "--one-trace",
             "evaluate all rows of a table as one trace, although they look like several objects "
             "or episodes",
@@ -294,6 +300,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         defaults=tuple(dict.fromkeys(options.default)),
         **{name: getattr(options, name) for name in same},
     )
+    _check_forms(columns, dense=reading.dense)
     files = paths
     if not as_files:
         paths = [name for path in paths for name in traces_in(path, columns.where)]
@@ -308,12 +315,6 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
             "expected --start known with --dense or with a bag or log, where variables start at "
             "times of their own"
         )
-    if columns.long is not None and not reading.dense:
-        raise InputError(
-            "expected --dense with --long, because each row is an event of one variable"
-        )
-    if columns.long is not None and columns.wide is not None:
-        raise InputError("expected --long or --wide, got both")
     _check_signals(columns, every)
     starts_of(requirements, columns)
     _check_defaults(columns, every)
@@ -328,6 +329,18 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         requirements, reading, columns, duration, constants, ignored, strict, groups
     )
     return asked.having(requirements) if options.only else asked, paths
+
+
+def _check_forms(columns: Columns, *, dense: bool) -> None:
+    """Refuse options about the form of tables that do not go together."""
+    if columns.sorted and not columns.by:
+        raise InputError("expected --by COLUMN with --sorted, got none")
+    if columns.long is not None and not dense:
+        raise InputError(
+            "expected --dense with --long, because each row is an event of one variable"
+        )
+    if columns.long is not None and columns.wide is not None:
+        raise InputError("expected --long or --wide, got both")
 
 
 def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: bool) -> None:

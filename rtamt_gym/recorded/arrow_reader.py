@@ -32,24 +32,8 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     Path(path).stat()  # pyarrow's error for a missing file has no strerror
     match Path(path).suffix.lower():
         case ".parquet":
-            with refusing(path, "a Parquet file"):
-                file = pq.ParquetFile(path)
-            with file:
-                fields = _fields(file.schema_arrow)
-                own = b"rtamt.run" in (file.schema_arrow.metadata or {})
-
-                def load(wanted: list[str]) -> pa.Table:
-                    with refusing(path, "a whole Parquet file"):
-                        return file.read(columns=wanted)
-
-                lists = [field.name for field in fields if is_list(field.type)]
-                lengths = {}
-                if lists and file.metadata.num_rows:
-                    with refusing(path, "a whole Parquet file"):
-                        batch = next(file.iter_batches(1, columns=lists))
-                    lengths = _lengths(_flat(pa.Table.from_batches([batch])))
-                unit = "s" if own else ""  # of a saved `Run`
-                yield ArrowRecording(fields, load, path, unit, lengths, columns.decimal)
+            with open_parquet(path, columns) as recording:
+                yield recording
             return
         case ".feather" | ".arrow":
             with refusing(path, "a Feather file"):
@@ -61,6 +45,75 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
                 table = pa.json.read_json(path)
     flat = _flat(table)
     yield ArrowRecording(list(flat.schema), flat.select, path, "", _lengths(flat), columns.decimal)
+
+
+@contextmanager
+def open_parquet(
+    path: str, columns: Columns, span: tuple[int, int] | None = None
+) -> Iterator[ArrowRecording]:
+    """Open a Parquet file, or some of its rows.
+
+    Args:
+        path: The file.
+        columns: How its columns are read.
+        span: The first row and the row after the last; None: all rows.
+    """
+    Path(path).stat()  # pyarrow's error for a missing file has no strerror
+    with refusing(path, "a Parquet file"):
+        file = pq.ParquetFile(path)
+    with file:
+        fields = _fields(file.schema_arrow)
+        own = b"rtamt.run" in (file.schema_arrow.metadata or {})
+
+        def load(wanted: list[str]) -> pa.Table:
+            with refusing(path, "a whole Parquet file"):
+                if span is None:
+                    return file.read(columns=wanted)
+                return _rows_of(file, wanted, span)
+
+        lists = [field.name for field in fields if is_list(field.type)]
+        lengths = {}
+        if lists and file.metadata.num_rows:
+            with refusing(path, "a whole Parquet file"):
+                batch = next(file.iter_batches(1, columns=lists))
+            lengths = _lengths(_flat(pa.Table.from_batches([batch])))
+        unit = "s" if own else ""  # of a saved `Run`
+        first = 0 if span is None else span[0]
+        yield ArrowRecording(fields, load, path, unit, lengths, columns.decimal, first)
+
+
+def _rows_of(file: pq.ParquetFile, wanted: list[str], span: tuple[int, int]) -> pa.Table:
+    """Read some rows of a file, from the row groups that hold them."""
+    meta, (begin, end) = file.metadata, span
+    ends = np.cumsum([meta.row_group(i).num_rows for i in range(meta.num_row_groups)])
+    first, last = (int(np.searchsorted(ends, row, "right")) for row in (begin, end - 1))
+    before = int(ends[first - 1]) if first else 0
+    table = file.read_row_groups([*range(first, last + 1)], columns=wanted)
+    return table.slice(begin - before, end - begin)
+
+
+def parquet_batches(
+    path: str, columns: Columns, names: Sequence[str], size: int
+) -> Iterator[tuple[int, Rows]]:
+    """Yield cells of some columns in parts, each with the number of its first row.
+
+    Args:
+        path: The file.
+        columns: How its columns are read.
+        names: The columns.
+        size: The most rows of a part.
+    """
+    with open_parquet(path, columns) as recording, refusing(path, "a whole Parquet file"):
+        fields, first = recording.fields_of(names), 0
+        with pq.ParquetFile(path) as file:
+            for batch in file.iter_batches(size, columns=fields):
+                yield (
+                    first,
+                    recording.part(pa.Table.from_batches([batch]), first).read(
+                        Wanted([], cells=names)
+                    ),
+                )
+                first += batch.num_rows
 
 
 def _fields(fields: Iterable[pa.Field]) -> list[pa.Field]:
@@ -119,6 +172,7 @@ class ArrowRecording(Recording):
         unit: The unit of the times, if the file states it.
         lengths: The number of elements of columns of lists.
         decimal: The decimal mark of numbers that are text; None to recognise it.
+        first: The number of the first row in the file, from 0.
     """
 
     def __init__(
@@ -129,8 +183,10 @@ class ArrowRecording(Recording):
         unit: str,
         lengths: Mapping[str, int],
         decimal: str | None,
+        first: int = 0,
     ) -> None:
         self._path, self.source, self._lengths = source, shown(source), lengths
+        self._fields, self._first = fields, first
         self._load, self._unit, self._decimal = load, unit, decimal
         # The field of each column, its type, and the element of a list.
         self._places: dict[str, tuple[str, pa.DataType, int | None]] = {}
@@ -147,6 +203,26 @@ class ArrowRecording(Recording):
         self.dates = [n for n, kind in kinds if pa.types.is_timestamp(kind) or _is_day(kind)]
         self.days = [name for name, kind in kinds if _is_day(kind)]
         self.texts = [name for name, kind in kinds if is_text(kind)]
+
+    def fields_of(self, names: Sequence[str]) -> list[str]:
+        """Return the fields that hold columns."""
+        return [*dict.fromkeys(self._places[name][0] for name in names)]
+
+    def part(self, table: pa.Table, first: int) -> ArrowRecording:
+        """Return the recording of some rows that were read.
+
+        Args:
+            table: The rows.
+            first: The number of the first of them.
+        """
+        flat = _flat(table)
+        return ArrowRecording(
+            *(self._fields, flat.select, self._path, self._unit, self._lengths, self._decimal),
+            first,
+        )
+
+    def _where(self, row: int) -> str:
+        return RowNumbers(self.source)(row + self._first)
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted columns; nan counts as an empty cell."""
@@ -165,7 +241,7 @@ class ArrowRecording(Recording):
                 raise InputError(f"{self.source}, column '{name}': expected numbers, got {kind}")
         for name in wanted.texts:
             if len(table[name]) and not is_text(table[name].type):
-                position = RowNumbers(self.source)(0)
+                position = self._where(0)
                 value = table[name][0].as_py()
                 raise InputError(f"{position}, column '{name}': expected a name, got {value!r}")
         for name in times if not part else ():
@@ -176,7 +252,8 @@ class ArrowRecording(Recording):
             for name, column in table.items()
             if column.null_count
         }
-        recording = ArrayRecording(self._path, arrays, None, self._decimal, empty)
+        where = self._where if self._first else None
+        recording = ArrayRecording(self._path, arrays, None, self._decimal, empty, where)
         rows = recording.read(replace(wanted, cells=cells))
         return replace(rows, unit=rows.unit or self._unit)
 
@@ -204,7 +281,7 @@ class ArrowRecording(Recording):
         if pc.any(short).as_py():
             row = short.to_pylist().index(True)
             raise InputError(
-                f"{self.source}, row {row + 1}, column '{field}': expected a list of "
+                f"{self._where(row)}, column '{field}': expected a list of "
                 f"{self._lengths[field]}, as in the first row, got {lengths[row].as_py()}"
             )
         return pc.list_element(column, index)

@@ -72,6 +72,8 @@ class Columns:
         wide: The column of objects, which become columns such as ``speed.Ego``. None: a row holds
             the values of one object only.
         one_trace: Whether rows are one trace although they look like several objects or episodes.
+        sorted: Whether the rows of each trace of a table follow each other, so that a Parquet file
+            is read in parts.
         date_order: Whether dates such as 03/04/2024 have the day first (``"dmy"``) or the month
             (``"mdy"``). None: dates in which the order is not certain are refused.
 
@@ -99,6 +101,7 @@ class Columns:
     long: tuple[str, str] | None = None
     wide: str | None = None
     one_trace: bool = False
+    sorted: bool = False
     date_order: DateOrder | None = None
 
     def __post_init__(self) -> None:

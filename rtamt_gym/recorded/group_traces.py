@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import RtamtError
-from rtamt.columns import may_tell_objects, own_times
+from rtamt.columns import may_tell_objects, own_times, unit_of_times
 from rtamt.errors import shown
 from rtamt.internal import TraceRows, may_separate
 from rtamt_gym.options.evaluation import EvaluationOptions
@@ -124,8 +124,10 @@ class GroupTraces:
         rules = RowTable(recording, columns, read, time)
         if self._has_clocks(columns, time, read):
             return None
-        if time is None and bounded and period is None and (rules.unread or table.above):
-            return None  # one of them may be times
+        if time is None and bounded and period is None:
+            named = any(unit_of_times(name) is not None for name in read)
+            if rules.unread or named or table.above:
+                return None  # one of them may be times
         rows = self._rows(numbers, time, columns)
         if rows is None or rows.step is not None or rows.sparse:
             return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,10 @@ from rtamt.internal import groups_of
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.parts import TracePart, file_of, group_name, part_of
+from rtamt_gym.recorded.parts import TracePart, file_of, group_name, group_names, part_of
 from rtamt_gym.recorded.readers import FORMATS, format_of, open_recording
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
+from rtamt_gym.recorded.sorted_groups import SortedGroups
 from rtamt_gym.tables import counted
 
 _Keys = tuple[str, ...]
@@ -36,6 +37,7 @@ class GroupTable:
     Args:
         file: The path of the file.
         columns: How its columns are read; ``by`` names the key columns.
+        span: The first row and the row after the last of a Parquet file; None: all rows.
 
     Attributes:
         rows: The rows of each group, by the texts of its keys, in the order of first rows.
@@ -45,14 +47,14 @@ class GroupTable:
         blank_rows: The number of rows without an object, which are in no group.
     """
 
-    def __init__(self, file: str, columns: Columns) -> None:
-        self._file, self._columns = file, columns
+    def __init__(self, file: str, columns: Columns, span: tuple[int, int] | None = None) -> None:
+        self._file, self._columns, self._span = file, columns, span
         self._plain, self.where = replace(columns, by=()), columns.where
         self._whole: dict[str, Rows | None] = {}
         self._read_cells: dict[tuple[str, ...], _Cells] = {}
         self._traces: dict[str, _Keys] = {}
         self.blank_rows = 0
-        with open_recording(file, self._plain) as recording:
+        with self._opened() as recording:
             self.source = recording.source
             self.names, self.dates, self.days = recording.names, recording.dates, recording.days
             self.texts, self.blank, self.above = recording.texts, recording.blank, recording.above
@@ -72,6 +74,14 @@ class GroupTable:
         self._group(
             rows, {n: np.array(rows.texts[n]) if as_text else rows.cells[n] for n in columns.by}
         )
+
+    def _opened(self) -> AbstractContextManager[Recording]:
+        """Open the file, or the rows of the span."""
+        if self._span is None:
+            return open_recording(self._file, self._plain)
+        from rtamt_gym.recorded.arrow_reader import open_parquet
+
+        return open_parquet(self._file, self._plain, self._span)
 
     def _group(self, rows: Rows, cells: Mapping[str, NDArray[Any]]) -> None:
         """Find the rows of each group; equal texts of keys are one group."""
@@ -124,11 +134,7 @@ class GroupTable:
             chosen: The keys that choose this table in its file.
         """
         if not self._traces:
-            by, file = self._columns.by, file_of(self._file)
-            self._traces = {
-                group_name(file, {**chosen, **dict(zip(by, keys, strict=True))}): keys
-                for keys in self.values
-            }
+            self._traces = group_names(file_of(self._file), self._columns.by, self.values, chosen)
         return self._traces
 
     @property
@@ -142,7 +148,7 @@ class GroupTable:
         key = repr(wanted)
         if key not in self._whole:
             self._whole[key] = None
-            with suppress(InputError), open_recording(self._file, self._plain) as recording:
+            with suppress(InputError), self._opened() as recording:
                 self._whole[key] = recording.read(wanted)
         return self._whole[key]
 
@@ -151,7 +157,7 @@ class GroupTable:
         names = tuple(dict.fromkeys(names))
         if names not in self._read_cells:
             wanted = Wanted([], cells=names, where=self._columns.where)
-            with open_recording(self._file, self._plain) as recording:
+            with self._opened() as recording:
                 rows = recording.read(wanted)
             cells = {name: rows.cells[name] for name in names if name in rows.cells}
             self._read_cells[names] = cells, rows.where
@@ -230,18 +236,34 @@ class GroupRecording(Recording):
 
 
 _tables: dict[tuple[object, ...], GroupTable] = {}
+_indices: dict[tuple[object, ...], SortedGroups] = {}
 
 
-def _table(file: str, columns: Columns) -> GroupTable:
+def _table(file: str, columns: Columns, span: tuple[int, int] | None = None) -> GroupTable:
     """Return a table, from memory if the file is the same as before."""
-    columns = replace(columns, starts={}, defaults=())
-    stat = Path(file_of(file)).stat()
-    key = file, stat.st_size, stat.st_mtime_ns, repr(columns)
+    columns, key = _key(file, columns)
+    key = *key, span
     if key not in _tables:
         while len(_tables) >= _MOST_TABLES:
             del _tables[next(iter(_tables))]
-        _tables[key] = GroupTable(file, columns)
+        _tables[key] = GroupTable(file, columns, span)
     return _tables[key]
+
+
+def _index(file: str, columns: Columns) -> SortedGroups:
+    """Return the groups of a sorted file, from memory if the file is the same as before."""
+    columns, key = _key(file, columns)
+    if key not in _indices:
+        _indices.clear()
+        _indices[key] = SortedGroups(file, columns)
+    return _indices[key]
+
+
+def _key(file: str, columns: Columns) -> tuple[Columns, tuple[object, ...]]:
+    """Return the options that a table depends on, and the key of the table in memory."""
+    columns = replace(columns, starts={}, defaults=())
+    stat = Path(file_of(file)).stat()
+    return columns, (file, stat.st_size, stat.st_mtime_ns, repr(columns))
 
 
 def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
@@ -271,8 +293,13 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
     columns = replace(
         columns, where={name: text for name, text in columns.where.items() if name not in chosen}
     )
+    if columns.sorted and ".parquet" not in row.extensions:
+        raise InputError(f"{shown(path)}: expected a Parquet file for --sorted, got {row.name}")
+    opened: Callable[[str, Columns], GroupTable | SortedGroups] = (
+        _index if columns.sorted else _table
+    )
     try:
-        table = _table(path, _for_table(columns, columns.by))
+        table = opened(path, _for_table(columns, columns.by))
     except (InputError, ImportError, OSError, UnicodeDecodeError):
         return {path: {}}
     selected = {columns.by.index(n): text for n, text in columns.where.items() if n in columns.by}
@@ -316,7 +343,23 @@ def _find(part: TracePart, columns: Columns) -> tuple[GroupTable, _Keys, dict[st
     if format_of(file).choice:  # the first key is the table
         chosen = {part.key: values.pop(part.key)}
         file = group_name(file, chosen)
-    return _table(file, _for_table(columns, [*values])), tuple(values.values()), chosen
+    keys, columns = tuple(values.values()), _for_table(columns, [*values])
+    span = None
+    if columns.sorted:
+        index = _index(file, columns)
+        span = index.span(keys)
+        if span is None:
+            raise _no_group(part.file, keys, [*values], [*index.values])
+    return _table(file, columns, span), keys, chosen
+
+
+def _no_group(path: str, keys: _Keys, by: Sequence[str], known: Sequence[_Keys]) -> InputError:
+    """Return the error about a group that a table does not have."""
+    texts = [", ".join(key) for key in known]
+    return InputError(
+        f"{shown(path)}: no row with {', '.join(keys)} in {', '.join(by)}; the values are "
+        f"{listed(texts, ', '.join(keys))}"
+    )
 
 
 def groups_by_table(
@@ -353,14 +396,10 @@ def open_group(path: str, columns: Columns) -> Iterator[Recording]:
     if part is None:
         if not columns.by:
             raise InputError(f"{shown(path)}: expected the name of a group")
-        GroupTable(path, _for_table(columns, columns.by))  # raises its error
+        kind = SortedGroups if columns.sorted else GroupTable
+        kind(path, _for_table(columns, columns.by))  # raises its error
         raise InputError(f"{shown(path)}: expected a file that can be read, and it changed")
     table, keys, _ = _find(part, columns)
     if keys not in table.rows:
-        known = [", ".join(key) for key in table.rows]
-        names = [*part.values][-len(keys) :]
-        raise InputError(
-            f"{shown(path)}: no row with {', '.join(keys)} in {', '.join(names)}; the values "
-            f"are {listed(known, ', '.join(keys))}"
-        )
+        raise _no_group(path, keys, [*part.values][-len(keys) :], [*table.rows])
     yield GroupRecording(path, table, table.rows[keys], columns.decimal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 from urllib.parse import quote, unquote
 
@@ -62,6 +62,25 @@ def group_name(file: str, values: Mapping[str, str]) -> str:
     pairs = values.items()
     keys = ",".join(f"{quote(key, safe=_PLAIN)}={quote(text, safe=_PLAIN)}" for key, text in pairs)
     return f"{file}[{keys}]"
+
+
+def group_names(
+    file: str,
+    by: Sequence[str],
+    groups: Iterable[tuple[str, ...]],
+    chosen: Mapping[str, str],
+) -> dict[str, tuple[str, ...]]:
+    """Return the keys of groups by the names of their traces.
+
+    Args:
+        file: The path of the file.
+        by: The key columns.
+        groups: The texts of the keys of each group.
+        chosen: The keys that choose the table in its file.
+    """
+    return {
+        group_name(file, {**chosen, **dict(zip(by, keys, strict=True))}): keys for keys in groups
+    }
 
 
 def part_of(path: str) -> TracePart | None:

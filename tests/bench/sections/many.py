@@ -11,7 +11,7 @@ TARGETS = {"two": 3.0, "until": 10.0, "past": 10.0}
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """`judge_many` with two requirements, and on joined columns in memory."""
+    """`judge_many` with two requirements, on joined columns in memory, and ``rtamt monitor``."""
     traces = 2_000 if setting.quick else 100_000
     table = Table(f"{traces:,} groups of up to 400 samples, two requirements", "s")
     subject = setting.project("many")
@@ -22,8 +22,8 @@ def measure(setting: Setting) -> Iterator[Table]:
         )
         if found is None:
             continue
-        grouped, file, memory = found
-        figures = {"file": file, "memory": memory, "pyarrow": grouped}
+        grouped, file, memory, command = found
+        figures = {"file": file, "memory": memory, "command": command, "pyarrow": grouped}
         label = f"{kind}: {file / grouped:.1f} times pyarrow's grouped minimum"
         table.rows.append(Row(label, figures, target * grouped))
     subject.stop()

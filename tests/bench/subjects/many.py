@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ import pyarrow.parquet as pq
 import worker
 
 import rtamt
+from rtamt_gym.__main__ import main
 
 LOW = "always(x < 3)"
 SPECS = {
@@ -23,7 +26,7 @@ SPECS = {
 
 
 def measure(case: worker.Case) -> worker.Measure:
-    """Seconds of pyarrow's minimum, of the judgements from the file, and of those in memory."""
+    """Seconds of pyarrow's minimum, of judgements from the file and in memory, and of a command."""
     specs, traces = SPECS[case["kind"]], case["traces"]
     rng = np.random.default_rng(0)
     lengths = rng.integers(1, 400, size=traces)
@@ -46,9 +49,13 @@ def measure(case: worker.Case) -> worker.Measure:
         for spec in specs:
             rtamt.judge_many(spec, columns, lengths=lengths)
 
+    def command() -> None:
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            main(["monitor", *specs, "--by", "id", "--", str(path)])
+
     def run() -> list[float]:
         assert folder.name  # it lasts as long as the measure
-        return [seconds(grouped), seconds(file), seconds(memory)]
+        return [seconds(grouped), seconds(file), seconds(memory), seconds(command)]
 
     return run
 
