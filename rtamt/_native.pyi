@@ -42,6 +42,9 @@ def fold_pairs(
     is_max: bool,
     backwards: bool,
 ) -> NDArray[np.int64]: ...
+def negative_runs(
+    signs: NDArray[np.int64], values: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]: ...
 def judge_traces(
     terms: Sequence[tuple[object, ...]],
     formulas: Sequence[tuple[object, ...]],
@@ -295,7 +298,9 @@ class DenseSigns:
         begin: int,
         last: int,
         end: str,
+        numbers: bool = False,
     ) -> None: ...
+    def result(self, world: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
     def fails_at(self, instants: Sequence[tuple[int, float]]) -> tuple[int, int, int | None]: ...
     def holds_at(self, instants: Sequence[tuple[int, float]]) -> bool: ...
 

@@ -27,7 +27,8 @@ from rtamt.machines.books import PYTHON_BOOKS, BookFunctions
 from rtamt.machines.clocks import OperatorClock, PythonClockBank
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.machine import PythonDenseMachine
-from rtamt.machines.dense.outlook import PythonDenseSigns
+from rtamt.machines.dense.outlook import PythonDenseSigns, dense_values
+from rtamt.machines.dense.runs import Runs
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.episode.machine import PythonEpisodeVariants
 from rtamt.machines.protocols import (
@@ -45,6 +46,7 @@ from rtamt.machines.protocols import (
     SampleRuns,
     TraceSet,
 )
+from rtamt.machines.segments import FindRuns
 from rtamt.machines.terms import FindRanges, FindTerms, term_columns, term_ranges
 from rtamt.machines.walk import FoldPairs
 from rtamt.program.dense_lowering import DenseProgram, RegionProgram
@@ -77,6 +79,8 @@ class Factories:
         dense_machine: ``(program, reader, observed)``: ``values`` lists the observed registers.
         dense_episode_machine: ``(program, reader)``.
         dense_signs: ``(program, reader, events, trace, end)``.
+        dense_values: ``(program, reader, events, trace, end, beyond)``, as for
+            `rtamt.machines.dense.outlook.dense_values`.
         discrete_bank: ``(program, num, reader)``.
         episode_bank: ``(program, num, reader)``.
         clock_bank: ``(clocks, parts, num)``, as for `rtamt.machines.clocks.PythonClockBank`.
@@ -87,6 +91,7 @@ class Factories:
             `rtamt.monitors.monitor_sets`; None without one, or for these machines.
         episode_run: ``(program, columns, n, end)``; None if columns are always faster.
         fold_pairs: See `rtamt.machines.walk.FoldPairs`; None if NumPy folds pairs.
+        find_runs: See `rtamt.machines.segments.FindRuns`; None if NumPy finds runs.
         trace_runs: Judge and count many traces in one call; None if each is judged alone.
     """
 
@@ -97,6 +102,10 @@ class Factories:
     dense_signs: Callable[
         [RegionProgram, EventReader, Sequence[Given], tuple[int, int], End], DenseSigns
     ]
+    dense_values: Callable[
+        [RegionProgram, EventReader, Sequence[Given], tuple[int, int], End, bool],
+        tuple[Runs, Runs, Runs],
+    ]
     discrete_bank: Callable[[Program, int, LaneReader], Bank]
     episode_bank: Callable[[Program, int, LaneReader], EpisodeBank]
     clock_bank: Callable[[Sequence[OperatorClock], int, int], ClockBank]
@@ -106,6 +115,7 @@ class Factories:
     episode_panel: Callable[..., Any] | None = None
     episode_run: Callable[[Program, Sequence[Floats], int, End], EpisodeRun | None] | None = None
     fold_pairs: FoldPairs | None = None
+    find_runs: FindRuns | None = None
     trace_runs: TraceFunctions | None = None
 
 
@@ -116,6 +126,7 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
         PythonDenseMachine,
         PythonDenseEpisodeMachine,
         PythonDenseSigns,
+        dense_values,
         PythonDiscreteBank,
         PythonEpisodeBank,
         PythonClockBank,
@@ -144,6 +155,7 @@ else:
         native.dense_machine,
         native.dense_episode_machine,
         native.dense_signs,
+        native.dense_values,
         native.discrete_bank,
         native.episode_bank,
         native.clock_bank,
@@ -153,6 +165,7 @@ else:
         native.episode_panel,
         native.episode_run,
         native.fold_pairs,
+        native.find_runs,
         TraceFunctions(native.judge_traces, native.count_failures),
     )
     read_only = native.read_only

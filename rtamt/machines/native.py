@@ -20,8 +20,11 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.machines.books import BankOutcomes, BookFunctions, LaneColumn, spread
 from rtamt.machines.clocks import OperatorClock
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
-from rtamt.machines.dense.outlook import PythonDenseSigns, everywhere
+from rtamt.machines.dense.outlook import PythonDenseSigns, bound_worlds, everywhere
+from rtamt.machines.dense.outlook import dense_values as python_dense_values
 from rtamt.machines.dense.rows import RegionRows, declared_of
+from rtamt.machines.dense.runs import Runs
+from rtamt.machines.episode.streams import NOW
 from rtamt.machines.protocols import (
     DenseSigns,
     End,
@@ -49,6 +52,7 @@ from rtamt.program.program import Program
 
 read_only = _native.read_only
 fold_pairs = _native.fold_pairs
+find_runs = _native.negative_runs
 
 
 def discrete_machine(
@@ -198,6 +202,40 @@ def dense_signs(
     if reader.unknown:  # the machine in C++ takes numbers
         return PythonDenseSigns(program, reader, given, trace, end, (term_columns, term_ranges))
     return _native.DenseSigns(*_encoded_signs(program), reader, given, *trace, end)
+
+
+def dense_values(
+    program: RegionProgram,
+    reader: EventReader,
+    given: Sequence[Given],
+    trace: tuple[int, int],
+    end: End,
+    beyond: bool = False,  # noqa: FBT001, FBT002 - as in Python
+) -> tuple[Runs, Runs, Runs]:
+    def in_python() -> tuple[Runs, Runs, Runs]:
+        terms = term_columns, term_ranges
+        return python_dense_values(program, reader, given, trace, end, beyond, terms)
+
+    if reader.unknown or not _has_one_variant(program):  # in C++ a place has one value
+        return in_python()
+    encoded = _encoded_signs(program)
+    try:
+        machine = _native.DenseSigns(*encoded, reader, given, *trace, end, numbers=True)
+    except ValueError:  # a term is not a number
+        return in_python()
+
+    def result(world: int) -> Runs:
+        starts, values = machine.result(world)
+        return Runs(starts, (values,))
+
+    low, high = bound_worlds(program.program, end, beyond=beyond)
+    now = result(NOW)
+    return (now, now, now) if low == high else (now, result(low), result(high))
+
+
+@functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
+def _has_one_variant(program: RegionProgram) -> bool:
+    return len(variants_of(program.program)) == 1
 
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity

@@ -6,6 +6,8 @@ A segment is a run of places with equal values: one sample, or a run of position
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +21,14 @@ Flagged = NDArray[np.bool_]
 
 FOREVER = np.iinfo(np.int64).max
 """The last place of a run without an end."""
+
+FindRuns = Callable[
+    [PlaceNumbers, PlaceNumbers], tuple[PlaceNumbers, PlaceNumbers, PlaceNumbers, PlaceNumbers]
+]
+"""Returns the runs of negative integers of a column, and the minimum of another column in each.
+
+These are the first place of each run, the place after it, its minimum, and the first place of that.
+"""
 
 _SHORT_RUN = 32
 """Segments of each run that are compared with its minimum one by one."""
@@ -76,6 +86,8 @@ class PlaceRuns(NamedTuple):
 
     def length(self, step: int) -> int:
         """Return the number of samples, or of ticks of dense time, of `step` places each."""
+        if step == 1:
+            return int(self.last.sum() - self.first.sum()) + len(self.first)
         return int(np.sum((self.last + 1) // step - self.first // step))
 
     def at_or_after(self, places: PlaceNumbers) -> PlaceNumbers:
@@ -117,46 +129,83 @@ class Minima(NamedTuple):
     places: PlaceNumbers
 
 
-class Segments(NamedTuple):
+class Segments:
     """The values of a formula over a trace.
 
-    Attributes:
+    Args:
         starts: The first place of each segment; None: every place is a segment.
         last: The last place of the trace.
-        robustness: The robustness in each segment, within the bounds of the end mode.
-        fails: Whether the formula fails for certain, in each segment.
-        holds: Whether it holds for certain.
+        robustness: The robustness in each segment; it moves into the bounds of the end mode.
+        lower: The lower bounds; the same object if all values are known.
+        upper: The upper bounds; the same object if all values are known.
+        find_runs: Finds runs of negative integers; None: NumPy does.
     """
 
-    starts: PlaceNumbers | None
-    last: int
-    robustness: PlaceNumbers
-    fails: Flagged
-    holds: Flagged
-
-    @staticmethod
-    def of(
+    def __init__(
+        self,
         starts: PlaceNumbers | None,
         last: int,
         robustness: PlaceNumbers,
         lower: PlaceNumbers,
         upper: PlaceNumbers,
-    ) -> Segments:
-        """Return segments from the robustness and its bounds; all are one object if known."""
-        if lower is robustness and upper is robustness:
-            fails = robustness < 0
-            return Segments(starts, last, robustness, fails, ~fails)
-        robustness = np.maximum(lower, np.minimum(robustness, upper))
-        return Segments(starts, last, robustness, upper < 0, lower >= 0)
+        find_runs: FindRuns | None = None,
+    ) -> None:
+        self.starts, self.last = starts, last
+        self.known = lower is robustness and upper is robustness
+        if not self.known:
+            robustness = np.maximum(lower, np.minimum(robustness, upper))
+        self.robustness = robustness
+        self._lower, self._upper, self._find_runs = lower, upper, find_runs
+        self._edges = None if starts is None else np.append(starts, last + 1)
+
+    @functools.cached_property
+    def fails(self) -> Flagged:
+        """Whether the formula fails for certain, in each segment."""
+        return self._upper < 0
+
+    @functools.cached_property
+    def holds(self) -> Flagged:
+        """Whether the formula holds for certain, in each segment."""
+        return self._lower >= 0
 
     @property
     def unknown(self) -> Flagged:
         """Whether the formula may hold or fail, in each segment."""
-        return ~(self.fails | self.holds)
+        return (self._lower < 0) & (self._upper >= 0)
+
+    def failing(self, places: PlaceRuns) -> tuple[SegmentRuns, Minima]:
+        """Return the runs that fail inside runs of places, with their minima; see `divided`."""
+        if self._find_runs is not None and len(places.first) == 1:
+            (begin,), (after,) = self.within(places)[1:]
+            part = slice(begin, after)
+            first, end, minima, worst = self._find_runs(self._upper[part], self.robustness[part])
+            if begin:
+                first, end, worst = first + begin, end + begin, worst + begin
+            return SegmentRuns(self, first, end), Minima(minima, self.place(worst))
+        runs = self.runs(self._only(self.fails, places))
+        return runs, runs.minima()
+
+    def holding(self, places: PlaceRuns) -> SegmentRuns:
+        """Return the runs inside runs of places that hold for certain; see `divided`."""
+        return self.runs(self._only(self.holds, places))
+
+    def undecided(self, places: PlaceRuns) -> SegmentRuns:
+        """Return the runs inside runs of places that may hold or fail; see `divided`."""
+        if self.known:
+            none = np.zeros(0, np.int64)
+            return SegmentRuns(self, none, none)
+        return self.runs(self._only(self.unknown, places))
+
+    def _only(self, flags: Flagged, places: PlaceRuns) -> Flagged:
+        return flags if self._is_covered(places) else flags & self.inside(places)
+
+    def _is_covered(self, places: PlaceRuns) -> bool:
+        first, last = places
+        return len(first) == 1 and first[0] == 0 and last[0] == self.last
 
     def divided(self, runs: PlaceRuns) -> Segments:
         """Return segments of which each is inside or outside of every run."""
-        if self.starts is None:
+        if self.starts is None or self._is_covered(runs):
             return self
         edges = np.concatenate([runs.first, runs.last + 1])
         edges = edges[edges <= self.last]
@@ -166,8 +215,9 @@ class Segments(NamedTuple):
             return self
         starts = distinct(self.starts, edges[new])
         source = np.searchsorted(self.starts, starts, "right") - 1
-        values = self.robustness[source], self.fails[source], self.holds[source]
-        return Segments(starts, self.last, *values)
+        values = self.robustness[source]
+        bounds = (values, values) if self.known else (self._lower[source], self._upper[source])
+        return Segments(starts, self.last, values, *bounds, self._find_runs)
 
     def within(self, runs: PlaceRuns) -> SegmentRuns:
         """Return runs of places as runs of segments; see `divided`."""
@@ -194,9 +244,7 @@ class Segments(NamedTuple):
 
     def place(self, segments: PlaceNumbers) -> PlaceNumbers:
         """Return the first places of segments; after the last one, the place after the trace."""
-        if self.starts is None:
-            return segments
-        return np.append(self.starts, self.last + 1)[segments]
+        return segments if self._edges is None else self._edges[segments]
 
 
 class SegmentRuns(NamedTuple):

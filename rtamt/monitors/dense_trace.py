@@ -18,8 +18,8 @@ from rtamt.language.node import Node
 from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS, BackendName
-from rtamt.machines.dense.outlook import DenseOutlook, with_robustness
-from rtamt.machines.dense.rows import RegionRows, rows_of, unknown_of, values_between
+from rtamt.machines.dense.outlook import DenseOutlook
+from rtamt.machines.dense.rows import rows_of, unknown_of, values_between
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import DenseSigns, End
 from rtamt.machines.readout import verdict_of
@@ -88,10 +88,7 @@ class DenseTrace:
 
     def opposite(self, left: Formula) -> DenseSigns:
         """Return the signs of the negation of a left side, by standard semantics."""
-        whole = self._reader
-        regions, reader = _opposite(
-            self._regions, left, self._compiled.backend, whole.nan, whole.max_gap, whole.unknown
-        )
+        regions, reader = self._part(~left, STANDARD)
         events = self._events_of(regions)
         return self._machines.dense_signs(regions, reader, events, self._span, self._end)
 
@@ -120,7 +117,10 @@ class DenseTrace:
 
     def registers(self) -> TraceRegisters:
         """Return the registers of the formula, for an end that is not complete."""
-        rows, last, begin = self._rows(self._regions), self.extent.last, self._span[0]
+        reader, last, begin = self._reader, self.extent.last, self._span[0]
+        values = values_between(reader.counted(self._events), self._span)
+        terms = self._machines.term_columns, self._machines.term_ranges
+        rows = rows_of(self._regions.program, values, reader, terms)
         cut = self._end == "cut"
         outlook = DenseOutlook(self._regions.program, rows, last, cut=cut)
         program = outlook.program
@@ -135,32 +135,40 @@ class DenseTrace:
 
     def body_reads(self) -> Mapping[Formula, InstantRuns]:
         """Return where the formula reads each of its bodies."""
-        return body_reads(self.formula, self.bounds_of, self.extent)
+        return _body_reads(self._regions, self.extent)
 
     def bounds_of(self, formula: Node) -> Bounds:
         """Return the bounds of an operator in ticks."""
-        return self._regions.bounds(formula)
+        return _bounds(self._regions, formula)
 
     def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
         """Return the values of a part of the formula, by standard semantics as left sides are."""
         last = self.extent.last
         runs = self._runs(formula, standard=standard)
-        if all(bound is runs[0] for bound in runs):
-            known = clipped(runs[0], 0, last)
+        robustness, *bounds = runs
+        find_runs, begin = self._machines.find_runs, int(bounds[0].starts[0])
+        if begin > last or all(bound is robustness for bound in bounds):
+            known = clipped(robustness, 0, last)
             values = ordered(known.last)
-            return Segments.of(known.starts, last, values, values, values)
-        both = joint([clipped(bound, 0, last) for bound in runs])
-        return Segments.of(both.starts, last, *map(ordered, both.values))
+            return Segments(known.starts, last, values, values, values, find_runs)
+        known = clipped(robustness, 0, begin - 1)
+        open_end = joint([clipped(part, begin, last) for part in runs])
+        starts = np.concatenate([known.starts, open_end.starts])
+        robust, lower, upper = (
+            ordered(np.concatenate([known.last, column])) for column in open_end.values
+        )
+        return Segments(starts, last, robust, lower, upper, find_runs)
 
     def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
         """Return the first place after the trace at which a body fails that fails at none of it."""
         last = self.extent.last
         if self._end != "cut" or instants[-1][1] <= last:
             return None
-        _, _, body_runs = self._runs(with_one_body(self.formula, body))
-        if not np.signbit(body_runs.last[0]):  # at the first instant
+        robustness, _, upper = self._runs(with_one_body(self.formula, body))
+        at_start = robustness if upper.starts[0] > 0 else upper
+        if not np.signbit(at_start.last[0]):
             return None
-        _, _, upper = self._runs(body)
+        _, _, upper = self._runs(body, beyond=True)
         for first, final in instants:
             later = clipped(upper, max(first, last + 1))
             failing = np.flatnonzero(np.signbit(later.last))
@@ -173,25 +181,18 @@ class DenseTrace:
         dated = are_dates(self._events[0].times)  # dates do not mix with numbers
         return self._reader.times(self._span[0] + ticks, dated)
 
-    def _runs(self, formula: Formula, *, standard: bool = False) -> tuple[Runs, Runs, Runs]:
+    def _runs(
+        self, formula: Formula, *, standard: bool = False, beyond: bool = False
+    ) -> tuple[Runs, Runs, Runs]:
         """Return robustness and bounds of a part of the formula."""
-        regions = self._regions_of(formula, STANDARD if standard else self._compiled.interface)
-        rows = self._rows(regions)
-        return with_robustness(regions.program, rows, self.extent.last, self._end)
+        part = self._part(formula, STANDARD if standard else self._compiled.interface)
+        events = self._events_of(part[0])
+        return self._machines.dense_values(*part, events, self._span, self._end, beyond)
 
-    def _rows(self, regions: RegionProgram) -> list[RegionRows]:
-        """Return the terms of a program over the trace."""
-        reader = self._reader.of(regions)
-        counted = reader.counted(self._events_of(regions))
-        terms = self._machines.term_columns, self._machines.term_ranges
-        return rows_of(regions.program, values_between(counted, self._span), reader, terms)
-
-    def _regions_of(self, formula: Formula, interface: Interface) -> RegionProgram:
-        """Return the program of a part, with the variables of the formula if it has none."""
-        specification = self._compiled.specification.with_result(formula)
-        if not formula.variables:
-            specification = _with_result(self._compiled.specification, formula)
-        return compile_regions(specification, self._regions.resolution, interface=interface)
+    def _part(self, formula: Formula, interface: Interface) -> tuple[RegionProgram, EventReader]:
+        reader = self._reader
+        options = reader.nan, reader.max_gap, reader.unknown
+        return _part(self._regions, formula, interface, self._compiled.backend, *options)
 
     def _events_of(self, regions: RegionProgram) -> list[Given]:
         """Return the events of the variables of another program."""
@@ -204,28 +205,39 @@ def _routes(regions: RegionProgram) -> Routes:
     return Routes(regions.program.specification.formula, regions.bounds)
 
 
+@functools.lru_cache(maxsize=512)  # many traces have one length
+def _body_reads(regions: RegionProgram, extent: TraceSpan) -> Mapping[Formula, InstantRuns]:
+    formula = regions.program.specification.formula
+    return body_reads(formula, functools.partial(_bounds, regions), extent)
+
+
 @functools.lru_cache(maxsize=512)
-def _opposite(
+def _bounds(regions: RegionProgram, formula: Node) -> Bounds:
+    return regions.bounds(formula)
+
+
+@functools.lru_cache(maxsize=512)
+def _part(
     whole: RegionProgram,
-    left: Formula,
+    formula: Formula,
+    interface: Interface,
     backend: BackendName,
     nan: NanPolicy,
     max_gap: int | None,
     unknown: bool,  # noqa: FBT001 - a key of the cache
 ) -> tuple[RegionProgram, EventReader]:
-    """Return the program of the negation of a left side, and the reader of its events.
+    """Return the program of a part of the formula, and the reader of its events.
 
-    It has the variables of the left side or, without any, those of the whole formula.
+    It has the variables of the part or, without any, those of the whole formula.
     """
     specification = whole.program.specification
-    opposite = specification.with_result(~left)
-    if not left.variables:
-        opposite = _with_result(specification, ~left)
-    regions = compile_regions(opposite, whole.resolution, interface=STANDARD)
-    dense = regions
-    reader = EventReader(dense, nan, max_gap, bounds=True)
+    part = specification.with_result(formula)
+    if not formula.variables:
+        part = _with_result(specification, formula)
+    regions = compile_regions(part, whole.resolution, interface=interface)
+    reader = EventReader(regions, nan, max_gap, bounds=True)
     reader.unknown = unknown
-    return regions, reader.with_clock(BACKENDS[backend].clock(dense))
+    return regions, reader.with_clock(BACKENDS[backend].clock(regions))
 
 
 @functools.lru_cache(maxsize=512)

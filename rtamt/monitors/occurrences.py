@@ -14,7 +14,14 @@ from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
 from rtamt.language.operators import OPERATORS
 from rtamt.machines.protocols import End
-from rtamt.machines.segments import PlaceNumbers, PlaceRuns, SegmentRuns, Segments, UnseenPlace
+from rtamt.machines.segments import (
+    Minima,
+    PlaceNumbers,
+    PlaceRuns,
+    SegmentRuns,
+    Segments,
+    UnseenPlace,
+)
 from rtamt.machines.walk import numbers_of
 from rtamt.monitors.dense_trace import DenseTrace
 from rtamt.monitors.evaluation import trace_between
@@ -70,18 +77,21 @@ class _Clock:
 
     def at(self, places: PlaceNumbers) -> NDArray[Any]:
         """Return the times of places."""
-        return self._times(places // self.step)
+        return self._times(self._steps(places))
 
     def columns(self, runs: PlaceRuns) -> dict[str, NDArray[Any]]:
         """Return the columns that every row has."""
-        first = runs.first // self.step
-        after = np.minimum((runs.last + 1) // self.step, self._last // self.step)
+        first = self._steps(runs.first)
+        after = np.minimum(self._steps(runs.last + 1), self._last // self.step)
         return {
             "start": self._times(first),
             "end": self._times(after),
             "duration": self.lasting(after - first),
             "to_end": runs.last == self._last,
         }
+
+    def _steps(self, places: PlaceNumbers) -> PlaceNumbers:
+        return places if self.step == 1 else places // self.step
 
 
 def scaled(count: PlaceNumbers, tick: Fraction) -> NDArray[np.float64]:
@@ -104,8 +114,9 @@ def _of_body(
 ) -> BodyOccurrences:
     recorded = PlaceRuns.of(instants, trace.extent.last)
     values = trace.segments(body).divided(recorded)
-    failing, unknown = _limited(values, recorded)
-    violations = _violations(failing, clock)
+    failing, worst = values.failing(recorded)
+    unknown = values.undecided(recorded)
+    violations = _violations(failing, worst, clock)
     if not len(failing.first) and instants:
         unseen = trace.unseen_violation(body, instants)
         if unseen is not None:
@@ -123,17 +134,7 @@ def _of_body(
     )
 
 
-def _limited(values: Segments, recorded: PlaceRuns) -> tuple[SegmentRuns, SegmentRuns]:
-    """Return the runs of recorded segments that fail, and of those that are unknown."""
-    fails, unknown = values.fails, values.unknown
-    if recorded.first.tolist() != [0] or recorded.last.tolist() != [values.last]:
-        inside = values.inside(recorded)
-        fails, unknown = fails & inside, unknown & inside
-    return values.runs(fails), values.runs(unknown)
-
-
-def _violations(failing: SegmentRuns, clock: _Clock) -> _Columns:
-    worst = failing.minima()
+def _violations(failing: SegmentRuns, worst: Minima, clock: _Clock) -> _Columns:
     return {
         **clock.columns(failing.places),
         "robustness": numbers_of(worst.values),
@@ -165,20 +166,30 @@ def _responses(
     if body in implications(body):
         left, right = (cast("Formula", operand) for operand in body.args)
         triggers = trace.segments(left, standard=True).divided(recorded)
-        inside = triggers.inside(recorded)
-        runs = triggers.runs(triggers.holds & inside).places
-        maybe = triggers.runs(triggers.unknown & inside).places
+        runs = triggers.holding(recorded).places
+        maybe = triggers.undecided(recorded).places
         answers = _answer_times(trace, right, runs, clock)
     values = values.divided(runs)
     within = values.within(runs)
-    verdicts = np.where(within.any(~values.holds), 0, 1) - 2 * within.any(values.fails)
+    margins = within.minima().values
     columns = {
         **clock.columns(runs),
-        "verdict": np.maximum(verdicts, -1).astype(np.int8),
+        "verdict": _verdicts(within, margins),
         "answer_time": answers,
-        "margin": numbers_of(within.minima().values),
+        "margin": numbers_of(margins),
     }
     return columns, clock.columns(maybe)
+
+
+def _verdicts(runs: SegmentRuns, minima: PlaceNumbers) -> NDArray[np.int8]:
+    """Return the verdict of each run: violated if a segment fails, satisfied if all hold."""
+    segments = runs.segments
+    if segments.known or not len(minima):
+        verdicts = np.where(minima < 0, -1, 1)
+    else:
+        verdicts = np.where(runs.any(~segments.holds), 0, 1)
+        verdicts[runs.any(segments.fails)] = -1
+    return verdicts.astype(np.int8)
 
 
 def _answer_times(

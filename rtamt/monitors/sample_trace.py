@@ -207,8 +207,7 @@ class SampleTrace:
     def body_reads(self) -> Mapping[Formula, InstantRuns]:
         """Return where the formula reads each of its bodies."""
         compiled = self._compiled
-        bounds = bounds_of_nodes(compiled.specification, compiled.period, self._align)
-        return body_reads(self.formula, bounds, self.extent)
+        return _body_reads(compiled.specification, compiled.period, self._align, self.extent)
 
     def bounds_of(self, formula: Node) -> Bounds:
         """Return the bounds of an operator in samples."""
@@ -223,7 +222,8 @@ class SampleTrace:
             standard: Whether it is evaluated by standard semantics, as left sides are.
         """
         values = self._part(formula, standard=standard).recorded(self._end)
-        return Segments.of(None, self._n - 1, *values)
+        find_runs = BACKENDS[self._compiled.backend].find_runs
+        return Segments(None, self._n - 1, *values, find_runs)
 
     def around_end(self, formula: Formula) -> tuple[tuple[Keys, Keys], tuple[Keys, Keys]]:
         """Return both bounds of a part of the formula at every sample, and after the trace."""
@@ -405,6 +405,14 @@ def formula_reads(
 ) -> Mapping[Formula, Reads]:
     """Return where a formula reads its implications on traces of one extent."""
     return _routes(specification, period, align).reads(extent)
+
+
+@functools.lru_cache(maxsize=512)  # many traces have one length
+def _body_reads(
+    specification: Specification, period: Fraction | None, align: Align | None, extent: TraceSpan
+) -> Mapping[Formula, InstantRuns]:
+    bounds = bounds_of_nodes(specification, period, align)
+    return body_reads(specification.formula, bounds, extent)
 
 
 @functools.lru_cache(maxsize=512)

@@ -31,14 +31,41 @@ from rtamt.program.placement import Placement, variants_of
 from rtamt.program.program import Program
 
 
-def with_robustness(
-    program: Program, rows: Sequence[RegionRows], last: int, end: End
+def dense_values(
+    regions: RegionProgram,
+    reader: EventReader,
+    given: Sequence[Given],
+    trace: tuple[int, int],
+    end: End,
+    beyond: bool = False,  # noqa: FBT001, FBT002 - an argument of a back-end
+    terms: FindBoth = (term_columns, term_ranges),
 ) -> tuple[Runs, Runs, Runs]:
     """Return robustness, lower and upper bound of the result on a trace and after it.
 
-    The last run lasts for ever. A result that is a predicate has no run after the trace.
+    They are one object if the values are known. The bounds may start at the first position at which
+    they may differ from the robustness. The last run lasts for ever. A result that is a predicate
+    may have no run after the trace.
+
+    Args:
+        regions: The program.
+        reader: Counts the times of its events.
+        given: The times and values of every variable.
+        trace: The first and the last tick.
+        end: The end mode.
+        beyond: Whether values after the trace are read. Otherwise, a result that does not look
+            ahead has no bounds of its own, because it is known on the trace.
+        terms: Evaluates terms.
     """
-    worlds, (low, high) = _worlds(program, end)
+    values = values_between(reader.counted(given), trace)
+    rows, last = rows_of(regions.program, values, reader, terms), 2 * (trace[1] - trace[0])
+    return with_robustness(regions.program, rows, last, end, beyond=beyond)
+
+
+def with_robustness(
+    program: Program, rows: Sequence[RegionRows], last: int, end: End, *, beyond: bool = False
+) -> tuple[Runs, Runs, Runs]:
+    """Return the values of `dense_values` from the terms."""
+    worlds, (low, high) = _worlds(program, end, beyond=beyond)
     programs = variants_of(program)
     # With uncertain values the last rows are the largest terms of the last program.
     variant = {0: programs[0], len(programs) - 1: programs[-1], len(rows) - 1: programs[-1]}
@@ -58,18 +85,29 @@ def with_robustness(
     return runs[len(programs) - 1][NOW], runs[0][low], runs[len(rows) - 1][high]
 
 
-def _worlds(program: Program, end: End) -> tuple[Sequence[int], tuple[int, int]]:
+def bound_worlds(program: Program, end: End, *, beyond: bool = False) -> tuple[int, int]:
+    """Return the worlds of the lower and the upper bound."""
+    if end == "complete" or not (beyond or _looks_ahead(program)):
+        return NOW, NOW
+    return (CUT_LOWER, CUT_UPPER) if end == "cut" else (LOWER, UPPER)
+
+
+def _worlds(
+    program: Program, end: End, *, beyond: bool = False
+) -> tuple[Sequence[int], tuple[int, int]]:
     """Return the worlds to compute, and those of the lower and the upper bound."""
-    if end == "complete" or not _looks_ahead(program):
+    low, high = bound_worlds(program, end, beyond=beyond)
+    if low == high:
         return (NOW,), (NOW, NOW)
     if end == "cut":
         windows = (i for i in program.instructions if isinstance(i, Window))
         # Only windows without an end read what an open trace has.
         bounded = all(window.hi is not None and not window.endless for window in windows)
-        return (NOW, *CUT) if bounded else (*WORLDS, *CUT), (CUT_LOWER, CUT_UPPER)
-    return WORLDS, (LOWER, UPPER)
+        return (NOW, *CUT) if bounded else (*WORLDS, *CUT), (low, high)
+    return WORLDS, (low, high)
 
 
+@functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
 def _looks_ahead(program: Program) -> bool:
     windows = (i for i in program.instructions if isinstance(i, Window))
     return any(window.hi is None or window.hi > 0 for window in windows)
@@ -123,10 +161,8 @@ class PythonDenseSigns:
         end: End,
         terms: FindBoth = (term_columns, term_ranges),
     ) -> None:
-        counted = reader.counted(given)
-        rows = rows_of(regions.program, values_between(counted, trace), reader, terms)
         last = self._last = 2 * (trace[1] - trace[0])
-        _, *bounds = with_robustness(regions.program, rows, last, end)
+        _, *bounds = dense_values(regions, reader, given, trace, end, terms=terms)
         self._least, self._greatest = (clipped(bound, 0, last) for bound in bounds)
 
     def fails_at(self, instants: InstantRuns) -> Counted:

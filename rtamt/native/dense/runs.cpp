@@ -81,58 +81,50 @@ void pair_up(RegionFold fold, const RunsView& pairs, std::optional<Time> end, Ru
 
 void slide(RegionFold fold, const RunsView& runs, Time lo, Time hi, Time begin, Time end,
            FoldMemory& memory, Runs& found) {
-    const std::size_t corners = runs.corners, n = runs.size();
-    // Positions at which a run enters or leaves, and the runs inside then; -1 is nothing before.
-    auto& [starts, first, last, older, total, results] = memory;
-    starts.clear();
-    first.clear();
-    last.clear();
-    const auto place = [&](Time position) {
+    const std::size_t corners = runs.corners;
+    const auto count = static_cast<std::ptrdiff_t>(runs.size());
+    const auto place = [&](Time position) {  // -1: before the first run is nothing
         const auto run = static_cast<std::ptrdiff_t>(runs.place(position));
-        return n > 0 && runs.start(0) <= position ? run : -1;
+        return count > 0 && runs.start(0) <= position ? run : -1;
     };
-    std::ptrdiff_t i = place(begin + lo), j = place(begin + hi);
-    const auto count = static_cast<std::ptrdiff_t>(n);
+    const auto element = [&](std::ptrdiff_t run, std::size_t c) {
+        return run < 0 ? fold.identity() : runs.at(static_cast<std::size_t>(run))[c];
+    };
+    const auto start = [&](std::ptrdiff_t run, Time offset) {
+        return run < count ? runs.start(static_cast<std::size_t>(run)) - offset : kEver;
+    };
+    // A queue in two stacks: `older` has the suffix folds of the runs base to middle, and `younger`
+    // the fold of the runs behind them. A window has the runs first to last.
+    auto& [older, younger, total] = memory;
+    younger.assign(corners, fold.identity());
+    std::ptrdiff_t first = place(begin + lo), last = place(begin + hi);
+    std::ptrdiff_t next = first, middle = first, base = first;
     for (Time now = begin; now <= end;) {
-        starts.push_back(now);
-        first.push_back(i);
-        last.push_back(j);
-        const Time leaves = i + 1 < count ? runs.start(static_cast<std::size_t>(i + 1)) - lo : kEver;
-        const Time enters = j + 1 < count ? runs.start(static_cast<std::size_t>(j + 1)) - hi : kEver;
-        now = std::min(leaves, enters);
-        if (now == kEver) break;
-        i += leaves == now;
-        j += enters == now;
-    }
-    if (starts.empty()) return;
-    results.resize(starts.size() * corners);
-    for (std::size_t c = 0; c < corners; ++c) {
-        // A queue in two stacks: `older` has suffix folds of runs base to middle.
-        const auto element = [&](std::ptrdiff_t run) {
-            return run < 0 ? fold.identity() : runs.at(static_cast<std::size_t>(run))[c];
-        };
-        std::ptrdiff_t next = first[0], middle = first[0], base = first[0];
-        Pair younger = fold.identity();
-        for (std::size_t k = 0; k < starts.size(); ++k) {
-            for (; next <= last[k]; ++next) younger = fold.combine(younger, element(next));
-            if (first[k] >= middle) {
-                base = first[k];
-                middle = next;
-                older.resize(static_cast<std::size_t>(middle - base));
-                Pair all = fold.identity();
-                for (std::ptrdiff_t run = middle; run-- > base;)
-                    older[static_cast<std::size_t>(run - base)] = all =
-                        fold.combine(element(run), all);
-                younger = fold.identity();
-            }
-            results[k * corners + c] =
-                fold.combine(older[static_cast<std::size_t>(first[k] - base)], younger).q;
+        for (; next <= last; ++next)
+            for (std::size_t c = 0; c < corners; ++c)
+                younger[c] = fold.combine(younger[c], element(next, c));
+        if (first >= middle) {
+            base = first;
+            middle = next;
+            older.resize(static_cast<std::size_t>(middle - base) * corners);
+            total.assign(corners, fold.identity());
+            for (std::ptrdiff_t run = middle; run-- > base;)
+                for (std::size_t c = 0; c < corners; ++c)
+                    older[static_cast<std::size_t>(run - base) * corners + c] = total[c] =
+                        fold.combine(element(run, c), total[c]);
+            younger.assign(corners, fold.identity());
         }
-    }
-    total.resize(corners);
-    for (std::size_t k = 0; k < starts.size(); ++k) {
-        for (std::size_t c = 0; c < corners; ++c) total[c] = {0.0, results[k * corners + c]};
-        found.push(starts[k], total.data());
+        const Pair* suffixes = older.data() + static_cast<std::size_t>(first - base) * corners;
+        total.resize(corners);
+        for (std::size_t c = 0; c < corners; ++c)
+            total[c] = {0.0, fold.combine(suffixes[c], younger[c]).q};
+        found.push(now, total.data());
+        // The next position at which a run enters or leaves.
+        const Time leaves = start(first + 1, lo), enters = start(last + 1, hi);
+        now = std::min(leaves, enters);
+        if (now == kEver) return;
+        first += leaves == now;
+        last += enters == now;
     }
 }
 

@@ -112,6 +112,11 @@ public:
         if (!empty() && uniform(value)) return;
         add(start, Pair{0.0, value});
     }
+    // Keeps memory for so many runs.
+    void reserve(std::size_t runs) {
+        starts_.reserve(runs);
+        values_.reserve(runs * corners_);
+    }
     void append(const RunsView& other) {
         for (std::size_t i = 0; i < other.size(); ++i) push(other.start(i), other.at(i));
     }
@@ -162,12 +167,9 @@ private:
 
 // What folds need of memory.
 struct FoldMemory {
-    std::vector<Time> starts;
-    std::vector<std::ptrdiff_t> first;
-    std::vector<std::ptrdiff_t> last;
     std::vector<Pair> older;
+    std::vector<Pair> younger;
     std::vector<Pair> total;
-    std::vector<double> results;
 };
 
 // These write behind what is found already. Two signals as one of pairs, from a position on:

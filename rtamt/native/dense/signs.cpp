@@ -9,21 +9,17 @@
 
 namespace rtamt::dense {
 
-namespace {
-
-double sign_of(double value) { return std::signbit(value) ? -kInfinity : kInfinity; }
-
-}  // namespace
-
 Signs::Signs(const std::vector<DenseRow>& terms, std::size_t variables,
-             const std::vector<RegionRow>& rows, std::size_t result, End end)
+             const std::vector<RegionRow>& rows, std::size_t result, End end, bool numbers)
     : variables_(variables),
       loads_(terms.size()),
       constants_(terms.size()),
       rows_(rows),
       result_(result),
       end_(end),
-      found_(terms.size() + rows.size()) {
+      numbers_(numbers),
+      found_(terms.size() + rows.size()),
+      settled_(found_.size()) {
     const auto require = [](bool condition) {
         if (!condition) throw std::invalid_argument("expected a program over regions");
     };
@@ -61,6 +57,7 @@ Signs::Signs(const std::vector<DenseRow>& terms, std::size_t variables,
 
 bool Signs::read(const Events* events, Time begin, Time last) {
     t_ = 2 * (last - begin);
+    for (std::size_t world = 0; world < Regions::worlds; ++world) settle(world);
     std::vector<std::size_t> at(variables_);
     for (std::size_t v = 0; v < variables_; ++v) {
         const Events& e = events[v];
@@ -110,12 +107,13 @@ bool Signs::read(const Events* events, Time begin, Time last) {
         for (std::size_t r = 0; r < read_.size(); ++r) {
             Runs& seen = seen_[r];
             const double* values = sources[read_[r]];
-            bool negative = !seen.empty() && seen.at(seen.size() - 1)->q < 0;
+            double last = seen.empty() ? std::nan("") : seen.at(seen.size() - 1)->q;
             for (std::size_t i = 0; i < n; ++i) {
-                if (std::signbit(values[i]) == negative && !seen.empty()) continue;
-                negative = std::signbit(values[i]);
+                const double value = kept(values[i]);
+                if (same(value, last)) continue;
+                last = value;
                 const Time step = std::max(times[i], begin);
-                seen.add(2 * (step - begin), Pair{0.0, negative ? -kInfinity : kInfinity});
+                seen.add(2 * (step - begin), Pair{0.0, value});
             }
         }
     }
@@ -128,17 +126,41 @@ std::size_t Signs::world(bool best) const {
     return best ? Regions::upper : Regions::lower;
 }
 
+// Finds from where on registers differ from the world `now`: where they read what is not recorded.
+void Signs::settle(std::size_t world) {
+    const std::size_t terms = constants_.size();
+    for (std::size_t reg = 0; reg < found_.size(); ++reg) {
+        Time& settled = settled_[reg][world];
+        settled = world == Regions::now || !numbers_ ? 0 : t_ + 1;
+        if (reg < terms || settled == 0) continue;
+        const RegionRow& row = rows_[reg - terms];
+        const Time inner = std::min(settled_[row.a][world], settled_[row.b][world]);
+        const Reading reading(row, folds_[reg - terms]);
+        if (row.kind == "MAP") {
+            settled = inner;
+        } else if (!row.hi) {
+            if (!is_cut(world) || inner <= t_) settled = 0;
+        } else {
+            settled = std::min(settled, std::max<Time>(0, inner - *row.hi));
+            if (reading.endless && is_cut(world))
+                settled = std::min(settled, std::max<Time>(0, t_ - reading.begin + 1));
+        }
+    }
+}
+
 const Runs& Signs::runs(std::size_t reg, std::size_t world) {
     std::optional<Runs>& found = found_[reg][world];
     if (found) return *found;
     const std::size_t terms = constants_.size();
+    const Time begin = settled_[reg][world];
     if (reg >= terms) {
-        found = windowed(reg, world);
+        found = windowed(reg, world, begin);
     } else if (constants_[reg]) {
-        found.emplace().add(0, Pair{0.0, sign_of(*constants_[reg])});
+        found.emplace().add(begin, Pair{0.0, kept(*constants_[reg])});
     } else {
         const auto place = std::find(read_.begin(), read_.end(), reg) - read_.begin();
-        found = seen_[static_cast<std::size_t>(place)];
+        if (begin == 0) found = seen_[static_cast<std::size_t>(place)];
+        else found.emplace();
         const bool best = world == Regions::upper || world == Regions::cut_upper;
         const Pair unseen{0.0, best ? kInfinity : -kInfinity};
         found->push(t_ + 1, &unseen);
@@ -146,64 +168,75 @@ const Runs& Signs::runs(std::size_t reg, std::size_t world) {
     return *found;
 }
 
-Runs Signs::windowed(std::size_t reg, std::size_t world) {
+RunsView Signs::from(std::size_t reg, std::size_t world, Time begin, Runs& memory) {
+    const Time settled = settled_[reg][world];
+    if (begin >= settled) return runs(reg, world).view().clipped(begin);
+    memory.append(runs(reg, Regions::now).view().clipped(begin, settled - 1));
+    memory.append(runs(reg, world).view());
+    return memory.view();
+}
+
+Runs Signs::windowed(std::size_t reg, std::size_t world, Time begin) {
     const std::size_t i = reg - constants_.size();
     const RegionRow& row = rows_[i];
     const RegionFold fold = folds_[i];
+    Runs memory[2], pairs, read, found;
     if (row.kind == "MAP") {
-        Runs found;
-        Runs pairs;
-        join(runs(row.a, world).view(), runs(row.b, world).view(), 0, pairs);
+        join(from(row.a, world, begin, memory[0]), from(row.b, world, begin, memory[1]), begin,
+             pairs);
         for (std::size_t k = 0; k < pairs.size(); ++k)
             found.push(pairs.start(k), fold.upper(pairs.at(k)->p, pairs.at(k)->q));
         return found;
     }
     const Time lo = row.lo.value_or(0), hi = row.hi.value_or(0);
-    const Time first = std::max<Time>(0, row.lo ? lo : hi);
-    Runs read;
-    if (fold.kind == Kind::single) {
-        read.append(runs(row.b, world).view().clipped(first));
-    } else {
-        Runs pairs;
-        join(runs(row.a, world).view(), runs(row.b, world).view(), first, pairs);
+    const Time first = row.lo ? std::max<Time>(0, begin + lo) : 0;
+    RunsView elements = from(row.b, world, first, memory[1]);
+    if (fold.kind != Kind::single) {
+        join(from(row.a, world, first, memory[0]), elements, first, pairs);
         pair_up(fold, pairs.view(), {}, read);
+        elements = read.view();
     }
-    const RunsView elements = read.view();
-    FoldMemory memory;
+    FoldMemory folding;
     if (!row.lo) {
-        Runs found;
         Pair total = fold.identity();
         if (elements.start(0) - hi > 0) found.push(0, &total);
         for (std::size_t k = 0; k < elements.size(); ++k) {
             total = fold.combine(total, *elements.at(k));
             found.push(elements.start(k) - hi, &total);
         }
-        return found;
+        if (begin == 0) return found;
+        Runs later;
+        later.append(found.view().clipped(begin));
+        return later;
     }
     const Reading reading(row, fold);
     const bool stops = reading.stops(world);
+    const Time after = std::max(begin, t_ + 1);  // the first position behind the trace
     if (!row.hi) {
         const Time end = is_cut(world) || stops ? t_ : kEver;
-        Runs found;
-        fold_suffixes(fold, elements.clipped(0, end), 0, {fold.identity()}, memory, found);
-        if (is_cut(world)) found.append(runs(reg, world - 2).view().clipped(t_ + 1));
-        else if (stops) write_own(found, fold, 0, elements, t_ + 1);
+        if (begin <= end)
+            fold_suffixes(fold, elements.clipped(begin, end), 0, {fold.identity()}, folding, found);
+        if (is_cut(world)) found.append(windowed(reg, world - 2, after).view());
+        else if (stops) write_own(found, fold, 0, elements, after);
         return found;
     }
     if (stops) {
-        Runs known, found;
-        const RunsView seen = elements.clipped(first, t_);
-        for (std::size_t k = 0; k < seen.size(); ++k) known.add(seen.start(k), seen.at(k));
-        known.add(std::max(t_ + 1, first), fold.identity());
-        slide(fold, known.view(), lo, hi, 0, t_, memory, found);
-        write_own(found, fold, lo, elements, t_ + 1);
+        if (begin <= t_) {
+            Runs known;
+            if (first <= t_) {
+                const RunsView seen = elements.clipped(first, t_);
+                for (std::size_t k = 0; k < seen.size(); ++k) known.add(seen.start(k), seen.at(k));
+            }
+            known.add(std::max(t_ + 1, first), fold.identity());
+            slide(fold, known.view(), lo, hi, begin, t_, folding, found);
+        }
+        write_own(found, fold, lo, elements, after);
         return found;
     }
     const bool cut = reading.endless && is_cut(world);
     const Time recorded = cut ? t_ - reading.begin : kEver;
-    Runs found;
-    if (recorded >= 0) slide(fold, elements, lo, hi, 0, recorded, memory, found);
-    if (cut) found.append(runs(reg, world - 2).view().clipped(std::max<Time>(0, recorded + 1)));
+    if (recorded >= begin) slide(fold, elements, lo, hi, begin, recorded, folding, found);
+    if (cut) found.append(windowed(reg, world - 2, std::max(begin, recorded + 1)).view());
     return found;
 }
 

@@ -2,7 +2,8 @@
 // rtamt/machines/dense/outlook.py.
 //
 // Folds choose among the numbers of their operands by order alone, so the sign of a fold is the fold
-// of signs: a number that fails is -inf here, another one +inf, and runs are as few as changes.
+// of signs: a number that fails is -inf here, another one +inf, and runs are as few as changes. The
+// same passes compute the numbers themselves for callers that need them.
 #pragma once
 
 #include <array>
@@ -19,10 +20,11 @@ namespace rtamt::dense {
 
 class Signs {
 public:
-    // Takes the terms of a program of some variables, the formulas behind them, its result, and the
-    // reading of the end. Throws std::invalid_argument on rows that are no program.
+    // Takes the terms of a program of some variables, the formulas behind them, its result, the
+    // reading of the end, and whether to compute numbers instead of signs. Throws
+    // std::invalid_argument on rows that are no program.
     Signs(const std::vector<DenseRow>& terms, std::size_t variables,
-          const std::vector<RegionRow>& rows, std::size_t result, End end);
+          const std::vector<RegionRow>& rows, std::size_t result, End end, bool numbers);
 
     // Reads the events of every variable on a trace from one tick to another; each has one at its
     // begin or before. False if a term is nan. Called once.
@@ -39,11 +41,21 @@ public:
     Count fails_at(const Spans& spans);
     // Whether it holds for certain at all of some positions.
     bool holds_at(const Spans& spans);
+    // The result in a world from the first position on where it may differ from the world `now`, on
+    // the trace and after it; the last run lasts for ever. Of signs, from the first position on.
+    const Runs& result(std::size_t world) { return runs(result_, world); }
 
 private:
+    // A number, or its sign.
+    double kept(double number) const {
+        return numbers_ ? number : negative(number) ? -kInfinity : kInfinity;
+    }
     std::size_t world(bool best) const;
+    void settle(std::size_t world);
     const Runs& runs(std::size_t reg, std::size_t world);
-    Runs windowed(std::size_t reg, std::size_t world);
+    // The runs of a register from a position on, which lie in the memory if they are put together.
+    RunsView from(std::size_t reg, std::size_t world, Time begin, Runs& memory);
+    Runs windowed(std::size_t reg, std::size_t world, Time begin);
     // The parts of the trace in which the result has one sign in a world.
     Spans parts(std::size_t world, bool negative);
 
@@ -64,9 +76,13 @@ private:
     std::vector<Runs> seen_;          // of those
     std::size_t result_;
     End end_;
+    bool numbers_;
     bool ahead_ = false;
     Time t_ = 0;  // the last position
     std::vector<std::array<std::optional<Runs>, Regions::worlds>> found_;  // by register
+    // The first position at which a register may differ from the world `now`. Signs are read in one
+    // world alone, and are computed there from the first position on.
+    std::vector<std::array<Time, Regions::worlds>> settled_;
 };
 
 }  // namespace rtamt::dense

@@ -78,6 +78,35 @@ nb::object fold_pairs(const nb::object& held, const nb::object& reached, std::in
     return made;
 }
 
+nb::tuple negative_runs(const nb::object& signs, const nb::object& values) {
+    using Key = std::int64_t;
+    static const NewArray array("int64");
+    const std::size_t n = nb::len(signs);
+    const auto contiguous = nb::module_::import_("numpy").attr("ascontiguousarray");
+    const ArrayView first_view(contiguous(signs, "int64"), n, PyBUF_ND);
+    const ArrayView second_view(contiguous(values, "int64"), n, PyBUF_ND);
+    const auto* sign = first_view.data<Key>();
+    const auto* value = second_view.data<Key>();
+    std::size_t runs = n > 0 && sign[0] < 0;
+    for (std::size_t i = 1; i < n; ++i) runs += (sign[i] < 0) & (sign[i - 1] >= 0);
+    Key *first = nullptr, *after = nullptr, *least = nullptr, *place = nullptr;
+    const nb::tuple made =
+        nb::make_tuple(array.unfilled<Key>(runs, first), array.unfilled<Key>(runs, after),
+                       array.unfilled<Key>(runs, least), array.unfilled<Key>(runs, place));
+    std::size_t i = 0;
+    for (std::size_t run = 0; run < runs; ++run) {
+        while (sign[i] >= 0) ++i;
+        std::size_t worst = i;
+        first[run] = static_cast<Key>(i);
+        for (++i; i < n && sign[i] < 0; ++i)
+            if (value[i] < value[worst]) worst = i;
+        after[run] = static_cast<Key>(i);
+        least[run] = value[worst];
+        place[run] = static_cast<Key>(worst);
+    }
+    return made;
+}
+
 }  // namespace
 
 void bind_columns(nb::module_& m) {
@@ -91,6 +120,8 @@ void bind_columns(nb::module_& m) {
     m.def("fold_pairs", fold_pairs, nb::arg("p"), nb::arg("q"), nb::arg("before"),
           nb::arg("is_max"), nb::arg("backwards"),
           "Return max(q, min(p, before)) of each pair, as rtamt.machines.walk.FoldPairs says.");
+    m.def("negative_runs", negative_runs, nb::arg("signs"), nb::arg("values"),
+          "Return the runs of negative integers, as rtamt.machines.segments.FindRuns says.");
 }
 
 }  // namespace rtamt

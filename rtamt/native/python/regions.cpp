@@ -62,10 +62,10 @@ using dense::Signs;
 void construct_signs(Signs* self, const nb::sequence& terms, const nb::sequence& rows,
                std::size_t result, const std::tuple<double, Time, Time>& clock,
                const nb::object& reader, const nb::sequence& given, Time begin, Time last,
-               const std::string& end) {
+               const std::string& end, bool numbers) {
     if (begin > last || !dense::counts(begin) || !dense::counts(last))
         throw nb::value_error("expected a trace");
-    Signs made(dense_terms(terms), nb::len(given), region_rows(rows), result, end_of(end));
+    Signs made(dense_terms(terms), nb::len(given), region_rows(rows), result, end_of(end), numbers);
     CountedEvents events;
     if (!events.count(given, clock_of(clock))) {
         nb::list before;
@@ -100,6 +100,15 @@ nb::tuple fails_at(Signs& signs, const nb::sequence& instants) {
 
 bool holds_at(Signs& signs, const nb::sequence& instants) {
     return signs.holds_at(spans_of(instants));
+}
+
+nb::tuple result_in(Signs& signs, std::size_t world) {
+    static const NewArray times("int64"), numbers("float64");
+    if (world >= Regions::worlds) throw nb::value_error("expected a world, 0 to 4");
+    const dense::RunsView runs = signs.result(world).view();
+    return nb::make_tuple(
+        times.make<Time>(runs.size(), [&](std::size_t i) { return runs.start(i); }),
+        numbers.make<double>(runs.size(), [&](std::size_t i) { return runs.at(i)->q; }));
 }
 
 }  // namespace
@@ -140,14 +149,18 @@ void bind_signs(nb::module_& m) {
                       "    given: The times and values of every variable.\n"
                       "    begin: The first tick of the trace.\n"
                       "    last: Its last one.\n"
-                      "    end: The reading of the end.")
+                      "    end: The reading of the end.\n"
+                      "    numbers: Whether to compute numbers instead of signs.")
         .def("__init__", construct_signs, nb::arg("terms"), nb::arg("rows"), nb::arg("result"),
              nb::arg("clock"), nb::arg("reader"), nb::arg("given"), nb::arg("begin"),
-             nb::arg("last"), nb::arg("end"))
+             nb::arg("last"), nb::arg("end"), nb::arg("numbers") = false)
         .def("fails_at", fails_at, nb::arg("instants"),
              "Return the ticks, the occasions and the first position at which it fails.")
         .def("holds_at", holds_at, nb::arg("instants"),
-             "Return whether it holds at all of some positions.");
+             "Return whether it holds at all of some positions.")
+        .def("result", result_in, nb::arg("world"),
+             "Return the starts of the runs of the result in a world, and its values: numbers, or\n"
+             "signs as infinite numbers. The last run lasts for ever.");
 }
 
 }  // namespace rtamt

@@ -16,13 +16,25 @@ BODIES = {
     "response": "y > 2 implies eventually[0:10](x > 1)",
     "until": "y > 2 implies (x > -2 until[0:10] x > 1)",
     "past": "once[0:50](y > 1) or x < 1",
+    "window": "eventually[0:100](x > 1)",
+    "endless": "x < 1 until y > 2",
+    "alternating": "x < 1",
 }
 
 
-def signals(n: int, *, dense: bool) -> dict[str, Any]:
-    """Random values of two variables; in dense time at irregular times."""
+def signals(n: int, *, dense: bool, alternating: bool = False) -> dict[str, Any]:
+    """Random values of two variables; in dense time at irregular times.
+
+    Args:
+        n: The number of samples, or of events of each variable.
+        dense: Whether time is dense.
+        alternating: Whether every other value of x violates ``x < 1``.
+    """
     noise = np.random.default_rng([11, n])
     values = dict(zip("xy", noise.standard_normal((2, n)), strict=True))
+    if alternating:
+        values["x"] = np.abs(values["x"]) + np.arange(n) % 2 * 2 - 1
+        values["x"][::2] = np.minimum(values["x"][::2], 0.5)
     if not dense:
         return values
     times = np.cumsum(noise.integers(1, 5, n)) / 10
@@ -42,7 +54,8 @@ def best(function: Callable[[], object], times: int) -> float:
 def measure(case: worker.Case) -> worker.Measure:
     """Time of verdict and body, time of occurrences, and the number of their rows."""
     body, n, times, dense = BODIES[case["kind"]], case["n"], case["times"], case["dense"]
-    trace, spec = signals(n, dense=dense), f"always({body})"
+    trace = signals(n, dense=dense, alternating=case["kind"] == "alternating")
+    spec = f"always({body})"
     api: Any = rtamt.dense if dense else rtamt
     (found,) = api.occurrences(spec, trace).bodies
     rows = float(len(found.violations) + len(found.responses))

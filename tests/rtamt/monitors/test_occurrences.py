@@ -274,6 +274,21 @@ def test_an_unseen_violation_is_one_row() -> None:
     assert not len(occurrences("always[0:9](prev(x > 0))", {"x": [1, 1, -4]}, end="open"))
 
 
+def test_an_unseen_violation_in_dense_time_needs_every_future() -> None:
+    """What follows may be anything, also for a formula that looks back only."""
+    body = "((x > 0 or once[1:1](y > 0)) and once[2:2](z > 0)) or once[3:3](y > 0)"
+    trace = {"x": [(0, 1), (4, 1)], "y": [(0, -1), (4, -1)], "z": [(0, 1), (3, -1), (4, 1)]}
+    (row,) = rtamt.dense.occurrences(f"always[4:9]({body})", trace)
+    assert (row.start, row.robustness, row.unseen) == (5.0, -1.0, True)
+    verdicts = [
+        rtamt.dense.judge(f"always[{time}:{time}]({body})", trace).verdict.name
+        for time in (4, 4.5, 5)
+    ]
+    assert verdicts == ["SATISFIED", "UNDECIDED", "VIOLATED"]
+    (row,) = rtamt.dense.occurrences("always[5:9](historically(z > 1))", {"z": [(0, 1), (4, 1)]})
+    assert row.robustness == rtamt.dense.judge("historically(z > 1)", {"z": [(0, 1)]}).robustness
+
+
 def test_equal_bodies_are_one_list() -> None:
     found = occurrences("always[0:1](x > 0) and always[2:3](x > 0)", {"x": [1, -1, -2, 3, -1]})
     (body,) = found.bodies

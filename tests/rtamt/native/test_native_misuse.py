@@ -98,6 +98,8 @@ def test_signs_are_of_a_trace_of_numbers() -> None:
     root = [LOAD, (1, "MAP", "sqrt", 0, 0, 0.0, 0, 0)]
     with pytest.raises(ValueError, match=r"^a term is no number$"):
         signs(terms=root, result=1)
+    with pytest.raises(ValueError, match=r"^expected a world, 0 to 4$"):
+        signs(numbers=True).result(5)
 
 
 class Counting:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import astuple
 from typing import get_args
 
@@ -11,6 +12,7 @@ from native_signs import signs
 
 import rtamt
 from rtamt.machines.protocols import End
+from rtamt.monitors import Occurrences
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -62,6 +64,36 @@ def test_it_counts_as_python_does(left: str, *, dates: bool) -> None:
                 python.vacuous,
                 python.never_triggered,
             )
+
+
+@pytest.mark.slow(keep=8)
+@pytest.mark.parametrize("body", LEFTS)
+def test_occurrences_match_python(body: str) -> None:
+    """The values of C++ at all places, beyond the trace too, equal those of Python to the bit."""
+    specs = (
+        f"always(({body}) or x > 2)",
+        f"always[3:400](({body}) implies eventually[0:20](y > -1 or x > -1))",
+        f"always(({body}) implies (x < 1 until[1:9] ({body})))",
+    )
+    for count, spec in itertools.product((1, 2, 60, 700), specs):
+        trace = events(count, count + 1, dates=False)
+        if max(e.times[0] for e in trace.values()) > min(e.times[-1] for e in trace.values()):
+            continue
+        for reading in get_args(End):
+            python, native = (
+                rtamt.dense.occurrences(spec, trace, reading, resolution="100ms", backend=backend)
+                for backend in ("python", "native")
+            )
+            assert bits(native) == bits(python), count
+
+
+def bits(found: Occurrences) -> list[tuple[str, bytes]]:
+    return [
+        (name, column.tobytes())
+        for body in found.bodies
+        for table in (body.violations, body.unknown, body.responses, body.unknown_triggers)
+        for name, column in table.columns.items()
+    ]
 
 
 @pytest.mark.parametrize("end", get_args(End))
