@@ -118,7 +118,7 @@ def sentences(comparison: RecordingsComparison) -> Iterator[str]:
     """Yield the paired statistics of each requirement in words."""
     for name, item in comparison.requirements.items():
         yield item.compared.sentence_of("recording")
-        if item.violated_time is not None:
+        if item.violated_time is not None and item.count_a + item.count_b:
             what = f"the violated time of `{name}`"
             unit = "seconds" if item.unit == "s" else "samples"
             yield f"{effect_sentence(item.violated_time, what)[:-1]}, in {unit} per recording."

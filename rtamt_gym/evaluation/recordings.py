@@ -15,7 +15,7 @@ from typing import Final, get_args
 
 from rtamt import InputError, Verdict
 from rtamt.errors import Argument, shown
-from rtamt.monitors import BodyOccurrences
+from rtamt.monitors import BodyOccurrences, Occurrence
 from rtamt_gym.evaluation.compared import LEVEL, compared_of
 from rtamt_gym.evaluation.paired import effect_of, holm
 from rtamt_gym.evaluation.recording_changes import (
@@ -192,7 +192,7 @@ class _Builder:
             self._open["b", requirement] += matches.open_b
             partners = dict(matches.pairs)
             taken = set(partners.values())
-            rows_a, rows_b = list(body_a.violations), list(body_b.violations)
+            rows_a, rows_b = _rows(body_a), _rows(body_b)
             for i, status in enumerate(matches.of_a):
                 b = rows_b[partners[i]] if i in partners else None
                 row = ViolationChange(status, name, requirement, body_a.text, rows_a[i], b)
@@ -274,6 +274,12 @@ class _Builder:
             name: replace(item, compared=replace(item.compared, adjusted=adjusted[name]))
             for name, item in result.items()
         }
+
+
+def _rows(body: BodyOccurrences) -> list[Occurrence]:
+    """Return the violations of a body, faster than one by one."""
+    columns = (column.tolist() for column in body.violations.columns.values())
+    return [Occurrence(*cells) for cells in zip(*columns, strict=True)]
 
 
 def _violated(outcome: Outcome) -> float:

@@ -236,11 +236,12 @@ def _union(spans: Iterable[TimeSpan], margin: float = 0.0) -> list[TimeSpan]:
 def _outside(union: Sequence[TimeSpan], span: TimeSpan) -> float:
     """Return the length of the part of a span that is not in a union."""
     total, time = 0.0, span.start
-    for other in union[max(bisect_right(union, time, key=lambda other: other.start) - 1, 0) :]:
-        if time >= span.stop:
-            break
+    place = max(bisect_right(union, time, key=lambda other: other.start) - 1, 0)
+    while place < len(union) and time < span.stop:
+        other = union[place]
         total += max(min(other.start, span.stop) - time, 0.0)
         time = max(time, other.stop)
+        place += 1
     return total + max(span.stop - time, 0.0)
 
 
