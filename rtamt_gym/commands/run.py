@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing, nullcontext
 from pathlib import Path
 from time import perf_counter
@@ -14,6 +14,7 @@ from rtamt import InputError, SpecificationError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
 from rtamt_gym.commands.end_notes import noted_ends
+from rtamt_gym.commands.live_view import hold, open_view
 from rtamt_gym.commands.specs import requirements_of, selected
 from rtamt_gym.options.command_line import Option, add_options, positive, read_evaluation_options
 from rtamt_gym.play.summaries import run_table, runs_json
@@ -25,6 +26,7 @@ from rtamt_gym.results.warnings import (
 )
 
 if TYPE_CHECKING:
+    from rtamt_gym.live.view import RerunView
     from rtamt_gym.play.run import Run
     from rtamt_gym.play.summaries import Episode
     from rtamt_gym.watching.screen import Screen
@@ -89,6 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             usual="as fast as possible",
             read=float,
         ),
+        "--rerun",
         Option("--plot FILE", "draw the first violated episode", read=Path),
         Option(
             "--json FILE",
@@ -101,6 +104,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the episodes, print a table and write files; return 0, 2 or 3."""
+    kwargs = read_options(options.env_kwarg)
+    pictures = 1 if kwargs.get("render_mode") == "rgb_array" else None
+    with open_view(options.rerun, pictures=pictures) or nullcontext() as view:
+        code = _run(options, kwargs, view)
+        if view is not None:
+            hold(view)
+    return code
+
+
+def _run(options: argparse.Namespace, kwargs: Mapping[str, Any], view: RerunView | None) -> int:
+    """Run the episodes, as `run` does."""
     from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.play.record import Record
     from rtamt_gym.play.simulate import simulate
@@ -111,7 +125,6 @@ def run(options: argparse.Namespace) -> int:
 
     signals, reading = read_signals(options.signal), read_evaluation_options(options)
     check_outputs(options.json, picture=options.plot)
-    kwargs = read_options(options.env_kwarg)
     screen = _screen(options)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
         own = own_requirements(env)
@@ -129,6 +142,7 @@ def run(options: argparse.Namespace) -> int:
                 policy=make_policy(seed),
                 seed=seed,
                 stop="end" if options.on_violation == "report" else "violation",
+                live=view,
                 **reading.options(),
             )
 

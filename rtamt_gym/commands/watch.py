@@ -8,13 +8,14 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final
 
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
+from rtamt_gym.commands.live_view import hold, open_view
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
 from rtamt_gym.commands.traces import add_columns
 from rtamt_gym.options.command_line import (
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from rtamt_gym.watching.lines import Line
     from rtamt_gym.watching.screen import Screen
     from rtamt_gym.watching.settings import WatchOptions
+    from rtamt_gym.watching.stream_view import StreamView
     from rtamt_gym.watching.watch import StreamWatch
 
 _COLUMNS: Final = (
@@ -108,6 +110,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "draw verdicts, bounds and the course of the robustness on the terminal, by standard "
             "error; lines are printed only if standard output is not a terminal",
         ),
+        "--rerun",
         Option(
             "--speed FACTOR",
             "replay a file by its times, 1 as fast as it was recorded, 10 ten times as fast",
@@ -162,6 +165,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Judge the stream; return the exit code."""
+    from rtamt_gym.watching import stream_view
     from rtamt_gym.watching.sources import StreamSource
     from rtamt_gym.watching.watch import StreamWatch, few_collections
 
@@ -176,11 +180,26 @@ def run(options: argparse.Namespace) -> int:
     if options.speed is not None:
         blocks = _replayed(options, watch, blocks)
     screen = output.screen = _screen(source.title) if options.screen else None
-    with screen or nullcontext(), _interrupts() as interrupts, few_collections():
+    view = open_view(options.rerun)
+    if view is not None:
+        output.view = stream_view.StreamView(view, [*settings.specs], watch.rules.variables)
+        watch.rules.show = output.view.sample
+    with (
+        view or nullcontext(),
+        screen or nullcontext(),
+        _interrupts() as interrupts,
+        few_collections(),
+    ):
         code = _judge(watch, blocks, output, interrupts)
-    output.flush()
+        output.flush()
+        if view is not None and code is None:
+            source.leave()
+            with suppress(KeyboardInterrupt), interrupts.allowed():
+                hold(view)
     messages = [] if output.closed else watch.messages()
     print(*messages, sep="\n", end="\n" * bool(messages), file=sys.stderr)
+    if output.view is not None and output.view.hidden:
+        print(f"--rerun shows the first {stream_view.SHOWN_GROUPS} groups", file=sys.stderr)
     for failure in watch.failures:
         print(f"rtamt: error: {failure}", file=sys.stderr)
     return watch.exit_code() if code is None else code
@@ -283,7 +302,8 @@ class _Output:
     """Lines of JSON on standard output, written once for each block, and the screen.
 
     Attributes:
-        screen: The view; None without one.
+        screen: The view in the terminal; None without one.
+        view: The view in Rerun; None without one.
 
     Args:
         printed: Whether lines are written.
@@ -293,11 +313,14 @@ class _Output:
         self._texts: list[str] = []
         self._printed = printed
         self.screen: Screen | None = None
+        self.view: StreamView | None = None
 
     def add(self, line: Line) -> None:
         """Take in a line."""
         if self.screen is not None:
             self.screen.add(line)
+        if self.view is not None:
+            self.view.line(line)
         if self._printed:
             self._texts.append(line.to_json())
             if len(self._texts) >= _MANY:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -53,6 +55,19 @@ _COLOURS: Final = {
     "lower": (86, 180, 233),
     "upper": (230, 159, 0),
 }
+
+_GUARD: Final = """
+import os, subprocess, sys, threading
+viewer = subprocess.Popen(sys.argv[2:])
+os.close(0)
+def end():
+    os.read(int(sys.argv[1]), 1)
+    viewer.terminate()
+threading.Thread(target=end, daemon=True).start()
+sys.exit(viewer.wait())
+"""
+"""A program that runs the viewer and ends it with the program that writes to it, however that
+ends: it reads a pipe that is closed then."""
 
 _APPLICATION: Final = "rtamt"
 
@@ -104,16 +119,20 @@ class ViewerOutput:
             f"http://127.0.0.1:{page}?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{data}%2Fproxy"
         )
         self._messages = tempfile.TemporaryFile()  # noqa: SIM115 - `close` closes it
+        program = [
+            *(viewer_program(), "--serve-web", "--bind", "127.0.0.1", "--port", str(data)),
+            *("--web-viewer-port", str(page), "-"),
+        ]
+        lifeline, self._lifeline = os.pipe()
         self._process = subprocess.Popen(  # noqa: S603 - a program of rerun-sdk
-            [
-                *(viewer_program(), "--serve-web", "--bind", "127.0.0.1", "--port", str(data)),
-                *("--web-viewer-port", str(page), "-"),
-            ],
+            [sys.executable, "-I", "-S", "-c", _GUARD, str(lifeline), *program],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=self._messages,
+            pass_fds=[lifeline],
             start_new_session=True,  # Ctrl-C ends the program, which ends the viewer
         )
+        os.close(lifeline)
         assert self._process.stdin is not None  # noqa: S101 - for mypy
         self._pipe = self._process.stdin
         self._queue: SimpleQueue[tuple[bytes, int] | None] = SimpleQueue()
@@ -136,7 +155,7 @@ class ViewerOutput:
                     socket.create_connection(("127.0.0.1", port), 0.2).close()
             except OSError:
                 if time.monotonic() > until:
-                    self._process.kill()
+                    os.killpg(self._process.pid, signal.SIGKILL)
                 time.sleep(0.02)
             else:
                 return
@@ -170,17 +189,18 @@ class ViewerOutput:
         """Let the viewer read what waits for a moment, and end it."""
         self._queue.put(None)
         self._thread.join(0.0 if self.detached else 2.0)
-        self._process.terminate()  # the thread ends with it
-        try:
-            self._process.wait(2.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._thread.join()
         self._release()
+        self._thread.join()
         self.stream.disconnect()
 
     def _release(self) -> None:
+        """End the viewer, and with it the thread."""
+        os.close(self._lifeline)
+        try:
+            self._process.wait(2.0)
+        except subprocess.TimeoutExpired:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
         with suppress(OSError):  # what waits has no reader
             self._pipe.close()
         self._messages.close()

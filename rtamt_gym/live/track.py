@@ -26,10 +26,14 @@ _QUALITY: Final = 85
 """The quality of pictures, as Pillow counts it."""
 
 
+Place = tuple[float, float, float]
+"""Sample, time and episode."""
+
+
 class VerdictLine(NamedTuple):
     """A line of the text log: a verdict that has changed, or a verdict at the end."""
 
-    place: tuple[float, float, float]
+    place: Place
     requirement: str
     verdict: Verdict
     text: str
@@ -38,7 +42,7 @@ class VerdictLine(NamedTuple):
 class PackedPicture(NamedTuple):
     """A picture as JPEG."""
 
-    place: tuple[float, float, float]
+    place: Place
     picture: bytes
 
 
@@ -130,7 +134,7 @@ class Track:
         self,
         values: Iterable[float],
         curves: Sequence[float],
-        verdicts: Sequence[Verdict],
+        verdicts: Sequence[Verdict] | None,
         place: tuple[float, float] | None = None,
     ) -> None:
         """Take a sample with values that the caller has read from the monitors.
@@ -138,16 +142,17 @@ class Track:
         Args:
             values: The values of the signals.
             curves: Robustness, lower and upper bound of each requirement.
-            verdicts: The verdict of each requirement.
+            verdicts: The verdict of each requirement; None: the caller logs them.
             place: Its number and its time; None: one period after the sample before it.
         """
         if not self._running:
             self._start()
         self._add(values, curves, place)
-        decided = [index for index in self._open if verdicts[index]]
-        for index in decided:
+        if verdicts is None:
+            self._open = []
+        for index in [index for index in self._open if verdicts and verdicts[index]]:
             self._open.remove(index)
-            self._log(index, verdicts[index], curves[3 * index], "")
+            self._log(index, verdicts[index], curves[3 * index], "")  # type: ignore[index]
         self.samples += 1
 
     def end(self, states: Mapping[str, Mapping[str, Any]]) -> None:
@@ -182,9 +187,24 @@ class Track:
         Image.fromarray(frame).save(packed, "jpeg", quality=_QUALITY)
         self.frames.append(PackedPicture(self._place, packed.getvalue()))
 
-    def log(self, name: str, verdict: Verdict, text: str) -> None:
-        """Add a line to the log at the newest sample."""
-        self.lines.append(VerdictLine(self._place, name, verdict, text))
+    def change(self, name: str, curves: tuple[float, float, float]) -> None:
+        """Change robustness and bounds of a requirement at the newest sample."""
+        if self._newest is None:
+            return
+        start = HEAD + len(self.signals) + 3 * self.requirements.index(name)
+        newest = self._newest
+        self._newest = (*newest[:start], *curves, *newest[start + 3 :])
+
+    def log(self, name: str, verdict: Verdict, text: str, place: Place | None = None) -> None:
+        """Add a line to the log.
+
+        Args:
+            name: The requirement.
+            verdict: The verdict.
+            text: The line.
+            place: Sample, time and episode; None: of the newest sample.
+        """
+        self.lines.append(VerdictLine(place or self._place, name, verdict, text))
 
     def _commit(self) -> None:
         if self._newest is not None:
@@ -229,7 +249,7 @@ class Track:
         self.log(self.requirements[index], verdict, f"{text}, episode {self.episode}{robust}")
 
     @property
-    def _place(self) -> tuple[float, float, float]:
+    def _place(self) -> Place:
         newest = self._newest
         assert newest is not None, "a sample came before"  # noqa: S101 - for mypy
         return newest[0], newest[1], newest[2]

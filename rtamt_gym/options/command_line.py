@@ -153,6 +153,14 @@ _SHARED = (
     ),
     Option("--only NAME", "evaluate only this requirement", repeat=True),
     Option(
+        "--rerun FILE",
+        "show signals, robustness with bounds and verdicts in Rerun, in a browser until Ctrl-C or "
+        "in a .rrd file",
+        default=False,
+        usual="no view",
+        nargs="?",
+    ),
+    Option(
         "--constant NAME=VALUE",
         "the value of a constant, instead of the value in the text",
         repeat=True,

@@ -231,6 +231,8 @@ class EventGroup:
             if self.samples == 1:
                 rules.emit(self._line(state))
             self._emit_instants(state, state.instants(self._time, row, self._known))
+        if rules.show is not None:
+            rules.show(self, row)
         if rules.stop == "violation":
             self.stopped = any(state.violates for state in self._states)
         elif rules.stop == "decided":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from time import monotonic, sleep
-from typing import Any, Final, Unpack
+from typing import TYPE_CHECKING, Any, Final, Unpack
 
 from rtamt import InputError, Verdict
 from rtamt_gym.judging.panel import PanelResult
@@ -20,6 +20,9 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.systems.system import Policy, no_exit
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.screen import Screen
+
+if TYPE_CHECKING:
+    from rtamt_gym.live.view import RerunView
 
 _STEP: Final = 0.05
 """The longest pause in seconds, after which the picture may be drawn again."""
@@ -54,6 +57,7 @@ class RunScreen:
         policy: Policy | None = None,
         seed: int | None = None,
         stop: Stop = "violation",
+        live: RerunView | None = None,
         **reading: Unpack[EvaluationKeywords],
     ) -> Run:
         """Run a simulation as `rtamt_gym.simulate` does, and show each of its samples.
@@ -66,6 +70,7 @@ class RunScreen:
             policy: A function of the observation.
             seed: The seed of the reset.
             stop: When to stop.
+            live: A view in Rerun that shows each sample too; None: none.
             **reading: Evaluation options.
 
         Raises:
@@ -75,7 +80,7 @@ class RunScreen:
         self._screen.restart(title)
         with no_exit("the system"):
             simulator = Simulator(system, specs, signals, options, policy=policy)
-            simulation = simulator.begin(seed=seed, stop=stop)
+            simulation = simulator.begin(seed=seed, stop=stop, live=live)
             begin = self._clock()
             while not simulation.step():
                 self._show(simulation)

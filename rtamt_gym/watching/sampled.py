@@ -290,7 +290,8 @@ class SampledGroup:
 
     def _update(self, values: Floats) -> bool:
         states, at = self._states, 0
-        if self.samples and not (self._rules.every or self._rules.by_step):
+        rules = self._rules
+        if self.samples and not (rules.every or rules.by_step or rules.show):
             at = self._update_quietly(values)
             decided = any(state.monitor.verdict is not state.verdict for state in states)
             if decided and self._look(values[at - 1].tolist()):
@@ -336,6 +337,8 @@ class SampledGroup:
                 rules.emit(self._instant_line(state, settled[0], settled[1]))
             elif settled is None and not sample:
                 rules.emit(self._line(state, sample))
+        if rules.show is not None:
+            rules.show(self, row)
         if rules.stop == "violation":
             self.stopped = any(state.violates for state in self._states)
         elif rules.stop == "decided":

@@ -60,6 +60,12 @@ class StreamSource:
         else:
             yield from self._of_file()
 
+    def leave(self) -> None:
+        """Close standard input, if it is the source, so that its writer ends at its next write."""
+        if self.name == "-":
+            with suppress(OSError, ValueError), open(os.devnull, "rb") as nothing:  # noqa: PTH123
+                os.dup2(nothing.fileno(), sys.stdin.fileno())
+
     def check(self) -> None:
         """Refuse options that a source of this kind does not have."""
         is_file = self.name != "-" and self.name.partition(":")[0] not in ("tcp", "unix")

@@ -39,6 +39,7 @@ class StreamRules:
         emit: Takes each line.
         every: Whether every sample has lines.
         stop: When the stream stops.
+        show: Takes a group and its newest row, after its lines; None: nothing shows rows.
         options: The keywords of monitors by the period.
         undecided: The number of undecided verdicts of all groups so far.
         notes: The notes on how rows were read.
@@ -51,6 +52,7 @@ class StreamRules:
     emit: Callable[[Line], None]
     every: bool = False
     stop: StreamStop = "end"
+    show: Callable[[Any, RowValues], None] | None = None
     options: dict[Fraction | None, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     undecided: int = 0
     notes: StreamNotes = field(default_factory=StreamNotes)

@@ -6,8 +6,11 @@ import os
 import pickle
 import signal
 import socket
+import subprocess
+import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from http.client import HTTPConnection
 from itertools import groupby
@@ -388,12 +391,12 @@ def many_lines(live: RerunView, count: int, episodes_each: int = 500) -> None:
 
 def test_stopped_viewer_is_detached_once(path: Path, viewed: RerunView) -> None:
     process = viewer_of(viewed)._process
-    os.kill(process.pid, signal.SIGSTOP)
+    os.killpg(process.pid, signal.SIGSTOP)
     with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always")
         many_lines(viewed, 25_000)
         viewed.send()
-        os.kill(process.pid, signal.SIGCONT)
+        os.killpg(process.pid, signal.SIGCONT)
         viewed.close()
     assert [str(item.message) for item in raised if item.category is RuntimeWarning] == [
         "the viewer of Rerun is too far behind and was detached; the run goes on"
@@ -403,12 +406,33 @@ def test_stopped_viewer_is_detached_once(path: Path, viewed: RerunView) -> None:
 
 def test_ended_viewer_is_detached(path: Path, viewed: RerunView) -> None:
     process = viewer_of(viewed)._process
-    process.kill()
+    os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     with pytest.warns(RuntimeWarning, match="has ended"):
         many_lines(viewed, 1000)
     viewed.close()
     assert len(read_rrd(path)["/signals/x"]) == 1000
+
+
+def connect_until_closed(port: int) -> None:
+    for _ in range(100_000):
+        with suppress(TimeoutError):
+            socket.create_connection(("127.0.0.1", port), 1.0).close()
+
+
+def test_viewer_ends_with_a_killed_program(tmp_path: Path) -> None:
+    code = (
+        "import os, signal; from rtamt_gym.live import RerunView; view = RerunView(); "
+        "print(view.address, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        cwd=tmp_path, check=False,
+    )  # fmt: skip
+    assert done.returncode == -signal.SIGKILL
+    port = int(done.stdout.partition("?")[0].rsplit(":", 1)[1])
+    with pytest.raises(ConnectionRefusedError):
+        connect_until_closed(port)
 
 
 def test_viewer_gets_all_lines(viewed: RerunView) -> None:
