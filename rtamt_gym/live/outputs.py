@@ -344,7 +344,7 @@ def blueprint(paths: Sequence[_Paths]) -> rrb.Blueprint:
         name="verdicts", columns=rrb.TextLogColumns(text_log_columns=columns), contents="/**"
     )
     return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(*curves), rrb.Vertical(*pictures, log), column_shares=[3, 2]),
+        rrb.Horizontal(rrb.Vertical(*curves), rrb.Vertical(*pictures, log), column_shares=[4, 3]),
         collapse_panels=True,
     )
 

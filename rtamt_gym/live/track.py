@@ -26,14 +26,14 @@ _QUALITY: Final = 85
 """The quality of pictures, as Pillow counts it."""
 
 
-Place = tuple[float, float, float]
+TrackPlace = tuple[float, float, float]
 """Sample, time and episode."""
 
 
 class VerdictLine(NamedTuple):
     """A line of the text log: a verdict that has changed, or a verdict at the end."""
 
-    place: Place
+    place: TrackPlace
     requirement: str
     verdict: Verdict
     text: str
@@ -42,7 +42,7 @@ class VerdictLine(NamedTuple):
 class PackedPicture(NamedTuple):
     """A picture as JPEG."""
 
-    place: Place
+    place: TrackPlace
     picture: bytes
 
 
@@ -195,7 +195,7 @@ class Track:
         newest = self._newest
         self._newest = (*newest[:start], *curves, *newest[start + 3 :])
 
-    def log(self, name: str, verdict: Verdict, text: str, place: Place | None = None) -> None:
+    def log(self, name: str, verdict: Verdict, text: str, place: TrackPlace | None = None) -> None:
         """Add a line to the log.
 
         Args:
@@ -249,7 +249,7 @@ class Track:
         self.log(self.requirements[index], verdict, f"{text}, episode {self.episode}{robust}")
 
     @property
-    def _place(self) -> Place:
+    def _place(self) -> TrackPlace:
         newest = self._newest
         assert newest is not None, "a sample came before"  # noqa: S101 - for mypy
         return newest[0], newest[1], newest[2]
