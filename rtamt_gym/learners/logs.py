@@ -47,7 +47,8 @@ class TrainingLog:
 def training_logs(folder: Path, notes: list[str] | None = None) -> list[TrainingLog]:
     """Return the logs in a folder and in all folders in it, each folder with files as one log.
 
-    Where a CSV file and an event file have one key, the CSV file counts.
+    Where a CSV file and an event file have one key, the CSV file counts. A link to a file or folder
+    in the same folder, as W&B makes them, is not another log.
 
     Args:
         folder: The folder.
@@ -61,10 +62,11 @@ def training_logs(folder: Path, notes: list[str] | None = None) -> list[Training
     logs, seen = list[TrainingLog](), 0
     notes = [] if notes is None else notes
     before = len(notes)
-    for place in sorted({folder, *(path for path in folder.rglob("*") if path.is_dir())}):
+    places = {folder, *(path for path in folder.rglob("*") if path.is_dir())}
+    for place in sorted(path for path in places if not _is_link(path, folder)):
         curves: dict[str, StepCurve] = {}
         for pattern, read in _READERS.items():
-            for path in sorted(place.glob(pattern)):
+            for path in sorted(p for p in place.glob(pattern) if not _is_link(p, folder)):
                 seen += 1
                 curves = {**read(path, notes), **curves}
         metrics = {key: curve for key, curve in curves.items() if "stl/" in key and len(curve[0])}
@@ -77,6 +79,12 @@ def training_logs(folder: Path, notes: list[str] | None = None) -> list[Training
             + (notes[before] if notes[before:] else _WAY)
         )
     return logs
+
+
+def _is_link(path: Path, folder: Path) -> bool:
+    """Return whether a path leads to another place in a folder."""
+    root, real = folder.resolve(), path.resolve()
+    return real != root / path.relative_to(folder) and real.is_relative_to(root)
 
 
 def _of_csv(path: Path, notes: list[str]) -> dict[str, StepCurve]:

@@ -173,14 +173,28 @@ def programs() -> dict[str, str]:
     return found
 
 
+def recipes() -> dict[str, str]:
+    """The first block of Python of each section of docs/training.md, by heading."""
+    text = (ROOT / "docs" / "training.md").read_text(encoding="utf-8")
+    sections = {section.partition("\n")[0]: section for section in text.split("\n## ")[1:]}
+    own = {heading: blocks(section, "python") for heading, section in sections.items()}
+    own = {heading: listed for heading, listed in own.items() if listed}
+    return {heading: first for heading, (first, *_) in own.items()}
+
+
 def run(heading: str, folder: Path) -> tuple[dict[str, Any], Rides]:
-    """Runs the program under a heading, as a script in a folder.
+    """Runs the program under a heading, as a script in a folder; as `run_program`."""
+    return run_program(programs()[heading], folder)
+
+
+def run_program(program: str, folder: Path) -> tuple[dict[str, Any], Rides]:
+    """Runs a program as a script in a folder.
 
     Returns:
         What the program names, and the rides.
     """
     script = folder / "program.py"
-    script.write_text(programs()[heading], encoding="utf-8")
+    script.write_text(program, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch, watched() as rides:
         patch.chdir(folder)
         return runpy.run_path(str(script), run_name="__main__"), rides

@@ -109,6 +109,24 @@ def test_both_files_of_a_folder_are_one_log(tmp_path: Path) -> None:
     assert read(tmp_path) == {"stl/satisfied": [(1, 0.5)], "stl/cost": [(1, 2.0)]}
 
 
+def test_links_within_a_folder_are_not_further_logs(tmp_path: Path) -> None:
+    """W&B links to event files, and many scripts link to the newest run."""
+    outside, runs = tmp_path / "outside", tmp_path / "runs"
+    write_csv(outside / "progress.csv", {"stl/satisfied": [(1, 0.25)]})
+    write_csv(runs / "seed1" / "progress.csv", {"stl/satisfied": [(1, 0.5)]})
+    write_csv(runs / "seed2" / "progress.csv", {"stl/satisfied": [(1, 0.75)]})
+    copy = runs / "a-wandb" / "files"
+    copy.mkdir(parents=True)
+    (copy / "progress.csv").symlink_to(runs / "seed1" / "progress.csv")
+    (runs / "latest").symlink_to("seed2")
+    (runs / "other").symlink_to(outside)
+    (tmp_path / "link").symlink_to(runs)
+    for folder in (runs, tmp_path / "link"):
+        logs = training_logs(folder)
+        assert [Path(log.name).name for log in logs] == ["other", "seed1", "seed2"]
+        assert [log.curves["stl/satisfied"][1].tolist() for log in logs] == [[0.25], [0.5], [0.75]]
+
+
 @pytest.mark.parametrize(
     ("points", "fault"), [({}, "found no"), ({"loss": [(1, 2.0)]}, "got 1 without such keys")]
 )
