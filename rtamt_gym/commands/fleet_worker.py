@@ -258,14 +258,14 @@ class _Copies:
     @contextmanager
     def copied(self, path: str, mark: Mark) -> Iterator[tuple[str, str]]:
         """Yield the path of a copy of a file, or its own path, and the hash of its bytes."""
-        local = "://" not in path
-        if local and (mark.size > COPIED or Path(path).is_dir()):
-            yield path, _hash(Path(path))
+        file, local = Path(path), "://" not in path
+        data = _read(file, mark) if local else None
+        if local and data is None:
+            yield path, _hash(file)
             return
-        copy, hashed = self.folder / Path(path).name, hashlib.sha256()
+        copy, hashed = self.folder / file.name, hashlib.sha256()
         try:
-            if local:
-                data = Path(path).read_bytes()
+            if data is not None:
                 hashed.update(data)
                 copy.write_bytes(data)
             else:
@@ -280,6 +280,13 @@ class _Copies:
 
 
 _PREFIX: Final = "rtamt-files-"
+
+
+def _read(file: Path, mark: Mark) -> bytes | None:
+    """Return the bytes of a local file; None for a folder, and for a file that is too large."""
+    with suppress(IsADirectoryError):
+        return None if mark.size > COPIED else file.read_bytes()
+    return None
 
 
 def _hash(path: Path) -> str:

@@ -8,11 +8,15 @@ import pickle
 import select
 import signal
 import sys
+import time
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, Final
 
 from rtamt_gym.recorded.progress import silence
+
+_EVERY: Final = 0.05
+"""Seconds between messages with rows: if the process dies, the rows after the last run again."""
 
 
 class Making:
@@ -43,9 +47,14 @@ def main(pipe: int, alive: int, idle: float) -> None:
                 break
             cases, seeds = zip(*tasks, strict=True)
             given = None if seeds[0] is None else seeds  # a system without seeds has none
+            rows: list[Any] = []
+            sent = time.monotonic()
             for over in runner.run(cases, given, above=above):
-                connection.send(over)
-            connection.send((0, None))
+                rows.append(over)
+                if (now := time.monotonic()) - sent >= _EVERY:
+                    connection.send((rows, False))
+                    rows, sent = [], now
+            connection.send((rows, True))
 
 
 def _end_with(alive: int) -> None:

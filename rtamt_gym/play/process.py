@@ -94,10 +94,10 @@ def _deal(setup: Setup, tasks: Sequence[Task], rows: dict[int, Trial]) -> str:
             if not process.speaks(setup.timeout):
                 _drop(setup.name, process)
                 return f"TimeoutError: the run was ended after timeout={setup.timeout:g} s"
-            index, row = process.connection.recv()
-            if row is None:
+            done, over = process.connection.recv()
+            rows.update((tasks[index][0], row) for index, row in done)
+            if over:
                 break
-            rows[tasks[index][0]] = row
     except (EOFError, OSError):
         ending = process.ending()
         _drop(setup.name, process)
