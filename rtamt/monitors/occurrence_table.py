@@ -32,6 +32,10 @@ class Occurrence(NamedTuple):
             after it.
         unseen: Whether the violation is at an instant after the trace, which its past decides. Then
             it is the only row, for the first such instant.
+        open_start: Whether the run starts right after ``start``, which is not part of it. Only in
+            dense time.
+        closed_end: Whether the instant ``end`` is part of the run. For samples, only at the end of
+            the trace.
     """
 
     start: float
@@ -41,6 +45,8 @@ class Occurrence(NamedTuple):
     robustness: float
     worst_at: float
     unseen: bool
+    open_start: bool = False
+    closed_end: bool = False
 
 
 class UnknownRun(NamedTuple):
@@ -51,12 +57,16 @@ class UnknownRun(NamedTuple):
         end: As in `Occurrence`.
         duration: As in `Occurrence`.
         to_end: As in `Occurrence`.
+        open_start: As in `Occurrence`.
+        closed_end: As in `Occurrence`.
     """
 
     start: float
     end: float
     duration: float
     to_end: bool
+    open_start: bool = False
+    closed_end: bool = False
 
 
 class Response(NamedTuple):
@@ -73,6 +83,8 @@ class Response(NamedTuple):
             ``eventually`` or ``until`` answers the first instant of the run. nan if none does, if
             it is not recorded, and for other right sides.
         margin: The minimum robustness of the implication in the run.
+        open_start: As in `Occurrence`.
+        closed_end: As in `Occurrence`.
     """
 
     start: float
@@ -82,6 +94,8 @@ class Response(NamedTuple):
     verdict: Verdict
     answer_time: float
     margin: float
+    open_start: bool = False
+    closed_end: bool = False
 
 
 class RunTable(Sequence[_R], Generic[_R]):
@@ -109,7 +123,9 @@ class RunTable(Sequence[_R], Generic[_R]):
             return RunTable(
                 self._row, {name: column[place] for name, column in self.columns.items()}
             )
-        return self._row(*(_cell(name, column[place]) for name, column in self.columns.items()))
+        return self._row(
+            **{name: _cell(name, column[place]) for name, column in self.columns.items()}
+        )
 
     def __iter__(self) -> Iterator[_R]:
         return (self[index] for index in range(len(self)))

@@ -88,6 +88,9 @@ class _Clock:
             "end": self._times(after),
             "duration": self.lasting(after - first),
             "to_end": runs.last == self._last,
+            "open_start": runs.first % self.step != 0,
+            # A run of samples lasts until the next sample, which is not part of it.
+            "closed_end": runs.last % self.step == 0 if self.step > 1 else runs.last == self._last,
         }
 
     def _steps(self, places: PlaceNumbers) -> PlaceNumbers:
@@ -150,6 +153,8 @@ def _unseen(unseen: UnseenPlace, clock: _Clock) -> _Columns:
         "end": time,
         "duration": clock.lasting(np.zeros(1, np.int64)),
         "to_end": np.zeros(1, bool),
+        "open_start": np.full(1, unseen.place % clock.step != 0),
+        "closed_end": np.full(1, unseen.place % clock.step == 0),
         "robustness": np.array([unseen.robustness]),
         "worst_at": time,
         "unseen": np.ones(1, bool),
@@ -305,8 +310,8 @@ def occurrences_dense(
 ) -> Occurrences:
     """Return all violations of a requirement on a recorded trace in dense time.
 
-    It is `rtamt.occurrences` for events. A run at a single instant has its start as its end, and a
-    run may begin right after its start.
+    It is `rtamt.occurrences` for events. A run at a single instant has its start as its end. A run
+    may start right after its ``start`` (``open_start``) and contain its ``end`` (``closed_end``).
 
     Args:
         spec: Text, a formula, or a parsed specification.

@@ -108,29 +108,26 @@ def states_of(found: Occurrences, begin: float) -> tuple[Floats, NDArray[Any]]:
         found: The occurrences.
         begin: The start of the trace.
     """
-    changes: dict[float, list[tuple[str, int]]] = {begin: []}
-    instants: dict[float, list[str]] = {}
+    # A place is an instant (time, 0), or the time after it (time, 1).
+    changes: dict[tuple[float, int], list[tuple[str, int]]] = {(begin, 0): []}
+    names = "start", "end", "to_end", "open_start", "closed_end"
     for body in found.bodies:
         for word, table in (("violated", body.violations), ("unknown", body.unknown)):
-            columns = (table.columns[name].tolist() for name in ("start", "end", "to_end"))
-            for start, end, to_end in zip(*columns, strict=True):
-                if start == end and not to_end:
-                    instants.setdefault(start, []).append(word)
-                    changes.setdefault(start, [])
-                    continue
-                changes.setdefault(start, []).append((word, 1))
+            columns = (table.columns[name].tolist() for name in names)
+            for start, end, to_end, open_start, closed_end in zip(*columns, strict=True):
+                first = start, int(open_start and start < end)
+                changes.setdefault(first, []).append((word, 1))
                 if not to_end:
-                    changes.setdefault(end, []).append((word, -1))
+                    after = end, int(closed_end or start == end)
+                    changes.setdefault(after, []).append((word, -1))
     open_runs = dict.fromkeys(("violated", "unknown"), 0)
     states: list[tuple[float, str]] = []
-    for time, changed in sorted(changes.items()):
+    for (time, _), changed in sorted(changes.items()):
         for word, step in changed:
             open_runs[word] += step
-        active = [word for word, count in open_runs.items() if count]
-        for words in (instants.get(time, []) + active, active):
-            state = "violated" if "violated" in words else (words or ["satisfied"])[0]
-            if not states or states[-1][1] != state:
-                states.append((time, state))
+        state = next((word for word, count in open_runs.items() if count), "satisfied")
+        if not states or states[-1][1] != state:
+            states.append((time, state))
     times, words_ = zip(*states, strict=True)
     return np.array(times, dtype=np.float64), np.array(words_, dtype=np.str_)
 
@@ -170,6 +167,8 @@ _COLUMNS: Mapping[str, Any] = {
     "end": np.nan,
     "duration": np.nan,
     "to_end": 0,
+    "open_start": 0,
+    "closed_end": 0,
     "robustness": np.nan,
     "worst_at": np.nan,
     "unseen": 0,

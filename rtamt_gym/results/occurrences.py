@@ -110,12 +110,15 @@ def occurrences_of(kept: Mapping[str, Any]) -> Occurrences:
 def _table(rows: list[dict[str, Any]], kind: type[Any], unit: str) -> RunTable[Any]:
     return RunTable(
         kind,
-        {name: _column(name, [row[name] for row in rows], unit) for name in kind._fields},
+        {
+            name: _column(name, [row.get(name, False) for row in rows], unit)
+            for name in kind._fields
+        },
     )
 
 
 def _column(name: str, values: list[Any], unit: str) -> NDArray[Any]:
-    if name in ("to_end", "unseen"):
+    if name in ("to_end", "unseen", "open_start", "closed_end"):
         return np.array(values, bool)
     if name == "verdict":
         return np.array([Verdict[value].value for value in values], np.int8)

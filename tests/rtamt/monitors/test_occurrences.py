@@ -91,6 +91,7 @@ class Places:
     def run(self, row: Any) -> tuple[int, int]:  # noqa: ANN401 - a row of any kind
         assert row.duration == row.end - row.start
         assert not row.to_end or row.end == self._last
+        assert (row.open_start, row.closed_end) == (False, row.to_end)
         return row.start, row.end - (not row.to_end)
 
 
@@ -214,9 +215,9 @@ class DensePlaces:
     def time(self, place: int) -> float:
         return self.begin + place // 2 * STEP
 
-    def row(self, first: int, last: int) -> tuple[float, float, float, bool]:
+    def row(self, first: int, last: int) -> tuple[float, float, float, bool, bool, bool]:
         start, end = self.time(first), self.time(last + 1)
-        return start, end, end - start, last == self._last
+        return start, end, end - start, last == self._last, first % 2 == 1, last % 2 == 0
 
 
 def dense_agrees(found: Occurrences, formula: Formula, trace: Judged, begin: float) -> None:
@@ -225,7 +226,7 @@ def dense_agrees(found: Occurrences, formula: Formula, trace: Judged, begin: flo
     assert [body.text for body in found.bodies] == [*map(str, definition)]
     for body, its in zip(found.bodies, definition.values(), strict=True):
         assert [
-            (*row[:4], order(row.robustness), row.worst_at)
+            (*row[:4], row.open_start, row.closed_end, order(row.robustness), row.worst_at)
             for row in body.violations
             if not row.unseen
         ] == [
@@ -235,7 +236,11 @@ def dense_agrees(found: Occurrences, formula: Formula, trace: Judged, begin: flo
         assert [*body.unknown] == [places.row(*run) for run in its.unknown]
         assert [*body.unknown_triggers] == [places.row(*run) for run in its.unknown_triggers]
         assert [
-            (*row[:5], None if math.isnan(row.answer_time) else row.answer_time, order(row.margin))
+            (
+                *(*row[:4], row.open_start, row.closed_end, row.verdict),
+                None if math.isnan(row.answer_time) else row.answer_time,
+                order(row.margin),
+            )
             for row in body.responses
         ] == [
             (*places.row(first, last), verdict, None if time is None else time * STEP, margin)
@@ -269,7 +274,7 @@ def test_dense_time_matches_judge_at_each_place(
 
 def test_an_unseen_violation_is_one_row() -> None:
     (row,) = occurrences("always[0:9](prev(x > 0))", {"x": [1, 1, -4]}, period=0.5)
-    assert row == (1.5, 1.5, 0.0, False, -4.0, 1.5, True)
+    assert row == (1.5, 1.5, 0.0, False, -4.0, 1.5, True, False, True)
     assert judge("always[0:9](prev(x > 0))", {"x": [1, 1, -4]}).verdict is Verdict.VIOLATED
     assert not len(occurrences("always[0:9](prev(x > 0))", {"x": [1, 1, -4]}, end="open"))
 
@@ -287,6 +292,16 @@ def test_an_unseen_violation_in_dense_time_needs_every_future() -> None:
     assert verdicts == ["SATISFIED", "UNDECIDED", "VIOLATED"]
     (row,) = rtamt.dense.occurrences("always[5:9](historically(z > 1))", {"z": [(0, 1), (4, 1)]})
     assert row.robustness == rtamt.dense.judge("historically(z > 1)", {"z": [(0, 1)]}).robustness
+
+
+def test_dense_runs_state_whether_their_ends_belong_to_them() -> None:
+    trace = {"x": [(0, -1), (1.5, 0), (2.5, 2), (5, 2)]}
+    found = rtamt.dense.occurrences("always[0:4.5](eventually[0:2](x < 1))", trace)
+    (violated,), (unknown,) = found.bodies[0].violations, found.bodies[0].unknown
+    assert (violated.start, violated.open_start) == (2.5, False)
+    assert (violated.end, violated.closed_end) == (3.0, True)
+    assert (unknown.start, unknown.open_start) == (3.0, True)
+    assert (unknown.end, unknown.to_end, unknown.closed_end) == (4.5, False, True)
 
 
 def test_equal_bodies_are_one_list() -> None:
@@ -313,7 +328,7 @@ def test_statistics_and_columns() -> None:
     assert body.outcomes == {Verdict.VIOLATED: 1, Verdict.UNDECIDED: 1, Verdict.SATISFIED: 1}
     assert body.responses.columns["verdict"].tolist() == [1, -1, 0]
     assert body.responses[1:][0].verdict is Verdict.VIOLATED
-    assert body.unknown[0] == (3.5, 3.5, 0.0, True)
+    assert body.unknown[0] == (3.5, 3.5, 0.0, True, False, True)
     assert pickle.loads(pickle.dumps(found)) == found
 
 

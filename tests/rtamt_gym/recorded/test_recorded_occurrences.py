@@ -14,6 +14,7 @@ import pytest
 import rtamt
 from rtamt.monitors import Occurrences
 from rtamt_gym.__main__ import main
+from rtamt_gym.recorded.occurrences import states_of
 from rtamt_gym.results.codec import trials_of
 
 Output = pytest.CaptureFixture[str]
@@ -97,6 +98,8 @@ def test_json_has_the_rows_of_the_library(end: str, capsys: Output) -> None:
         "end": 11.5,
         "duration": 1.0,
         "to_end": False,
+        "open_start": False,
+        "closed_end": False,
         "robustness": -3.0,
         "worst_at": 11.0,
         "unseen": False,
@@ -124,7 +127,8 @@ def test_unknown_cells_are_unknown_rows(folder: Path, capsys: Output) -> None:
     found = judged(capsys, "always(x < 5)", "gap.csv", "--missing", "unknown")
     (body,) = found["trials"][0]["outcomes"]["spec"]["occurrences"]["bodies"]
     assert body["violations"] == []
-    assert body["unknown"] == [{"start": 1.0, "end": 3.0, "duration": 2.0, "to_end": False}]
+    (row,) = body["unknown"]
+    assert (row["start"], row["end"], row["duration"], row["to_end"]) == (1.0, 3.0, 2.0, False)
 
 
 def test_late_start_counts_from_the_first_known_event(folder: Path, capsys: Output) -> None:
@@ -182,3 +186,23 @@ def test_infinite_robustness_is_strict_json(capsys: Output) -> None:
 def test_unwritable_table_is_refused_first(capsys: Output) -> None:
     assert main(["monitor", SPEC, "drive.csv", "--write-occurrences", "rows.txt"]) == 2
     assert "cannot write rows.txt: expected a name that ends in" in capsys.readouterr().err
+
+
+def test_states_at_instants_and_between_them() -> None:
+    trace = {"x": [(0, -1), (1.5, 0), (2.5, 2), (5, 2)], "y": [(0, 1), (4, 0), (4.5, 1), (5, 1)]}
+    found = rtamt.dense.occurrences("always(eventually[0:2](x < 1) and y > 0)", trace)
+    times, words = states_of(found, 0.0)
+    assert list(zip(times.tolist(), words.tolist(), strict=True)) == [
+        (0.0, "satisfied"),
+        (2.5, "violated"),
+        (3.0, "unknown"),
+        (4.0, "violated"),
+        (4.5, "unknown"),
+    ]
+    found = rtamt.dense.occurrences("always(eventually[2:2](x < 1))", {"x": [(0, 2), (5, 0)]})
+    times, words = states_of(found, 0.0)
+    assert list(zip(times.tolist(), words.tolist(), strict=True)) == [
+        (0.0, "violated"),
+        (3.0, "satisfied"),  # at this instant alone
+        (3.0, "unknown"),
+    ]
