@@ -7,8 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import matplotlib as mpl
 import pytest
-from programs import LIMIT, Ride, Rides, cost_of, counts_of, shares_of, watched
+from programs import (
+    LIMIT,
+    Ride,
+    Rides,
+    cost_of,
+    counts_of,
+    recipes,
+    run_program,
+    shares_of,
+    watched,
+)
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
@@ -17,6 +28,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from rtamt import InputError
 from rtamt_gym import StlMonitor, StlReward
+from rtamt_gym.__main__ import main
+from rtamt_gym.learners.logs import training_logs
 from rtamt_gym.learners.sb3 import SatisfactionCallback
 
 WINDOW = 20
@@ -168,3 +181,23 @@ def test_episodes_without_outcomes_are_refused_unless_others_are_evaluated(tmp_p
     model = learner("PPO", envs, tmp_path)
     with pytest.raises(InputError, match=r"^expected 'stl_episode' in the last info"):
         model.learn(64, callback=SatisfactionCallback())
+
+
+def test_the_complete_example_writes_a_log_for_each_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = recipes()["A complete example"].replace("12_000", "1_024").replace("1_000", "100")
+    run_program(program, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    logs = [*training_logs(Path("runs/ppo")), *training_logs(Path("runs/dqn"))]
+    assert len(logs) == 6
+    for log in logs:
+        evaluated, rates = log.curves["eval_stl/rate"]
+        assert len(evaluated) >= 5
+        assert ((rates >= 0) & (rates <= 1)).all()
+        assert {"stl/upright/satisfied", "stl/centred/robustness_median"} <= log.curves.keys()
+    mpl.use("Agg")
+    assert main(["plot", "ppo=runs/ppo", "dqn=runs/dqn", "-o", "training.png"]) == 0
+    rows = [line.split()[:2] for line in capsys.readouterr().out.splitlines()]
+    assert ["ppo", "3"] in rows
+    assert ["dqn", "3"] in rows
