@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import Specification, VectorEpisodeMonitor, holds
+from rtamt import Specification, VectorEpisodeMonitor, Verdict, holds
 from rtamt.errors import Argument
 from rtamt.internal import VerdictBook
 from rtamt.typing import End
@@ -273,6 +273,23 @@ class VectorPanel:
             self.samples,
             None if self._owing is None else self._owing.owed(),
         )
+
+    def values_at(self, index: int) -> tuple[list[float], list[Verdict]]:
+        """Return values of one environment.
+
+        Returns:
+            Robustness, lower and upper bound of each specification, one after the other; and the
+            verdicts.
+        """
+        curves: list[float] = []
+        verdicts: list[Verdict] = []
+        failed = self._book.failed
+        for row, (source, judge) in enumerate(self.monitors.values()):
+            lost = bool(failed[row, index])
+            upper = -0.0 if lost else judge.upper.item(index)
+            curves += (source.robustness.item(index), judge.lower.item(index), upper)
+            verdicts.append(Verdict.VIOLATED if lost else Verdict(judge.verdict.item(index)))
+        return curves, verdicts
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """Return the state of every specification: ``infos["stl"]``."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rtamt import InputError, Verdict
-from rtamt_gym.judging.monitors import MonitorValues
+from rtamt import InputError
+from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.signals.columns import Floats, Lanes
 
 if TYPE_CHECKING:
@@ -58,18 +58,18 @@ class VectorTracks:
         """Return whether an environment of the mask is shown."""
         return any(lanes[index] for index in self._tracks)
 
-    def reset(self, table: Floats, values: MonitorValues[Floats], lanes: Lanes | None) -> None:
+    def reset(self, table: Floats, panel: VectorPanel, lanes: Lanes | None) -> None:
         """Start episodes with sample 0 in the environments of the mask; None: in all."""
         for index, track in self._tracks.items():
             if lanes is None or lanes[index]:
                 track.begin()
-                self._add(index, table, values)
+                self._add(index, table, panel)
         self._draw([index for index in self._tracks if lanes is None or lanes[index]])
 
     def step(
         self,
         table: Floats,
-        values: MonitorValues[Floats],
+        panel: VectorPanel,
         begun: Lanes | None,
         resets: Lanes | None,
     ) -> None:
@@ -77,7 +77,7 @@ class VectorTracks:
 
         Args:
             table: The values of the signals.
-            values: The values of the monitors.
+            panel: The monitors.
             begun: The environments that the step has reset before; None: none.
             resets: The environments that the step has reset after the samples, and that render
                 other samples; None: none.
@@ -85,17 +85,17 @@ class VectorTracks:
         for index, track in self._tracks.items():
             if begun is not None and begun[index]:
                 track.begin()
-            self._add(index, table, values)
+            self._add(index, table, panel)
         self._draw([index for index in self._tracks if resets is None or not resets[index]])
 
-    def end(self, values: MonitorValues[Floats], lanes: Lanes) -> None:
+    def end(self, panel: VectorPanel, lanes: Lanes) -> None:
         """End the episodes in the environments of the mask."""
         for index, track in self._tracks.items():
             if lanes[index]:
-                track.finish(*_curves(values, index))
+                track.finish(*panel.values_at(index))
 
-    def _add(self, index: int, table: Floats, values: MonitorValues[Floats]) -> None:
-        self._tracks[index].add(table[index].tolist(), *_curves(values, index))
+    def _add(self, index: int, table: Floats, panel: VectorPanel) -> None:
+        self._tracks[index].add(table[index].tolist(), *panel.values_at(index))
 
     def _draw(self, indexes: Sequence[int]) -> None:
         """Take the pictures of environments whose sample has one."""
@@ -107,11 +107,3 @@ class VectorTracks:
         for index in due if frames is not None else ():
             if frames[index] is not None:
                 self._tracks[index].picture(frames[index])
-
-
-def _curves(values: MonitorValues[Floats], index: int) -> tuple[list[float], list[Verdict]]:
-    """Return the curves of an environment, and its verdicts."""
-    curves: list[float] = []
-    for robustness, lower, upper in zip(values.robustness, values.lower, values.upper, strict=True):
-        curves += (float(robustness[index]), float(lower[index]), float(upper[index]))
-    return curves, [Verdict(int(verdict[index])) for verdict in values.verdicts]

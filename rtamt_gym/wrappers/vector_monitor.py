@@ -382,7 +382,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         self._panel.feed(table, lanes)
         self._table[which] = table[which]
         if self._live is not None and (lanes is None or self._live.shows(lanes)):
-            self._live.reset(self._table, self.values(), lanes)
+            self._live.reset(self._table, self._panel, lanes)
 
     def _update(self, begun: Lanes | None, resets: Lanes | None) -> None:
         """Update the monitors with the samples of a step.
@@ -395,7 +395,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             self._panel.reset(begun)
         self._panel.feed(self._table)
         if self._live is not None:
-            self._live.step(self._table, self.values(), begun, resets)
+            self._live.step(self._table, self._panel, begun, resets)
 
     def _certain(self) -> list[tuple[Lanes, str]]:
         """Return the environments whose episodes a certain verdict ends, the strongest first."""
@@ -460,7 +460,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         """Add the keys of last infos, and record the episodes."""
         panel, index = self._panel, ended.nonzero()[0]
         if self._live is not None and self._live.shows(ended):
-            self._live.end(self.values(), ended)
+            self._live.end(self._panel, ended)
         outcomes, success, undecided = panel.ends(index)
         violated = panel.any_violated(index)
         violation = outcomes, violated, panel.violated_by(index), panel.violated_at.take(index)
@@ -489,7 +489,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             return False
         panel.finish(cut, self._at_truncation)
         if self._live is not None:
-            self._live.end(self.values(), cut)
+            self._live.end(self._panel, cut)
         violated = panel.any_violated(index)
         ends = panel.outcomes(index), violated, panel.violated_by(index), panel.violated_at[index]
         self._episodes.append(index, record(*ends, panel.samples[index], ~cut[index], cut[index]))

@@ -1,7 +1,8 @@
 """The cost of a live view for a step; needs rerun-sdk. Usage: python tests/bench/live.py
 
-Prints microseconds for a step, the minimum of several runs: without a view, with a view that writes
-a file and with one that has a viewer too, and for pictures.
+Prints microseconds of the processor for a step, the minimum of several runs: without a view, with
+a view that writes a file and with one that has a viewer too, and for pictures. They include the
+thread that sends. The viewer is a process of its own.
 """
 
 from __future__ import annotations
@@ -15,9 +16,15 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 
-from rtamt_gym import StlMonitor, VectorStlMonitor, simulate
+import rtamt
+from rtamt_gym import EvaluationOptions, StepMonitor, StlMonitor, VectorStlMonitor, simulate
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.watching.settings import WatchOptions
+from rtamt_gym.watching.stream_view import StreamView
+from rtamt_gym.watching.watch import StreamWatch
 
 SPECS = {
     "upright": "always(abs(theta) < 0.2)",
@@ -25,7 +32,9 @@ SPECS = {
     "back": "always((x > 1) implies eventually[0:1](x < 1))",
 }
 SIGNALS = {"theta": "obs[2]", "x": "obs[0]", "speed": ("reward", 0.0)}
-STEPS, EPISODE, REPEATS = 100_000, 500, 3
+MODEL = """<mujoco><worldbody><body><joint type="slide" axis="0 0 1"/><geom size=".1"/></body>
+</worldbody></mujoco>"""
+STEPS, EPISODE, REPEATS = 60_000, 500, 4
 
 
 class Cheap(gym.Env[Any, Any]):
@@ -58,13 +67,13 @@ def single(live: Any, steps: int = STEPS) -> float:
     """Return microseconds for a step of `StlMonitor`."""
     keywords = {} if live is None else {"live": live}
     env = StlMonitor(Cheap(), SPECS, SIGNALS, on_violation="report", period=0.02, **keywords)
-    since = time.perf_counter()
+    since = time.process_time()
     for number in range(steps):
         if number % EPISODE == 0:
             env.reset()
         env.step(0)
     send(live)
-    return (time.perf_counter() - since) / steps * 1e6
+    return (time.process_time() - since) / steps * 1e6
 
 
 def vector(live: Any, num: int = 64) -> float:
@@ -77,23 +86,52 @@ def vector(live: Any, num: int = 64) -> float:
     monitor.reset(seed=1)
     actions = np.zeros(num, np.int64)
     steps = STEPS // 10
-    since = time.perf_counter()
+    since = time.process_time()
     for _ in range(steps):
         monitor.step(actions)
     send(live)
-    return (time.perf_counter() - since) / steps * 1e6
+    return (time.process_time() - since) / steps * 1e6
+
+
+def mujoco_step(live: Any) -> float:
+    """Return microseconds for a step of `StepMonitor`."""
+    keywords = {} if live is None else {"live": live}
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    monitor = StepMonitor(
+        model, mujoco.MjData(model), "always(z > -1e9)", {"z": "qpos[0]"}, **keywords
+    )
+    monitor.reset()
+    since = time.process_time()
+    for _ in range(STEPS):
+        monitor.step()
+    send(live)
+    return (time.process_time() - since) / STEPS * 1e6
+
+
+def streamed(live: Any) -> float:
+    """Return microseconds for a row of `rtamt watch`."""
+    specs = {name: rtamt.parse(text) for name, text in SPECS.items()}
+    options = WatchOptions(specs, EvaluationOptions(), Columns())
+    watch = StreamWatch(options, "stdin", lambda _: None)
+    if live is not None:
+        watch.rules.show = StreamView(live, [*specs], watch.rules.variables).sample
+    text = "time,theta,x\n" + "".join(f"{i / 50},0,0\n" for i in range(STEPS))
+    since = time.process_time()
+    watch.add(text.encode())
+    send(live)
+    return (time.process_time() - since) / STEPS * 1e6
 
 
 def simulated(live: Any) -> float:
     """Return microseconds for a step of `simulate`."""
     keywords = {} if live is None else {"live": live}
-    since = time.perf_counter()
+    since = time.process_time()
     simulate(
         Cheap(), SPECS, SIGNALS, period=0.02, duration=STEPS * 0.02, stop="end",
         policy=lambda _: 0, **keywords,
     )  # fmt: skip
     send(live)
-    return (time.perf_counter() - since) / STEPS * 1e6
+    return (time.process_time() - since) / STEPS * 1e6
 
 
 def main() -> None:
@@ -109,7 +147,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for number in range(REPEATS):
             for name, make in views.items():
-                for measure in (single, vector, simulated):
+                for measure in (single, vector, mujoco_step, simulated, streamed):
                     with ExitStack() as stack:
                         live = make(Path(folder, f"{number}.rrd"))
                         if live is not None:

@@ -167,7 +167,8 @@ def test_an_error_names_extras_that_install_the_package(
     for package, extras in EXTRAS.items():
         if package in ALONE:
             continue
-        names = {name.lower() for name in providers[package]}
+        # Not in `all`, so the environment of the tests does not have it.
+        names = {"rerun-sdk"} if package == "rerun" else {*map(str.lower, providers[package])}
         for extra in extras:
             assert names & needed_by(distribution, extra), (package, extra)
 

@@ -5,14 +5,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
 from rtamt import InputError, Verdict
+from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.live import RerunView, track
 from rtamt_gym.live.track import Track
+from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 
 values = st.floats(-2, 2)
 NAMES = ("near", "soon")
@@ -120,3 +123,24 @@ def test_missing_package_names_its_extra(monkeypatch: pytest.MonkeyPatch, tmp_pa
 def test_wrong_arguments(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         RerunView(**arguments)
+
+
+@pytest.mark.parametrize("end", ["failure", "cut", "complete"])
+@given(st.lists(st.tuples(values, values), min_size=1, max_size=5))
+def test_values_of_one_environment(end: AtTermination, rows: list[tuple[float, float]]) -> None:
+    specs = {name: judge.specification for name, judge in monitors().items()}
+    panel = VectorPanel(specs, 2, EvaluationOptions(period=1).whole("episodes"), ["x"])
+    panel.reset()
+    for row in rows:
+        panel.feed(np.array(row)[:, None])
+    panel.finish(np.array([False, True]), end)
+    together = panel.values()
+    for index in (0, 1):
+        curves, verdicts = panel.values_at(index)
+        expected = [
+            column[index]
+            for columns in zip(together.robustness, together.lower, together.upper, strict=True)
+            for column in columns
+        ]
+        assert [*map(repr, curves)] == [repr(float(value)) for value in expected]
+        assert verdicts == [column[index] for column in together.verdicts]
