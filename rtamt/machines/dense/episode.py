@@ -24,19 +24,12 @@ from rtamt.machines.dense.regions import (
     RegionSliding,
     RegionStream,
 )
-from rtamt.machines.dense.rows import (
-    RegionRows,
-    TraceValues,
-    Waiting,
-    declared_of,
-    terms_of,
-    together,
-)
+from rtamt.machines.dense.rows import EventMachine, RegionRows, TraceValues, terms_of, together
 from rtamt.machines.dense.runs import Runs
 from rtamt.machines.episode.streams import CUT, WORLDS
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import moved, verdict_of
-from rtamt.machines.state import Retiring, StateFields
+from rtamt.machines.state import StateFields
 from rtamt.machines.terms import FindRanges, FindTerms, Registers, term_columns, term_ranges
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.dense_lowering import MAX_TICKS, RegionProgram
@@ -169,7 +162,7 @@ class RegionRegisters(Protocol):
     def restore(self, state: list[Any]) -> None: ...
 
 
-class PythonDenseEpisodeMachine(Retiring, StateFields):
+class PythonDenseEpisodeMachine(EventMachine[RegionRows]):
     """Bounds the robustness at the start of a trace, from events in chunks of any size.
 
     From the first unknown value on, twins of the last registers continue from their state: they
@@ -178,27 +171,18 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
     """
 
     STATE = (
-        "finished",
+        *EventMachine.STATE,
         "robustness",
         "lower",
         "upper",
         "_decided",
-        "_dated",
-        "_first",
-        "_last",
-        "_waiting",
         "_readings",
         "_greatest",
     )
-    reader: EventReader
-    finished: bool
     robustness: float
     lower: float
     upper: float
     _decided: int | None
-    _dated: Dated
-    _first: list[float]
-    _last: list[float]
     _greatest: list[RegionRegisters]
 
     def __init__(
@@ -209,14 +193,12 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         find: FindTerms = term_columns,
         ranges: FindRanges = term_ranges,
     ) -> None:
-        self.reader = reader
+        super().__init__(regions.program, reader)
         self._program = regions
         self._make = make
         self._find, self._ranges = find, ranges
         self._programs = variants_of(regions.program)
         self._readings = [make(place(program)) for program in self._programs]
-        self._declared = declared_of(regions.program)
-        self._waiting = [Waiting(value) for value in self._declared.before]
         self.reset()
 
     @property
@@ -240,16 +222,7 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         return end if end >= self._declared.begin(self._first) else -math.inf
 
     def update(self, *events: Mapping[str, EventsLike], **named: EventsLike) -> float:
-        if self.finished:
-            self.reader.refuse_update()
-        given = self.reader.given(events, named)
-        after = self._declared.after(self._first, self._last)
-        heard = [math.isfinite(tick) for tick in self._last]
-        columns, dated = self.reader.read(given, after, self._dated, heard)
-        self.require_current()
-        if self.finished:  # reading a value may run code of the caller
-            self.reader.refuse_update()
-        self._take(columns, dated)
+        self._take(*self._read(events, named))
         return self.robustness
 
     def run(self, given: Sequence[GivenLike], *, decided: bool = False) -> None:
@@ -269,22 +242,8 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         return [*self._readings, *self._greatest]
 
     def _take(self, columns: Sequence[TimedColumn], dated: Dated, *, decided: bool = True) -> None:
-        first, last, begin, end = self._declared.extended(self._first, self._last, columns)
         before = self._end
-        rows: list[RegionRows] = []
-        for waiting, column in zip(self._waiting, columns, strict=True):
-            waiting.extend(column)
-        if begin <= end:
-            try:
-                rows = self._rows(int(begin), int(end), dated)
-            except BaseException:
-                for waiting, column in zip(self._waiting, columns, strict=True):
-                    waiting.retract(column)
-                raise
-        if not math.isinf(end):
-            for waiting in self._waiting:
-                waiting.drop(int(end))
-        self._first, self._last, self._dated = first, last, dated
+        begin, end, rows = self._extend(columns, dated)
         if len(rows) > len(self._readings) and not self._greatest:
             self._greatest = [self._twin()]
             self._greatest[0].restore(self._readings[-1].state())
@@ -363,13 +322,8 @@ class PythonDenseEpisodeMachine(Retiring, StateFields):
         return self.robustness
 
     def reset(self) -> None:
-        width = len(self.reader.variables)
-        self.finished = False
+        super().reset()
         self._decided = None
-        self._dated = None
-        self._first, self._last = [math.inf] * width, [-math.inf] * width
-        for waiting in self._waiting:
-            waiting.reset()
         for reading in self._readings:
             reading.reset()
         self._greatest = []

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import heapq
-import itertools
 import math
-import operator
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar, assert_never
 
 import numpy as np
@@ -15,8 +12,8 @@ from numpy.typing import NDArray
 
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, GivenLike
-from rtamt.machines.dense.rows import declared_of
-from rtamt.machines.state import Retiring, StateFields
+from rtamt.machines.dense.rows import EventMachine, together
+from rtamt.machines.state import StateFields
 from rtamt.machines.terms import Registers, Terms
 from rtamt.program.algebra import FOLDS, FUNCTIONS, Element, LatticeFold
 from rtamt.program.dense_lowering import DenseProgram
@@ -62,29 +59,22 @@ class StepStream(StateFields):
 class Joint(StateFields):
     """Queues of breakpoints of several streams, read in the order of time."""
 
-    __slots__ = ("_before", "_now", "_waiting")
+    __slots__ = ("_now", "_waiting")
     STATE = ("_now", "_waiting")
 
-    def __init__(self, width: int, before: Sequence[float] | None = None) -> None:
-        self._before = [math.nan] * width if before is None else before
+    def __init__(self, width: int) -> None:
         self._waiting: list[deque[Breakpoint]] = [deque() for _ in range(width)]
         self.reset()
 
     def reset(self) -> None:
         for waiting in self._waiting:
             waiting.clear()
-        self._now = list(self._before)
+        self._now = [math.nan] * len(self._waiting)
 
     def extend(self, steps: Sequence[Iterable[Breakpoint]]) -> None:
         """Add new breakpoints of every stream."""
         for waiting, new in zip(self._waiting, steps, strict=True):
             waiting.extend(new)
-
-    def retract(self, counts: Sequence[int]) -> None:
-        """Remove the newest breakpoints of every stream."""
-        for waiting, count in zip(self._waiting, counts, strict=True):
-            for _ in range(count):
-                waiting.pop()
 
     @property
     def next(self) -> float:
@@ -98,21 +88,6 @@ class Joint(StateFields):
             if waiting and waiting[0][0] == time:
                 self._now[i] = waiting.popleft()[1]
         return tuple(self._now)
-
-    def ahead(self, last: float) -> Iterator[tuple[float, _Values]]:
-        """Return the times up to the last with the values of `take`; removes nothing."""
-        now = self._now[:]
-        steps = heapq.merge(*itertools.starmap(_labelled, enumerate(self._waiting)))
-        for time, group in itertools.groupby(steps, key=operator.itemgetter(0)):
-            if time > last:
-                break
-            for _, i, value in group:
-                now[i] = value
-            yield time, tuple(now)
-
-
-def _labelled(i: int, steps: Iterable[Breakpoint]) -> Iterator[tuple[float, int, float]]:
-    return ((time, i, value) for time, value in steps)
 
 
 class StreamNode(StateFields):
@@ -317,7 +292,7 @@ class SuffixNode(StreamNode):
             self._out.push(time, value)
 
 
-class PythonDenseMachine(Retiring, StateFields):
+class PythonDenseMachine(EventMachine[tuple[float, Registers]]):
     """Runs a program on events, in chunks of any size, each variable at its own pace.
 
     The trace starts with the latest of the variables' first events, and is known up to the earliest
@@ -327,28 +302,21 @@ class PythonDenseMachine(Retiring, StateFields):
     there.
     """
 
-    STATE = ("finished", "_dated", "_first", "_last", "_begin", "_end", "_waits", "_parts")
-    reader: EventReader
-    finished: bool
-    _dated: Dated
-    _first: list[float]
-    _last: list[float]
+    STATE = (*EventMachine.STATE, "_begin", "_end", "_waits", "_parts")
     _begin: float
     _end: float
     _waits: tuple[float, Registers] | None
 
     def __init__(self, dense: DenseProgram, reader: EventReader, observed: Sequence[int]) -> None:
         program = dense.program
-        self.reader = reader
+        super().__init__(program, reader)
         self._observed = tuple(observed)
         self._result = program.result
         self._known = program.terms
         self._terms = Terms(program, reader.refuse)
         self._streams = [StepStream() for _ in program.instructions]
         self._nodes = [self._node(dense, r) for r in range(self._known, len(self._streams))]
-        self._declared = declared_of(program)
-        self._inputs = Joint(len(program.variables), self._declared.before)
-        self._parts = [self._inputs, *self._streams, *self._nodes]
+        self._parts = [*self._streams, *self._nodes]
         self.reset()
 
     def _node(self, dense: DenseProgram, register: int) -> StreamNode:
@@ -377,47 +345,27 @@ class PythonDenseMachine(Retiring, StateFields):
     def update(
         self, *events: Mapping[str, EventsLike], **named: EventsLike
     ) -> list[tuple[float, float]]:
-        if self.finished:
-            self.reader.refuse_update()
-        given = self.reader.given(events, named)
-        after = self._declared.after(self._first, self._last)
-        columns, dated = self.reader.read(given, after, self._dated)
-        self.require_current()
-        if self.finished:  # reading a value may run code of the caller
-            self.reader.refuse_update()
-        return self._with_times(self._take(columns, dated))
+        return self._with_times(self._take(*self._read(events, named)))
 
     def _with_times(self, steps: Sequence[Breakpoint]) -> list[tuple[float, float]]:
         return [(self.reader.time(tick, self._dated), value) for tick, value in steps]
 
     def _take(self, columns: Sequence[TimedColumn], dated: Dated) -> list[Breakpoint]:
-        first, last, begin, end = self._declared.extended(self._first, self._last, columns)
-        self._inputs.extend([zip(t.tolist(), v.tolist(), strict=True) for t, v in columns])
-        try:
-            rows = self._rows(begin, end, dated)
-        except BaseException:
-            self._inputs.retract([len(t) for t, _ in columns])
-            raise
-        self._first, self._last, self._begin, self._end = first, last, begin, end
-        self._dated = dated
-        while self._inputs.next <= end:
-            self._inputs.take()
+        self._begin, self._end, rows = self._extend(columns, dated)
         if rows:
             if self._waits is not None:
                 rows.insert(0, self._waits)
             self._waits = rows.pop()
-        if not math.isinf(end):
+        if not math.isinf(self._end):
             self._advance(rows)
         return self._settled_steps()
 
-    def _rows(self, begin: float, end: float, dated: Dated) -> list[tuple[float, Registers]]:
-        """Return the terms at all new times of the trace; changes nothing."""
-        if begin > end:
-            return []
+    def _rows(self, begin: int, end: int, dated: Dated) -> list[tuple[float, Registers]]:
+        ticks, values = together(self._waiting, begin, end)
+        samples = zip(*(column.tolist() for column in values), strict=True)
         return [
-            (time, self._terms(list(values), (time, dated)))
-            for time, values in self._inputs.ahead(end)
-            if time >= begin
+            (tick, self._terms(list(sample), (tick, dated)))
+            for tick, sample in zip(ticks.tolist(), samples, strict=True)
         ]
 
     def _advance(self, rows: Sequence[tuple[float, Registers]]) -> None:
@@ -457,11 +405,8 @@ class PythonDenseMachine(Retiring, StateFields):
         return self.reader.times(np.array(ticks, np.int64), self._dated), np.array(values)
 
     def reset(self) -> None:
-        width = len(self.reader.variables)
-        self.finished = False
-        self._first, self._last = [math.inf] * width, [-math.inf] * width
+        super().reset()
         self._begin, self._end = math.inf, -math.inf
         self._waits = None
-        self._dated = None
         for part in self._parts:
             part.reset()

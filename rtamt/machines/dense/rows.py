@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple, NoReturn
+from typing import ClassVar, Generic, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 
@@ -13,10 +13,10 @@ from rtamt.inputs.arrays import Floats
 from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.clock import Ticks
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
-from rtamt.inputs.events import Given, not_known
+from rtamt.inputs.events import EventsLike, Given, not_known
 from rtamt.inputs.samples import in_between
 from rtamt.machines.dense.runs import Positions
-from rtamt.machines.state import StateFields
+from rtamt.machines.state import Retiring, StateFields
 from rtamt.machines.terms import FindRanges, FindTerms
 from rtamt.program.placement import variants_of
 from rtamt.program.program import Program
@@ -129,20 +129,90 @@ class Waiting(StateFields):
             self._chunks.popleft()
 
 
+_Rows = TypeVar("_Rows")
+
+
+class EventMachine(Retiring, StateFields, Generic[_Rows]):
+    """The base of the Python machines on events, in chunks of any size."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("finished", "_dated", "_first", "_last", "_waiting")
+    reader: EventReader
+    finished: bool
+    _dated: Dated
+    _first: list[float]
+    _last: list[float]
+
+    def __init__(self, program: Program, reader: EventReader) -> None:
+        self.reader = reader
+        self._declared = declared_of(program)
+        self._waiting = [Waiting(value) for value in self._declared.before]
+
+    def _read(
+        self, events: Sequence[Mapping[str, EventsLike]], named: Mapping[str, EventsLike]
+    ) -> tuple[list[TimedColumn], Dated]:
+        """Return the new events of an update, or refuse them."""
+        if self.finished:
+            self.reader.refuse_update()
+        given = self.reader.given(events, named)
+        after = self._declared.after(self._first, self._last)
+        heard = [math.isfinite(tick) for tick in self._last]
+        counted = self.reader.read(given, after, self._dated, heard)
+        self.require_current()
+        if self.finished:  # reading a value may run code of the caller
+            self.reader.refuse_update()
+        return counted
+
+    def _extend(
+        self, columns: Sequence[TimedColumn], dated: Dated
+    ) -> tuple[float, float, list[_Rows]]:
+        """Take new events; return begin and end of the trace, and the terms at its new ticks."""
+        first, last, begin, end = self._declared.extended(self._first, self._last, columns)
+        rows: list[_Rows] = []
+        for waiting, column in zip(self._waiting, columns, strict=True):
+            waiting.extend(column)
+        if begin <= end:
+            try:
+                rows = self._rows(int(begin), int(end), dated)
+            except BaseException:
+                for waiting, column in zip(self._waiting, columns, strict=True):
+                    waiting.retract(column)
+                raise
+        if not math.isinf(end):
+            for waiting in self._waiting:
+                waiting.drop(int(end))
+        self._first, self._last, self._dated = first, last, dated
+        return begin, end, rows
+
+    def _rows(self, begin: int, end: int, dated: Dated) -> list[_Rows]:
+        """Return the terms at all new ticks; changes nothing."""
+        raise NotImplementedError
+
+    def reset(self) -> None:
+        width = len(self.reader.variables)
+        self.finished = False
+        self._dated = None
+        self._first, self._last = [math.inf] * width, [-math.inf] * width
+        for waiting in self._waiting:
+            waiting.reset()
+
+
 def _concatenated(values: Sequence[Floats]) -> Floats:
     """Return values one after the other: pairs of ends, if some are."""
-    if len({column.ndim for column in values}) > 1:
+    if any(column.ndim > 1 for column in values):
         values = [v if v.ndim > 1 else np.column_stack([v, v]) for v in values]
     return np.concatenate(values)
 
 
 _NO_TICKS: Ticks = np.empty(0, np.int64)
+_NO_EVENTS: TimedColumn = _NO_TICKS, np.empty(0)
 
 
 def _divided(events: TimedColumn, last: int) -> tuple[TimedColumn, TimedColumn]:
     """Return the events up to a tick, and those after it."""
     ticks, values = events
-    read = len(ticks) if ticks[-1] <= last else int(ticks.searchsorted(last, "right"))
+    if ticks[-1] <= last:
+        return events, _NO_EVENTS
+    read = int(ticks.searchsorted(last, "right"))
     return (ticks[:read], values[:read]), (ticks[read:], values[read:])
 
 
@@ -153,19 +223,22 @@ def together(waiting: Sequence[Waiting], begin: int, last: int) -> tuple[Ticks, 
     """
     signals = [variable.upto(last) for variable in waiting]
     ticks = signals[0][0]
-    for other, _ in signals[1:]:
-        if not np.array_equal(ticks, other):
+    for i, (other, values) in enumerate(signals[1:], 1):
+        if np.array_equal(ticks, other):
+            signals[i] = ticks, values  # the same array, which `values_at` sees without a look
+        else:
             both = np.concatenate([ticks, other])
             both.sort(kind="stable")  # two lines that are sorted, in linear time
             ticks = both[np.append(True, both[1:] != both[:-1])]
-    ticks = ticks[ticks.searchsorted(begin) :]
+    if len(ticks) and ticks[0] < begin:
+        ticks = ticks[ticks.searchsorted(begin) :]
     return ticks, [values_at(ticks, signal) for signal in signals]
 
 
 def values_at(ticks: Ticks, signal: TimedColumn) -> Floats:
     """Return the values at ticks of a signal from `Waiting.upto`."""
     steps, values = signal
-    if len(steps) == len(ticks) and np.array_equal(steps, ticks):
+    if steps is ticks or (len(steps) == len(ticks) and np.array_equal(steps, ticks)):
         return values[1:]
     return values[steps.searchsorted(ticks, "right")]
 
