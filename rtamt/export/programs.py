@@ -83,8 +83,8 @@ def sampled_programs(
 ) -> Programs:
     """Return the programs of a unit on samples; ``spec`` has traced constants."""
     refuse_rates(spec, "an exported monitor")
-    *_, seconds, program = compiled(caller, spec, period, options, online=False)
-    step = Fraction(seconds or 1)
+    parts = compiled(caller, spec, period, options, online=False)
+    program, step = parts.program, Fraction(parts.period or 1)
     running = program.running(*program.specification.formulas.values())
     late = {name: running.latencies[register] for name, register in running.outputs.items()}
     monitor = _monitor(running)

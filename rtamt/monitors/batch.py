@@ -16,7 +16,9 @@ from rtamt.machines.backend import BACKENDS
 from rtamt.machines.bounds import needed_samples
 from rtamt.machines.offline import result_alone
 from rtamt.machines.protocols import End, EpisodeRuns, SampleRuns, TraceSet
+from rtamt.machines.readout import verdicts_of
 from rtamt.monitors.judgement import Judgement, judge_compiled
+from rtamt.monitors.judgements import TriggerColumns
 from rtamt.monitors.options import Compiled
 from rtamt.monitors.sample_trace import (
     counts_alone,
@@ -24,34 +26,15 @@ from rtamt.monitors.sample_trace import (
     is_short,
     opposite_program,
     recorded_runs,
-    with_result,
 )
-from rtamt.monitors.triggers import reads_hidden
+from rtamt.monitors.triggers import reads_hidden, text_of, texts_of
 from rtamt.program.implications import InstantRuns, TraceSpan, implications, unanswered
 from rtamt.program.interface import STANDARD
-from rtamt.program.lowering import compile_program
 from rtamt.program.memory import limit_beyond
 from rtamt.program.program import Program
-from rtamt.program.timing import Align
 
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
-
-
-class TriggerRows(NamedTuple):
-    """The triggers of one implication on many traces.
-
-    Attributes:
-        samples: As in `TriggerCount`, for each trace.
-        runs: Their `TriggerCount.count`.
-        first: The first sample; -1 if there is none.
-        vacuous: As in `TriggerCount`.
-    """
-
-    samples: Integers
-    runs: Integers
-    first: Integers
-    vacuous: Booleans
 
 
 class JudgedRows(NamedTuple):
@@ -74,19 +57,19 @@ class JudgedRows(NamedTuple):
     complete: NDArray[np.int8]
     decided_at: Integers
     vacuous: Booleans
-    triggers: tuple[TriggerRows, ...]
+    triggers: tuple[TriggerColumns, ...]
     left_out: Booleans
 
     @classmethod
-    def empty(cls, count: int, implications: int) -> JudgedRows:
+    def empty(cls, count: int, texts: Sequence[str]) -> JudgedRows:
         """Return rows without judgements."""
         robustness, lower, upper = (np.full(count, np.nan) for _ in range(3))
         triggers = [
-            TriggerRows(
-                *(np.zeros(count, np.int64), np.zeros(count, np.int64)),
+            TriggerColumns(
+                *(text, np.zeros(count, np.int64), np.zeros(count, np.int64)),
                 *(np.full(count, -1, np.int64), np.zeros(count, bool)),
             )
-            for _ in range(implications)
+            for text in texts
         ]
         return cls(
             *(robustness, lower, upper, np.zeros(count, np.int8), np.full(count, -1, np.int64)),
@@ -112,13 +95,8 @@ class JudgedRows(NamedTuple):
             array[place] = number
 
     def _arrays(self) -> list[NDArray[Any]]:
-        parts = [array for rows in self.triggers for array in rows]
+        parts = [a for t in self.triggers for a in (t.samples, t.count, t.first, t.vacuous)]
         return [*self[:6], *parts, self.left_out]
-
-
-def verdicts_of(lower: Floats, upper: Floats) -> NDArray[np.int8]:
-    """Return the verdict that each pair of bounds decides; 0 if they leave it open."""
-    return np.where(np.signbit(upper), -1, ~np.signbit(lower)).astype(np.int8)
 
 
 class TraceBatch:
@@ -126,7 +104,6 @@ class TraceBatch:
 
     Args:
         compiled: The specification with its options and its program.
-        align: The rounding of bounds to whole samples.
         end: The end mode.
         threads: The number of threads.
 
@@ -136,8 +113,8 @@ class TraceBatch:
         reader: Reads its traces.
     """
 
-    def __init__(self, compiled: Compiled, align: Align | None, end: End, threads: int) -> None:
-        self.compiled, self._align, self._end, self._threads = compiled, align, end, threads
+    def __init__(self, compiled: Compiled, end: End, threads: int) -> None:
+        self.compiled, self._end, self._threads = compiled, end, threads
         self.formula = compiled.specification.formula
         self.reader = SampleReader(compiled.program, compiled.nan, bounds=True)
         self._hides = reads_hidden(self.formula, compiled.interface)
@@ -152,11 +129,10 @@ class TraceBatch:
     def _lefts(self) -> list[Program]:
         """The negations of the left sides of the implications."""
         compiled = self.compiled
-        key = compiled.specification, compiled.period, self._align
         interface = STANDARD if self._hides else compiled.interface
         # Named formulas would be in the program too, and may need the whole future.
         return [
-            result_alone(opposite_program(*key, interface, implication.args[0]))
+            result_alone(opposite_program(compiled, interface, implication.args[0]))
             for implication in implications(self.formula)
         ]
 
@@ -166,7 +142,7 @@ class TraceBatch:
         Traces with a nan, and traces that are too long for the machine, are left out.
         """
         program = self.compiled.program
-        rows = JudgedRows.empty(len(traces.lengths), len(implications(self.formula)))
+        rows = JudgedRows.empty(len(traces.lengths), texts_of(self.formula))
         if not len(traces.lengths):
             return rows
         limit_beyond(program, int(traces.lengths.min()))
@@ -194,7 +170,7 @@ class TraceBatch:
 
     def judge_alone(self, trace: TraceColumns) -> Judgement:
         """Judge a trace of any values, as `judge` does."""
-        return judge_compiled(self.compiled, self._align, self._end, trace, None)
+        return judge_compiled(self.compiled, self._end, trace, None)
 
     def _short(self, program: Program, lengths: Integers) -> Booleans:
         """Return which traces the machine judges faster than columns."""
@@ -202,7 +178,7 @@ class TraceBatch:
 
     def _triggers(
         self, traces: TraceSet, satisfied: Booleans
-    ) -> tuple[list[TriggerRows], Booleans]:
+    ) -> tuple[list[TriggerColumns], Booleans]:
         """Return the triggers of each implication, and the vacuity of all together.
 
         It is `rtamt.monitors.implications.evidence_of` for many traces.
@@ -210,25 +186,23 @@ class TraceBatch:
         counted = implications(self.formula)
         none = np.zeros(len(satisfied), bool)
         if not counted or not len(satisfied):
-            return [*JudgedRows.empty(0, len(counted)).triggers], none
+            return [*JudgedRows.empty(0, texts_of(self.formula)).triggers], none
         extents, class_of = self._extents(traces.lengths)
-        reads = [
-            formula_reads(self.compiled.specification, self.compiled.period, self._align, extent)
-            for extent in extents
-        ]
-        rows: list[TriggerRows] = []
+        reads = [formula_reads(self.compiled, extent) for extent in extents]
+        rows: list[TriggerColumns] = []
         redundant = ~none
         for implication, program in zip(counted, self._lefts, strict=True):
             every = [known[implication].all for known in reads]
             needed = [known[implication].needed for known in reads]
             seen = [recorded_runs(runs, x.last) for runs, x in zip(every, extents, strict=True)]
-            row = TriggerRows(*self._count(program, traces, seen, class_of), satisfied.copy())
+            counts = self._count(program, traces, seen, class_of)
+            row = TriggerColumns(text_of(implication), *counts, satisfied.copy())
             vacuous, known = row.vacuous, np.array([bool(runs) for runs in every])[class_of]
             # An instant beyond the trace may be read, and nothing is known of it.
             within = np.array(
                 [not e or e[-1][1] <= x.last for e, x in zip(every, extents, strict=True)]
             )[class_of]
-            idle = ~known | ((row.runs == 0) & within & (not self._hides))
+            idle = ~known | ((row.count == 0) & within & (not self._hides))
             redundant &= idle
             answers = row.samples.copy()
             differ = np.array([a != b for a, b in zip(every, needed, strict=True)])[class_of]
@@ -257,14 +231,7 @@ class TraceBatch:
         chosen = np.flatnonzero(unsure)
         if not chosen.size:
             return
-        compiled = self.compiled
-        formula = unanswered(self.formula, answered)
-        program = compile_program(
-            with_result(compiled.specification, formula),
-            compiled.period,
-            interface=compiled.interface,
-            align=self._align,
-        )
+        program = self.compiled.part(unanswered(self.formula, answered))
         assert self._functions is not None  # noqa: S101 - fast
         # The machine takes every program that is smaller than one that it took.
         part = self._for(program, traces.select(chosen))

@@ -72,7 +72,7 @@ from rtamt.monitors.origins import (
     holds_by_sign,
     origin_of,
 )
-from rtamt.monitors.sample_trace import SampleTrace, bounds_of_nodes
+from rtamt.monitors.sample_trace import SampleTrace
 from rtamt.program.dense_lowering import MAX_TICKS, RegionProgram, compile_regions
 from rtamt.program.implications import operand_signs
 from rtamt.program.instructions import Const, Map, operands
@@ -365,7 +365,7 @@ def _explained(
     start = _start(start)
     names, observed = _with_all_named(specification)
     parts = compiled(explain, observed, period, options, online=False)
-    _, interface, backend, nan, seconds, program = parts
+    _, interface, backend, nan, seconds, _, program = parts
     reader = SampleReader(program, nan)
     columns, length = raw_trace(reader, data, n, period)
     columns = reader.without_nan(columns)
@@ -380,15 +380,14 @@ def _explained(
         f: RobustnessSignal(values[name]) if name in values else unknown
         for name, f in names.items()
     }
-    unit, align = specification.unit, options.get("align")
-
-    bounds = bounds_of_nodes(specification, seconds, align)
+    parts = parts._replace(specification=specification)
+    bounds = parts.bounds
 
     def aligned(formula: Formula) -> str | None:
         """Return what the interval of an operator became; None if its bounds fit."""
         if formula.op is None or not formula.op.timed:
             return None
-        return alignment(formula.interval, seconds, unit, bounds(formula))
+        return alignment(formula.interval, seconds, specification.unit, bounds(formula))
 
     def robustness(formula: Node, _best: bool) -> RobustnessSignal:  # noqa: FBT001 - one for both
         return signals[formula]
@@ -397,9 +396,9 @@ def _explained(
     ahead = 0
     if decision.end != "complete":
         ahead = places_ahead(specification.formula, bounds)
-        parts = parts._replace(specification=specification, program=program)
+        parts = parts._replace(program=program)
         both = columns, columns
-        trace = SampleTrace(parts, align, decision.end, both, length, by_columns=True)
+        trace = SampleTrace(parts, decision.end, both, length, by_columns=True)
         signal = sample_signals(trace, ahead, signals)
     formulas = FormulaSignals(
         *(specification, interface, signal, bounds, length - 1), best=decision.best, ahead=ahead

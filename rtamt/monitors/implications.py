@@ -126,14 +126,14 @@ class Implications(_Implications):
         False
     """
 
-    __slots__ = ("_align", "_compiled", "_period")
+    __slots__ = ("_compiled", "_period")
 
     @listed_in_signature(SampleOptions)
     def __init__(
         self, spec: Spec, period: Period | None = None, **options: Unpack[SampleOptions]
     ) -> None:
         self._compiled = compiled(Implications, spec, period, options, online=False)
-        self._period, self._align = period, options.get("align")
+        self._period = period
         self._describe(self._compiled.specification.formula, self._compiled.program.inputs)
 
     def evidence(
@@ -161,9 +161,7 @@ class Implications(_Implications):
             return _NOTHING
         reader = SampleReader(self._compiled.program, self._compiled.nan, bounds=True)
         least, greatest, length = trace_between(reader, signals, n, self._period)
-        trace = SampleTrace(
-            *(self._compiled, self._align, mode, (least, greatest), length), by_columns=True
-        )
+        trace = SampleTrace(*(self._compiled, mode, (least, greatest), length), by_columns=True)
         satisfied = trace.satisfied_without(()) if verdict is None else verdict > 0
         return evidence_of(trace, satisfied=satisfied)
 

@@ -31,7 +31,7 @@ from rtamt.monitors.triggers import Evidence, text_of
 from rtamt.monitors.unrecorded import Unrecorded, unrecorded_of
 from rtamt.monitors.verdict import Verdict, holds, rounded, wrapped, zero_text
 from rtamt.program.memory import limit_beyond
-from rtamt.program.timing import Align, Period
+from rtamt.program.timing import Period
 from rtamt.renamed import OldName
 
 
@@ -269,12 +269,10 @@ def judge(
     """
     mode = checked_end(end)
     program = compiled(judge, spec, period, options, online=False)
-    return judge_compiled(program, options.get("align"), mode, signals, n)
+    return judge_compiled(program, mode, signals, n)
 
 
-def judge_compiled(
-    program: Compiled, align: Align | None, mode: End, signals: TraceColumns, n: int | None
-) -> Judgement:
+def judge_compiled(program: Compiled, mode: End, signals: TraceColumns, n: int | None) -> Judgement:
     """Return the judgement of `judge` for a specification that is already compiled."""
     reader = SampleReader(program.program, program.nan, bounds=True)
     period = program.period
@@ -284,7 +282,7 @@ def judge_compiled(
     if greatest is not least:
         pairs = zip(program.program.inputs, least, greatest, strict=False)  # rates follow
         unknown = [name for name, low, high in pairs if not identical(low, high)]
-    trace = SampleTrace(program, align, mode, (least, greatest), length)
+    trace = SampleTrace(program, mode, (least, greatest), length)
     bounds, complete = trace.judge()
     return Judgement.of(trace, mode, bounds, complete, tuple(unknown))
 

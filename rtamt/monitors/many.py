@@ -21,9 +21,10 @@ from rtamt.inputs.samples import TraceColumns
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End, TraceSet
-from rtamt.monitors.batch import JudgedRows, TraceBatch, verdicts_of
+from rtamt.machines.readout import verdicts_of
+from rtamt.monitors.batch import JudgedRows, TraceBatch
 from rtamt.monitors.evaluation import trace_between
-from rtamt.monitors.judgements import Judgements, TriggerColumns
+from rtamt.monitors.judgements import Judgements
 from rtamt.monitors.options import (
     SampleOptions,
     Spec,
@@ -121,7 +122,7 @@ def judge_many(
 
     def batch(seconds: Period | None) -> TraceBatch:
         program = compiled(judge_many, spec, seconds, options, online=False)
-        return TraceBatch(program, options.get("align"), mode, count)
+        return TraceBatch(program, mode, count)
 
     if by is not None and time is not None:
         work = _Work(as_specification(spec), mode, errors)
@@ -328,7 +329,7 @@ class _Work:
         """Judge traces together, and those that are left out one by one."""
         rows = batch.judge(traces)
         places_refused = np.array([*refused], np.intp)
-        rows.place(places_refused, JudgedRows.empty(len(refused), len(self._texts)))
+        rows.place(places_refused, JudgedRows.empty(len(refused), self._texts))
         for i in np.flatnonzero(rows.left_out).tolist():
             if i in refused:
                 self._fail(int(places[i]), refused[i], groups)
@@ -354,7 +355,7 @@ class _Work:
     def _result(self, keys: Mapping[str, NDArray[Any]], groups: Groups | None = None) -> Judgements:
         """Return the columns of all traces."""
         count = self._done if groups is None else len(groups.lengths)
-        rows = JudgedRows.empty(count, len(self._texts))
+        rows = JudgedRows.empty(count, self._texts)
         samples = np.zeros(count, np.int64) if groups is None else groups.lengths
         for part in self._parts:
             samples[part.places] = part.samples
@@ -364,8 +365,7 @@ class _Work:
         return Judgements(
             *(keys, samples, verdict, rows.robustness, rows.lower, rows.upper, rows.decided_at),
             rows.complete,
-            tuple(TriggerColumns(t, *r) for t, r in zip(self._texts, rows.triggers, strict=True)),
-            rows.vacuous,
+            *(rows.triggers, rows.vacuous),
             dict(sorted(self._errors.items())),
             self._end,
             text_of(self._specification.formula),

@@ -287,9 +287,7 @@ def occurrences(
     reader = SampleReader(program.program, program.nan, bounds=True)
     least, greatest, length = trace_between(reader, signals, n, period)
     limit_beyond(program.program, length, unknown=greatest is not least)
-    trace = SampleTrace(
-        *(program, options.get("align"), mode, (least, greatest), length), by_columns=True
-    )
+    trace = SampleTrace(*(program, mode, (least, greatest), length), by_columns=True)
     tick = program.period
 
     def times(samples: PlaceNumbers) -> NDArray[Any]:

@@ -109,11 +109,11 @@ class Sampled(Online[_M, Program]):
             self.backend,
             self._nan,
             self._period,
+            self._align,
             self.program,
         ) = compiled(type(self), spec, period, options, online=self._online)
         if self.program.rates:  # machines in C++ read samples themselves, without the rates
             self.backend = "python"
-        self._align = options.get("align")
 
     def _arguments(self) -> dict[str, Any]:
         sampling = {"period": self._period, "align": self._align, "nan": self._nan}

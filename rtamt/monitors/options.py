@@ -7,6 +7,7 @@ through `rtamt_gym.options.evaluation` and `rtamt_ros.parameters`.
 
 from __future__ import annotations
 
+import functools
 import inspect
 import textwrap
 from collections.abc import Callable, Mapping
@@ -17,6 +18,8 @@ from rtamt.errors import InputError, alternatives, brief, nearest
 from rtamt.inputs.event_reader import NO_DENSE_BOUNDS, EventReader, checked_nan
 from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula
+from rtamt.language.node import Node
+from rtamt.language.operators import Bounds
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import Backend, BackendName, choose
@@ -31,7 +34,7 @@ from rtamt.program.dense_lowering import (
 from rtamt.program.interface import Interface, Names, SemanticsName, as_interface
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
-from rtamt.program.timing import Align, Period, as_align, as_period
+from rtamt.program.timing import Align, Period, as_align, as_period, samples
 
 Spec = str | Formula | Specification
 """A specification: text, a formula made of combinators, or a parsed specification."""
@@ -141,7 +144,27 @@ class Compiled(NamedTuple):
     backend: BackendName
     nan: NanPolicy
     period: Fraction | None
+    align: Align | None
     program: Program
+
+    def part(self, formula: Formula, interface: Interface | None = None) -> Program:
+        """Return the program of another formula, perhaps by another semantics."""
+        return compile_program(
+            _with_result(self.specification, formula),
+            self.period,
+            interface=self.interface if interface is None else interface,
+            align=self.align,
+        )
+
+    def bounds(self, node: Node) -> Bounds:
+        """Return the bounds of an operator in samples."""
+        error = functools.partial(self.specification.error, node)
+        return samples(node.interval, self.period, self.specification.unit, error, self.align)
+
+
+@functools.lru_cache(maxsize=512)
+def _with_result(specification: Specification, formula: Formula) -> Specification:
+    return specification.with_result(formula)
 
 
 _F = TypeVar("_F", bound=Callable[..., object])
@@ -170,7 +193,7 @@ def compiled(
     program = compile_program(
         specification, seconds, interface=interface, align=align, online=online
     )
-    return Compiled(specification, interface, backend, settings["nan"], seconds, program)
+    return Compiled(specification, interface, backend, settings["nan"], seconds, align, program)
 
 
 def compiled_dense(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from fractions import Fraction
 from typing import Final
 
 import numpy as np
@@ -15,7 +14,6 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.operators import Bounds
-from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.bounds import TraceBounds, needed_samples
 from rtamt.machines.offline import result_alone
@@ -30,11 +28,9 @@ from rtamt.program.bodies import body_reads, with_one_body
 from rtamt.program.implications import Counted, InstantRuns, Reads, Routes, TraceSpan, unanswered
 from rtamt.program.instructions import Window
 from rtamt.program.interface import STANDARD, Interface
-from rtamt.program.lowering import compile_program
 from rtamt.program.memory import episode_numbers
 from rtamt.program.placement import place
 from rtamt.program.program import Program
-from rtamt.program.timing import Align, samples
 
 _Columns = list[NDArray[np.float64]]
 
@@ -50,7 +46,6 @@ class SampleTrace:
 
     Args:
         compiled: The specification with its options and its program.
-        align: The rounding of bounds to whole samples.
         end: The end mode.
         columns: The smallest and largest values of every variable; one list if all are known.
         n: The number of samples.
@@ -61,14 +56,13 @@ class SampleTrace:
     def __init__(
         self,
         compiled: Compiled,
-        align: Align | None,
         end: End,
         columns: tuple[_Columns, _Columns],
         n: int,
         *,
         by_columns: bool = False,
     ) -> None:
-        self._compiled, self._align, self._end = compiled, align, end
+        self._compiled, self._end = compiled, end
         self._columns, self._n, self._by_columns = columns, n, by_columns
         self._by_machine = False  # the machine has judged the trace
         self.formula = compiled.specification.formula
@@ -136,19 +130,17 @@ class SampleTrace:
 
     def reads(self) -> Mapping[Formula, Reads]:
         """Return where the formula reads its implications."""
-        compiled = self._compiled
-        return formula_reads(compiled.specification, compiled.period, self._align, self.extent)
+        return formula_reads(self._compiled, self.extent)
 
     def opposite(self, left: Formula) -> _SampleSigns:
         """Return the signs of the negation of a left side, by standard semantics."""
         compiled = self._compiled
-        key = compiled.specification, compiled.period, self._align
         if not (self.hides or self._by_columns):
             # The negation, as the whole formula may have no other predicates.
-            program = opposite_program(*key, compiled.interface, left)
+            program = opposite_program(compiled, compiled.interface, left)
             counted = self._counter(program) if self._by_machine else None
             return _SampleSigns(lambda: self.bounds.part(program), self._end, self.n - 1, counted)
-        program = opposite_program(*key, STANDARD, left)
+        program = opposite_program(compiled, STANDARD, left)
         bounds = self._bounds_of(program, everywhere=True)
         return _SampleSigns(lambda: bounds, self._end, bounds.n - 1)
 
@@ -172,11 +164,7 @@ class SampleTrace:
 
     def satisfied_without(self, answered: Sequence[Formula]) -> bool:
         """Return whether the verdict is SATISFIED with ``false`` as right side of implications."""
-        compiled = self._compiled
-        specification = with_result(compiled.specification, unanswered(self.formula, answered))
-        program = compile_program(
-            specification, compiled.period, interface=compiled.interface, align=self._align
-        )
+        program = self._compiled.part(unanswered(self.formula, answered))
         bounds = self._bounds_of(program) if self._by_columns else self.bounds.part(program)
         return verdict_of(*bounds.bounds(self._end)) == 1
 
@@ -206,13 +194,11 @@ class SampleTrace:
 
     def body_reads(self) -> Mapping[Formula, InstantRuns]:
         """Return where the formula reads each of its bodies."""
-        compiled = self._compiled
-        return _body_reads(compiled.specification, compiled.period, self._align, self.extent)
+        return _body_reads(self._compiled, self.extent)
 
     def bounds_of(self, formula: Node) -> Bounds:
         """Return the bounds of an operator in samples."""
-        compiled = self._compiled
-        return bounds_of_nodes(compiled.specification, compiled.period, self._align)(formula)
+        return self._compiled.bounds(formula)
 
     def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
         """Return the values of a part of the formula at every sample.
@@ -253,13 +239,7 @@ class SampleTrace:
     def _part(
         self, formula: Formula, *, standard: bool = False, everywhere: bool = True
     ) -> TraceBounds:
-        compiled = self._compiled
-        program = compile_program(
-            with_result(compiled.specification, formula),
-            compiled.period,
-            interface=STANDARD if standard else compiled.interface,
-            align=self._align,
-        )
+        program = self._compiled.part(formula, STANDARD if standard else None)
         return self._bounds_of(program, everywhere=everywhere)
 
     def _bounds_of(self, program: Program, *, everywhere: bool = False) -> TraceBounds:
@@ -382,53 +362,23 @@ def _first_decided(bounds: TraceBounds) -> int | None:
     return high - 1
 
 
-def bounds_of_nodes(
-    specification: Specification, period: Fraction | None, align: Align | None
-) -> Callable[[Node], Bounds]:
-    """Return a function for the bounds of operators in samples."""
-
-    def bounds(node: Node) -> Bounds:
-        error = functools.partial(specification.error, node)
-        return samples(node.interval, period, specification.unit, error, align)
-
-    return bounds
-
-
 @functools.lru_cache(maxsize=512)
-def _routes(specification: Specification, period: Fraction | None, align: Align | None) -> Routes:
-    return Routes(specification.formula, bounds_of_nodes(specification, period, align))
+def _routes(compiled: Compiled) -> Routes:
+    return Routes(compiled.specification.formula, compiled.bounds)
 
 
 @functools.lru_cache(maxsize=512)  # many traces have one length
-def formula_reads(
-    specification: Specification, period: Fraction | None, align: Align | None, extent: TraceSpan
-) -> Mapping[Formula, Reads]:
+def formula_reads(compiled: Compiled, extent: TraceSpan) -> Mapping[Formula, Reads]:
     """Return where a formula reads its implications on traces of one extent."""
-    return _routes(specification, period, align).reads(extent)
+    return _routes(compiled).reads(extent)
 
 
 @functools.lru_cache(maxsize=512)  # many traces have one length
-def _body_reads(
-    specification: Specification, period: Fraction | None, align: Align | None, extent: TraceSpan
-) -> Mapping[Formula, InstantRuns]:
-    bounds = bounds_of_nodes(specification, period, align)
-    return body_reads(specification.formula, bounds, extent)
+def _body_reads(compiled: Compiled, extent: TraceSpan) -> Mapping[Formula, InstantRuns]:
+    return body_reads(compiled.specification.formula, compiled.bounds, extent)
 
 
 @functools.lru_cache(maxsize=512)
-def opposite_program(
-    specification: Specification,
-    period: Fraction | None,
-    align: Align | None,
-    interface: Interface,
-    left: Formula,
-) -> Program:
+def opposite_program(compiled: Compiled, interface: Interface, left: Formula) -> Program:
     """Return the program of the negation of a formula, with the variables of a specification."""
-    opposite = specification.with_result(~left)
-    return compile_program(opposite, period, interface=interface, align=align)
-
-
-@functools.lru_cache(maxsize=512)
-def with_result(specification: Specification, formula: Formula) -> Specification:
-    """Return the specification with another result."""
-    return specification.with_result(formula)
+    return compiled.part(~left, interface)

@@ -258,10 +258,9 @@ def _verdicts(
     options: SampleOptions,
 ) -> list[Verdict | None]:
     """Return the verdicts of a requirement and its mutants; None for mutants without a verdict."""
-    _, interface, backend, nan, seconds, program = compiled(
+    _, interface, backend, nan, seconds, align, program = compiled(
         killed, requirement, period, options, online=False
     )
-    align = options.get("align")
 
     def program_of(spec: Specification) -> Program | None:
         try:
