@@ -68,31 +68,13 @@ class TraceFunctions(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Factories:
-    """The functions that make the machines of a back-end.
+    """The functions that make the machines of a back-end, with arguments as in their types.
 
-    A reader turns arguments into samples or events, or refuses them; ``num`` is the batch size.
-
-    Attributes:
-        discrete_machine: ``(program, reader, observed)``: every register has a latency, and
-            ``run`` returns the values of the observed registers.
-        episode_machine: ``(program, reader)``.
-        dense_machine: ``(program, reader, observed)``: ``values`` lists the observed registers.
-        dense_episode_machine: ``(program, reader)``.
-        dense_signs: ``(program, reader, events, trace, end)``.
-        dense_values: ``(program, reader, events, trace, end, beyond)``, as for
-            `rtamt.machines.dense.outlook.dense_values`.
-        discrete_bank: ``(program, num, reader)``.
-        episode_bank: ``(program, num, reader)``.
-        clock_bank: ``(clocks, parts, num)``, as for `rtamt.machines.clocks.PythonClockBank`.
-        clock: Counts times for a program.
-        term_columns: See `rtamt.machines.terms.term_columns`.
-        term_ranges: See `rtamt.machines.terms.term_ranges`.
-        episode_panel: ``(machines, places, reads, decided, seen, number)``, for
-            `rtamt.monitors.monitor_sets`; None without one, or for these machines.
-        episode_run: ``(program, columns, n, end)``; None if columns are always faster.
-        fold_pairs: See `rtamt.machines.walk.FoldPairs`; None if NumPy folds pairs.
-        find_runs: See `rtamt.machines.segments.FindRuns`; None if NumPy finds runs.
-        trace_runs: Judge and count many traces in one call; None if each is judged alone.
+    A reader turns arguments into samples or events, or refuses them. Observed registers are
+    those whose values ``run`` and ``values`` return. The functions with a default are None if
+    the back-end has no faster way than its other functions or NumPy. ``episode_panel`` and
+    ``episode_run`` may also return None: for machines of other back-ends, and where columns are
+    always faster.
     """
 
     discrete_machine: Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]

@@ -132,13 +132,9 @@ class Minima(NamedTuple):
 class Segments:
     """The values of a formula over a trace.
 
-    Args:
-        starts: The first place of each segment; None: every place is a segment.
-        last: The last place of the trace.
-        robustness: The robustness in each segment; it moves into the bounds of the end mode.
-        lower: The lower bounds; the same object if all values are known.
-        upper: The upper bounds; the same object if all values are known.
-        find_runs: Finds runs of negative integers; None: NumPy does.
+    ``starts`` has the first place of each segment; None: every place is a segment. The robustness
+    moves into the bounds of the end mode, which are the same object if all values are known.
+    ``find_runs`` finds runs of negative integers; None: NumPy does.
     """
 
     def __init__(
@@ -248,13 +244,7 @@ class Segments:
 
 
 class SegmentRuns(NamedTuple):
-    """Runs of the segments of a formula, in order.
-
-    Attributes:
-        segments: The segments.
-        first: The first segment of each run.
-        after: The segment after each run.
-    """
+    """Runs of the segments of a formula, in order: each from a first segment to before another."""
 
     segments: Segments
     first: PlaceNumbers

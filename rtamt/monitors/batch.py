@@ -40,15 +40,7 @@ Booleans = NDArray[np.bool_]
 class JudgedRows(NamedTuple):
     """The judgements of many traces; `rtamt.monitors.Judgements` describes the numbers.
 
-    Attributes:
-        robustness: The robustness of each trace.
-        lower: The lower bounds.
-        upper: The upper bounds.
-        complete: The verdicts on complete traces.
-        decided_at: The first samples that decide; -1 for never.
-        vacuous: Whether each trace is satisfied vacuously.
-        triggers: The triggers of each implication.
-        left_out: Whether each trace has no row, and is to be judged alone.
+    A trace that is left out has no row, and is to be judged alone.
     """
 
     robustness: Floats
@@ -100,18 +92,7 @@ class JudgedRows(NamedTuple):
 
 
 class TraceBatch:
-    """A specification for many traces of samples.
-
-    Args:
-        compiled: The specification with its options and its program.
-        end: The end mode.
-        threads: The number of threads.
-
-    Attributes:
-        compiled: The same specification.
-        formula: Its formula.
-        reader: Reads its traces.
-    """
+    """A specification for many traces of samples, with a reader of them."""
 
     def __init__(self, compiled: Compiled, end: End, threads: int) -> None:
         self.compiled, self._end, self._threads = compiled, end, threads

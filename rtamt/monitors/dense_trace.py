@@ -160,7 +160,7 @@ class DenseTrace:
         return Segments(starts, last, robust, lower, upper, find_runs)
 
     def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
-        """Return the first place after the trace at which a body fails that fails at none of it."""
+        """Return the first place after the trace at which a body fails, if none on it does."""
         last = self.extent.last
         if self._end != "cut" or instants[-1][1] <= last:
             return None

@@ -44,13 +44,9 @@ _MAX_NUMBERS: Final = 1 << 16
 class SampleTrace:
     """A trace of samples with a verdict.
 
-    Args:
-        compiled: The specification with its options and its program.
-        end: The end mode.
-        columns: The smallest and largest values of every variable; one list if all are known.
-        n: The number of samples.
-        by_columns: Whether implications are evaluated from the columns alone, without the bounds of
-            the formula, because the verdict is known.
+    ``columns`` are the smallest and largest values of every variable, one list if all are known.
+    With ``by_columns`` implications are evaluated from the columns alone, without the bounds of the
+    formula, because the verdict is known.
     """
 
     def __init__(
@@ -201,12 +197,7 @@ class SampleTrace:
         return self._compiled.bounds(formula)
 
     def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
-        """Return the values of a part of the formula at every sample.
-
-        Args:
-            formula: The part.
-            standard: Whether it is evaluated by standard semantics, as left sides are.
-        """
+        """Return the values of a part of the formula; by standard semantics for left sides."""
         values = self._part(formula, standard=standard).recorded(self._end)
         find_runs = BACKENDS[self._compiled.backend].find_runs
         return Segments(None, self._n - 1, *values, find_runs)
@@ -216,12 +207,7 @@ class SampleTrace:
         return self._part(formula).around_end(self._end)
 
     def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
-        """Return the first sample after the trace at which a body fails for certain.
-
-        Args:
-            body: The body, which fails at no sample of the trace.
-            instants: The instants at which the formula reads it.
-        """
+        """Return the first sample after the trace at which a body fails, if none on it does."""
         if self._end != "cut" or instants[-1][1] < self._n:
             return None
         part = self._part(with_one_body(self.formula, body), standard=False, everywhere=False)
@@ -255,13 +241,9 @@ class SampleTrace:
 
 
 class _SampleSigns:
-    """The signs of a program on a trace.
+    """The signs of a program on a trace, up to the last sample that matters.
 
-    Args:
-        part: Returns the bounds of the program.
-        end: The end mode.
-        last: The last sample that matters.
-        counted: Counts the failures without the bounds, if it can; all values are known then.
+    ``counted`` counts the failures without the bounds, if it can; all values are known then.
     """
 
     def __init__(

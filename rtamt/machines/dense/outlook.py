@@ -44,17 +44,8 @@ def dense_values(
 
     They are one object if the values are known. The bounds may start at the first position at which
     they may differ from the robustness. The last run lasts for ever. A result that is a predicate
-    may have no run after the trace.
-
-    Args:
-        regions: The program.
-        reader: Counts the times of its events.
-        given: The times and values of every variable.
-        trace: The first and the last tick.
-        end: The end mode.
-        beyond: Whether values after the trace are read. Otherwise, a result that does not look
-            ahead has no bounds of its own, because it is known on the trace.
-        terms: Evaluates terms.
+    may have no run after the trace. Without ``beyond``, values after the trace are not read, and a
+    result that does not look ahead has no bounds of its own.
     """
     values = values_between(reader.counted(given), trace)
     rows, last = rows_of(regions.program, values, reader, terms), 2 * (trace[1] - trace[0])
