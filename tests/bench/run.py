@@ -29,6 +29,7 @@ SECTIONS = (
     "worst",
     "memory",
     "offline",
+    "calls",
     "dense",
     "asked",
     "occurrences",

@@ -51,6 +51,12 @@ def columns(kind: str, start: int, n: int, k: int = 0) -> Columns:
     }
 
 
+def short(count: int) -> list[Columns]:
+    """Traces of 200 samples of x, a and b."""
+    noise = np.random.default_rng(11)
+    return [dict(zip("xab", noise.standard_normal((3, 200)), strict=True)) for _ in range(count)]
+
+
 def rows(trace: Columns) -> list[tuple[float, ...]]:
     """The samples of a trace as tuples of Python floats."""
     return list(zip(*(column.tolist() for column in trace.values()), strict=True))

@@ -152,6 +152,17 @@ def whole(run: Callable[[], object], n: int) -> Measure:
     return measure
 
 
+def calls(run: Callable[[], Sequence[float]], count: int) -> Measure:
+    """Microseconds of processor time for each trace of a call, and the robustness of each."""
+
+    def measure() -> list[float]:
+        begin = time.process_time_ns()
+        values = run()
+        return [(time.process_time_ns() - begin) / count / 1e3, *map(float, values)]
+
+    return measure
+
+
 def lockstep(
     case: Case,
     step: Callable[[Any], object],

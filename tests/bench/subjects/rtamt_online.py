@@ -129,6 +129,27 @@ def dense_offline(case: worker.Case) -> worker.Measure:
     )
 
 
+CALLS = {
+    "invariant": "always(x < 2.5)",
+    "resp": "always(a > 2 implies eventually[0:10](b > 1))",
+}
+
+
+def calls(case: worker.Case) -> worker.Measure:
+    spec, data = rtamt.parse(CALLS[case["kind"]]), traces.short(case["count"])
+    joined = {name: np.concatenate([one[name] for one in data]) for name in data[0]}
+    lengths = [200] * len(data)
+    forms = {
+        "evaluate": lambda: [rtamt.evaluate(spec, one)[0] for one in data],
+        "judge": lambda: [rtamt.judge(spec, one, end="complete").robustness for one in data],
+        "many": lambda: rtamt.judge_many(spec, data, end="complete", threads=1).robustness,
+        "joined": lambda: (
+            rtamt.judge_many(spec, joined, end="complete", lengths=lengths, threads=1).robustness
+        ),
+    }
+    return worker.calls(forms[case["form"]], len(data))
+
+
 def lockstep(case: worker.Case) -> worker.Measure:
     kinds = {"step": rtamt.VectorMonitor, "episode": rtamt.VectorEpisodeMonitor}
     text = FORMULAS[case.get("formula", case["kind"])].format(k=case.get("k"))
@@ -147,6 +168,7 @@ worker.serve(
         "worst": worst,
         "memory": memory,
         "offline": offline,
+        "calls": calls,
         "dense": dense,
         "dense offline": dense_offline,
         "lockstep": lockstep,

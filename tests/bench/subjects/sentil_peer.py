@@ -93,6 +93,21 @@ def lockstep(case: worker.Case) -> worker.Measure:
     return worker.lockstep(case, step, lambda rows: rows[:, order].tolist())
 
 
+CALLS = {
+    "invariant": "always (x < 2.5)",
+    "resp": "always ((a > 2) -> eventually[0,10] (b > 1))",
+}
+
+
+def calls(case: worker.Case) -> worker.Measure:
+    formula, data = sentil.Formula.parse(CALLS[case["kind"]]), traces.short(case["count"])
+    robustness, trace, times = formula.robustness, sentil.Trace, np.arange(200.0)
+    if case["form"] == "ready":
+        ready = [trace(times, columns) for columns in data]
+        return worker.calls(lambda: [robustness(one) for one in ready], len(data))
+    return worker.calls(lambda: [robustness(trace(times, one)) for one in data], len(data))
+
+
 DENSE = {
     "always": "always[0,1.0] (s > -2)",
     "sum": "always[0,1.0] (a + b > -2)",
@@ -129,6 +144,7 @@ worker.serve(
         "worst": worst,
         "memory": memory,
         "offline": offline,
+        "calls": calls,
         "dense": dense,
         "dense offline": dense_offline,
         "lockstep": lockstep,
