@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rtamt_gym import mujoco as mujoco
     from rtamt_gym import results as results
     from rtamt_gym import wrappers as wrappers
+    from rtamt_gym.commands.recordings import judge_recordings
     from rtamt_gym.datasets.relabel import relabel
     from rtamt_gym.evaluation.comparison import compare
     from rtamt_gym.evaluation.evaluate import evaluate_policy
@@ -67,6 +68,7 @@ if TYPE_CHECKING:
         "compare_methods",
         "evaluate_policy",
         "falsify",
+        "judge_recordings",
         "mine",
         "relabel",
         "simulate",
@@ -118,6 +120,7 @@ _MODULES = {
     "compare_methods": "rtamt_gym.evaluation.methods",
     "evaluate_policy": "rtamt_gym.evaluation.evaluate",
     "falsify": "rtamt_gym.search.falsification.falsify",
+    "judge_recordings": "rtamt_gym.commands.recordings",
     "mine": "rtamt_gym.search.mining.mining",
     "relabel": "rtamt_gym.datasets.relabel",
     "simulate": "rtamt_gym.play.simulate",

@@ -79,6 +79,29 @@ def run_fleet(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[s
                 f"expected --results or {option}, got both: the folder holds the outcomes as "
                 "Parquet. Leave one of them out."
             )
+    table, same = judge_into(
+        asked,
+        paths,
+        options.results,
+        processes=options.workers,
+        backend=options.backend,
+        scheduler=options.scheduler,
+        verify=options.verify,
+    )
+    return _summary(asked, options.results, table, len(paths), same)
+
+
+def judge_into(
+    asked: TracesAsked,
+    paths: Sequence[str],
+    results: Path,
+    *,
+    processes: int,
+    backend: str | None,
+    scheduler: str | None,
+    verify: bool,
+) -> tuple[pa.Table, int]:
+    """Judge files into a folder; return its rows, and the number of unchanged files."""
     if several := next((path for path in paths if path == "-" or file_of(path) != path), ""):
         raise InputError(
             f"--results: expected files with one trace each, got {several!r}. Leave --results out "
@@ -89,21 +112,20 @@ def run_fleet(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[s
             import_module("fsspec")  # the workers need it
         except ModuleNotFoundError as error:
             raise _needing(error, "a URL", "urls") from None
-    job = FleetJob(asked, options.verify, version())
-    with FleetFolder(options.results, identity_of(asked), [*asked.specs]) as folder:
+    job = FleetJob(asked, verify, version())
+    with FleetFolder(results, identity_of(asked), [*asked.specs]) as folder:
         known = folder.known()
         tasks: list[FileTask] = [(path, known.get(path)) for path in paths]
         same = 0
         with (
             progress("judging", len(tasks), " files") as advance,
-            _workers(options.backend, options.scheduler, options.workers) as (count, submit),
+            _workers(backend, scheduler, processes) as (count, submit),
         ):
             for rows in _results(job, tasks, count, submit):
                 folder.add(row for row in rows if "same" not in row)
                 same += sum("same" in row for row in rows)
                 advance(len(rows))
-        table = folder.finish(_gone(folder, {*paths}))
-    return _summary(asked, options.results, table, len(paths), same)
+        return folder.finish(_gone(folder, {*paths})), same
 
 
 def identity_of(asked: TracesAsked) -> dict[str, Any]:

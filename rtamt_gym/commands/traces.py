@@ -274,9 +274,6 @@ def add_columns(group: argparse._ActionsContainer) -> None:
 
 def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]:
     """Read the requirements and the options of evaluation, and find the traces."""
-    from rtamt_gym.recorded.judge import viewed
-    from rtamt_gym.recorded.names import starts_of
-
     specs, traces = _divided([*options.specs, options.trace])
     if (listed := getattr(options, "files_from", None)) is not None:
         from rtamt_gym.commands.file_lists import listed_paths
@@ -289,19 +286,49 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     every = read_requirements(texts, constants)
     requirements = chosen(every, options.only)
     reading = read_evaluation_options(options)
-    for spec in requirements.values():
-        viewed(spec, reading.view)
-    if reading.period is not None:
-        _check_period(options, paths, dense=reading.dense)
-        reading = reading.having(period=reading.seconds)
     same = {f.name for f in fields(Columns)} - {"signals", "starts", "defaults"}
     columns = read_columns(
         signals=options.signal,
         defaults=tuple(dict.fromkeys(options.default)),
         **{name: getattr(options, name) for name in same},
     )
+    least = getattr(options, "min_duration", None)
+    asked = TracesAsked(
+        *(requirements, reading, columns),
+        None if least is None else read_seconds("--min-duration", least),
+        constants,
+        ignored,
+        getattr(options, "strict_ranges", False),
+    )
+    asked, paths = checked_request(asked, every, paths, as_files=as_files)
+    return asked.having(requirements) if options.only else asked, paths
+
+
+def checked_request(
+    asked: TracesAsked,
+    every: Mapping[str, rtamt.Specification],
+    files: Sequence[str],
+    *,
+    as_files: bool = False,
+) -> tuple[TracesAsked, list[str]]:
+    """Check that options, requirements and files fit each other, and list the traces.
+
+    Args:
+        asked: The request, without groups.
+        every: The requirements, those too that are not judged.
+        files: The paths of files.
+        as_files: Whether each path is a trace.
+    """
+    from rtamt_gym.recorded.judge import viewed
+    from rtamt_gym.recorded.names import starts_of
+
+    requirements, reading, columns, paths = asked.specs, asked.reading, asked.columns, [*files]
+    for spec in requirements.values():
+        viewed(spec, reading.view)
+    if reading.period is not None:
+        _check_period(columns, paths, dense=reading.dense)
+        reading = reading.having(period=reading.seconds)
     _check_forms(columns, dense=reading.dense)
-    files = paths
     if not as_files:
         paths = [name for path in paths for name in traces_in(path, columns.where)]
     groups = {path: group for path in paths if (group := group_of(path))}
@@ -310,7 +337,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
 
         groups = {n: keys for path in paths for n, keys in groups_in(path, columns).items()}
         paths = [*groups]
-    if options.start == "known" and not reading.dense and not any(map(samples_clocks, files)):
+    if columns.start == "known" and not reading.dense and not any(map(samples_clocks, files)):
         raise InputError(
             "expected --start known with --dense or with a bag or log, where variables start at "
             "times of their own"
@@ -322,13 +349,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         from rtamt_gym.recorded.bag_topics import check_topics
 
         check_topics(requirements)
-    least = getattr(options, "min_duration", None)
-    duration = None if least is None else read_seconds("--min-duration", least)
-    strict = getattr(options, "strict_ranges", False)
-    asked = TracesAsked(
-        requirements, reading, columns, duration, constants, ignored, strict, groups
-    )
-    return asked.having(requirements) if options.only else asked, paths
+    return replace(asked, reading=reading, groups=groups), paths
 
 
 def _check_forms(columns: Columns, *, dense: bool) -> None:
@@ -343,14 +364,14 @@ def _check_forms(columns: Columns, *, dense: bool) -> None:
         raise InputError("expected --long or --wide, got both")
 
 
-def _check_period(options: argparse.Namespace, traces: Sequence[str], *, dense: bool) -> None:
+def _check_period(columns: Columns, traces: Sequence[str], *, dense: bool) -> None:
     """Refuse ``--period`` next to options that read times."""
     if dense:
         raise InputError("expected --period or --dense, which reads events at any time")
     if all(map(is_bag, traces)):
         return
     clocks = all(map(samples_clocks, traces))
-    for option, value in {"--jitter": options.jitter, "--max-gap": options.max_gap}.items():
+    for option, value in {"--jitter": columns.jitter, "--max-gap": columns.max_gap}.items():
         if value is not None and not (clocks and option == "--max-gap"):
             raise InputError(f"expected --period, which leaves the times aside, or {option}")
 
