@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import gc
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.context import BaseContext
@@ -19,6 +18,7 @@ from rtamt import InputError, Verdict
 from rtamt.errors import shown
 from rtamt.internal import explain_dense_verdict, explain_verdict
 from rtamt.typing import End
+from rtamt_gym.commands.collection import without_collection
 from rtamt_gym.commands.judged import Judged, failure_of
 from rtamt_gym.commands.traces import TracesAsked, read_trace_of
 from rtamt_gym.options.evaluation import EvaluationOptions
@@ -150,7 +150,7 @@ def judge_files(
         if asked.columns.by and watch is None:
             from rtamt_gym.commands import group_judging
 
-            with _without_collection():
+            with without_collection():
                 for number, judged in group_judging.judged_groups(asked, paths):
                     known[number] = row_of(asked, judged, explain=explain)
                     advance(1)
@@ -164,18 +164,6 @@ def judge_files(
             advance(1)
     others = iter(rows)
     return [known[i] if i in known else next(others) for i in range(len(paths))]
-
-
-@contextmanager
-def _without_collection() -> Iterator[None]:
-    """Pause the search for cycles, which many rows without cycles make slow."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def _in_processes(

@@ -15,6 +15,7 @@ from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR, occurrences
 from rtamt_gym.commands.arguments import check_outputs
+from rtamt_gym.commands.collection import without_collection
 from rtamt_gym.commands.mutants import MutantWatch, score_warnings, write_apart
 from rtamt_gym.commands.mutants import add_arguments as add_mutants
 from rtamt_gym.commands.mutants import check_arguments as check_mutants
@@ -277,10 +278,13 @@ def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]
         parts = json_parts(
             *(made_of, rules, columns, code), least=least, mutants=mutants, groups=groups
         )
-        sys.stdout.writelines(parts)
+        with without_collection():
+            sys.stdout.writelines(parts)
         print()
     else:
-        print(*_report(asked, matrix, judged), sep="\n", end="")
+        with without_collection():
+            lines = _report(asked, matrix, judged)
+        print(*lines, sep="\n", end="")
         print(*occurrences.report(options, matrix), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")
     undecided = [undecided_cells(matrix)] if options.undecided == "fail" else []
@@ -379,7 +383,7 @@ def _write(
         from rtamt_gym.results.junit import junit_parts
 
         parts = junit_parts(matrix, _rules(asked), warnings, least=asked.min_duration)
-        with options.junit.open("wb") as file:
+        with options.junit.open("wb") as file, without_collection():
             file.writelines(parts)
         messages.append(f"outcomes: {options.junit}\n")
     if options.markdown:

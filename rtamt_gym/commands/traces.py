@@ -18,6 +18,7 @@ from rtamt import InputError
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import LISTED, SEPARATOR
+from rtamt_gym.commands.collection import without_collection
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
 from rtamt_gym.options.command_line import (
     Option,
@@ -335,7 +336,8 @@ def checked_request(
     if columns.by:
         from rtamt_gym.recorded.groups import groups_in
 
-        groups = {n: keys for path in paths for n, keys in groups_in(path, columns).items()}
+        with without_collection():
+            groups = {n: keys for path in paths for n, keys in groups_in(path, columns).items()}
         paths = [*groups]
     if columns.start == "known" and not reading.dense and not any(map(samples_clocks, files)):
         raise InputError(

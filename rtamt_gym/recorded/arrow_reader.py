@@ -259,6 +259,8 @@ class ArrowRecording(Recording):
 
     def _check_countable(self, name: str, column: pa.ChunkedArray) -> None:
         kind = column.type
+        if pa.types.is_floating(kind):
+            return
         if (is_number(kind) or is_time(kind)) and raw_times_of(column.drop_null()) is None:
             counted = "64 bits of nanoseconds" if is_time(kind) else "64 bits with a sign"
             raise InputError(

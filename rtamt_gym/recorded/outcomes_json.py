@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.results.codec import document_parts, plain_results, plain_trial
+from rtamt_gym.results.codec import document_parts, plain, plain_results, plain_trial
 from rtamt_gym.results.matrix import Matrix, label
 
 
@@ -45,7 +45,7 @@ def json_parts(
         {
             **plain_trial(row),
             **(
-                {"group": {name: _plain(value) for name, value in keys.items()}}
+                {"group": {name: plain(_plain(value)) for name, value in keys.items()}}
                 if (keys := groups.get(row.name))
                 else {}
             ),
@@ -66,8 +66,8 @@ def json_parts(
             "worst_trace": trace and trace[0],
             **({} if mutants is None else {"mutants": _mutants(mutants)}),
             **plain_results(matrix, rates=False),
-            "trials": trials,
         },
+        plain_rows=trials,
     )
 
 

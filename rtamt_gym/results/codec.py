@@ -72,16 +72,23 @@ def document(kind: str, fields: Mapping[str, Any], rows: str = "trials") -> str:
     return "".join(document_parts(kind, fields, rows))
 
 
-def document_parts(kind: str, fields: Mapping[str, Any], rows: str = "trials") -> Iterator[str]:
+def document_parts(
+    kind: str,
+    fields: Mapping[str, Any],
+    rows: str = "trials",
+    plain_rows: Iterable[object] | None = None,
+) -> Iterator[str]:
     """Yield the text of `document` in parts, of which each row is one.
 
     Args:
         kind: The kind of the result.
-        fields: Its fields. The rows may be any iterable, which is read once.
+        fields: Its fields.
         rows: The field of the rows.
+        plain_rows: The rows as `plain` makes them, in place of the field. None: those of the field.
     """
     head = {"format": FORMAT, "version": VERSION, "kind": kind, "rtamt": rtamt.__version__}
-    texts = (json.dumps(plain(row), allow_nan=False) for row in fields.get(rows, ()))
+    written = map(plain, fields.get(rows, ())) if plain_rows is None else plain_rows
+    texts = (json.dumps(row, allow_nan=False) for row in written)
     first = next(texts, None)
     listed = {rows: [_ROWS]} if first is not None else {}
     text = json.dumps(plain({**head, **fields, **listed}), indent=2, allow_nan=False)
@@ -103,7 +110,8 @@ _ROWS: Final = "ROWS"
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
     """Return a value as dicts, lists, numbers and texts for strict JSON."""
-    if type(value) in _AS_IT_IS:  # most are
+    own = type(value)
+    if own in _AS_IT_IS or (own is float and math.isfinite(value)):  # most are
         return value
     for kind, make in _PLAIN:
         if isinstance(value, kind):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
 from typing import Any, Final, Literal, Self
 
@@ -250,7 +250,8 @@ def asked_of(kept: Mapping[str, Any]) -> tuple[TriggerCount | rtamt.dense.Trigge
 
 
 def _plain_row(row: TriggerCount | rtamt.dense.TriggerCount) -> dict[str, Any]:
-    return {"occasions" if key == "count" else key: value for key, value in asdict(row).items()}
+    names = (field.name for field in fields(row))
+    return {"occasions" if name == "count" else name: getattr(row, name) for name in names}
 
 
 def _row_of(stored: Mapping[str, Any]) -> TriggerCount | rtamt.dense.TriggerCount:
