@@ -133,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             from rtamt_gym.watching.screen import open_screen
         except ModuleNotFoundError as error:
             raise naming_extra(error, "rtamt_ros.screen", "watch") from error
-        screen = open_screen(options.topic, unit="message")
+        screen = open_screen(options.topic, "message", "rtamt_ros.screen")
         generation = chosen(options.ros)
         node = open_node(generation, "requirements_screen", of_ros.of(generation))
     except (InputError, ModuleNotFoundError) as error:

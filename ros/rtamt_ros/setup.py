@@ -13,7 +13,7 @@ setup(
     name="rtamt_ros",
     version="0.5.0",
     packages=[],
-    scripts=["scripts/stl_monitor", "scripts/simulator"],
+    scripts=["scripts/stl_monitor", "scripts/simulator", "scripts/screen"],
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/rtamt_ros"]),
         ("share/rtamt_ros", ["package.xml"]),

@@ -286,12 +286,17 @@ def _coloured(bars: str) -> Text:
     return text
 
 
-def open_screen(title: str, unit: str = "row") -> Screen:
+def open_screen(title: str, unit: str = "row", source: str = "--screen") -> Screen:
     """Return a view on standard error.
+
+    Args:
+        title: The name of the stream.
+        unit: The word for a row.
+        source: What asked for the view, for the error.
 
     Raises:
         InputError: If standard error is not a terminal.
     """
     if not sys.stderr.isatty():
-        raise InputError("--screen draws on a terminal, but standard error is not one")
+        raise InputError(f"{source} draws on a terminal, but standard error is not one")
     return Screen(title, unit=unit)

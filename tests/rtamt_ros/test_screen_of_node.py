@@ -123,4 +123,4 @@ def test_the_screen_of_a_node_needs_a_terminal(capsys: pytest.CaptureFixture[str
     with pytest.raises(SystemExit) as ended:
         main([])
     assert ended.value.code == 2
-    assert "--screen draws on a terminal" in capsys.readouterr().err
+    assert "rtamt_ros.screen draws on a terminal" in capsys.readouterr().err
