@@ -77,12 +77,17 @@ def recorded_spans(
 def _spans(
     table: RunTable[Any], clock: RequirementClock, shift: float, unseen: list[bool] | None = None
 ) -> Iterator[TimeSpan]:
-    columns = (table.columns[name].tolist() for name in ("start", "end", "to_end"))
+    names = "start", "end", "to_end", "open_start", "closed_end"
+    columns = (table.columns[name].tolist() for name in names)
     ahead = unseen or [False] * len(table)
-    for start, end, to_end, after in zip(*columns, ahead, strict=True):
-        open_end = to_end or after
-        stop = float(end) + (clock.step if open_end else 0.0)
-        yield _span(float(start) + shift, stop + shift, censored=open_end)
+    for start, end, to_end, opened, closed, after in zip(*columns, ahead, strict=True):
+        censored = to_end or after
+        first, stop = float(start) + shift, float(end) + shift
+        if censored:
+            stop += clock.step
+        elif closed:
+            stop = math.nextafter(stop, math.inf)
+        yield _span(math.nextafter(first, math.inf) if opened else first, stop, censored=censored)
 
 
 def _span(start: float, stop: float, *, censored: bool = False) -> TimeSpan:

@@ -278,8 +278,9 @@ class _Builder:
 
 def _rows(body: BodyOccurrences) -> list[Occurrence]:
     """Return the violations of a body, faster than one by one."""
-    columns = (column.tolist() for column in body.violations.columns.values())
-    return [Occurrence(*cells) for cells in zip(*columns, strict=True)]
+    columns = body.violations.columns
+    ordered = (columns[name].tolist() for name in Occurrence._fields)
+    return [Occurrence(*cells) for cells in zip(*ordered, strict=True)]
 
 
 def _violated(outcome: Outcome) -> float:
