@@ -12,6 +12,7 @@ from types import ModuleType
 
 import pytest
 from paths import ROOT
+from rtamt_envs import SCENARIOS
 
 import rtamt
 
@@ -72,15 +73,7 @@ FLOORS = {
     "rtamt_envs": (
         ("compiled", "scenario"),
         ("crossings", "pictures", "lanes", "aircraft_elevator_modes", "aircraft_elevator_plant"),
-        (
-            "aircraft_elevator",
-            "automatic_transmission",
-            "chasing_cars",
-            "mobile_robot",
-            "request_grant",
-            "steam_condenser",
-            "two_service_robots",
-        ),
+        tuple(module for module, _ in SCENARIOS.values()),
         ("environment",),
         ("vector",),
         ("__init__",),
