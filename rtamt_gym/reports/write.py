@@ -1,8 +1,13 @@
 """`write_report`: results, or the files of results, as one page of HTML.
 
 To add a section about a kind of file, see `rtamt_gym.results.codec`. A section about an object
-needs a function in `rtamt_gym.reports` and a case of `section_of`. A new kind of section also needs
-its name in `SectionKind` and its noun in `NOUNS`, both in `rtamt_gym.reports.model`.
+needs a function in `rtamt_gym.reports`, its class in `Result` and a case of `section_of`. A new
+kind of section also needs its name in `SectionKind` and its noun in `NOUNS`, both in
+`rtamt_gym.reports.model`. Describe it in the docstring of `write_report` and in
+``docs/report.md``.
+
+To add a part to the sections of some results, put a block of `rtamt_gym.reports.model` into the
+fields ``blocks`` or ``figures`` of `Section` or `Requirement`, where these sections are made.
 """
 
 from __future__ import annotations
@@ -12,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import rtamt
 from rtamt import InputError, InputTypeError
@@ -253,10 +258,10 @@ def section_of(result: Result, room: int, access: Access = Access()) -> Section:
             return of_case(result, room, play=access.play)
         case str() | os.PathLike():
             return _of_file(Path(result), room, access)
+    classes = [kind for kind in get_args(Result) if isinstance(kind, type) and kind is not str]
     raise InputTypeError(
-        "expected an Evaluation, a Comparison, a MethodComparison, a Sweep, a Record, a "
-        "Falsification, a SavedCase or the path of the file of one, got "
-        f"{type(result).__name__}"
+        f"expected a result ({', '.join(kind.__name__ for kind in classes)}) or the path of its "
+        f"file, got {type(result).__name__}"
     )
 
 

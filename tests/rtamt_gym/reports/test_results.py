@@ -262,8 +262,8 @@ def test_what_is_no_result_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputTypeError) as caught:
         write_report(tmp_path / "a.html", 3)  # type: ignore[arg-type]
     assert str(caught.value) == (
-        "expected an Evaluation, a Comparison, a MethodComparison, a Sweep, a Record, a "
-        "Falsification, a SavedCase or the path of the file of one, got int"
+        "expected a result (Evaluation, Comparison, RecordingsComparison, MethodComparison, Sweep, "
+        "Record, Falsification, SavedCase) or the path of its file, got int"
     )
     for name, message in (
         ("a.pdf", f"cannot write {tmp_path / 'a.pdf'}: expected a name that ends in .html"),
