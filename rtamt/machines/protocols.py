@@ -26,10 +26,13 @@ To add an end mode, such as ``end="cut"``: add its name to `End`, and decide in
 - ``rtamt/native``: ``core/end.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
   ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``lockstep/columns.cpp`` and
   ``lockstep/variants.cpp``;
-- `rtamt.monitors`: ``sample_trace``, ``dense_trace`` and ``judgement``;
+- `rtamt.monitors`: ``sample_trace``, ``dense_trace``, ``judgement`` and ``batch``;
 - `rtamt.checking.search` and `rtamt.checking.encoding`; `rtamt_arrays.monitor_set`.
 
-``tests/support/end_oracle.py`` defines every end mode again.
+Describe it in ``docs/ends.md``, in ``finish`` of the monitors, in `rtamt.judge`, and in the options
+``end``, ``at_termination`` and ``at_truncation`` of `rtamt_gym.options.evaluation`, which commands,
+wrappers and nodes take their choices from. ``tests/support/end_oracle.py`` defines every end mode
+again.
 """
 
 from __future__ import annotations

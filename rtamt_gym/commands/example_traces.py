@@ -10,10 +10,11 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, get_args
 
 from rtamt import InputError, Specification
 from rtamt.checking import Answer, Equivalence, ExampleTrace
+from rtamt.typing import End
 from rtamt_gym.options.command_line import (
     Option,
     add_options,
@@ -57,7 +58,7 @@ def add_search(parser: argparse.ArgumentParser, horizon: int, why: str = "") -> 
             "--end",
             "end mode of a trace, as for rtamt monitor",
             default="cut",
-            choices=("complete", "cut", "open"),
+            choices=get_args(End),
         ),
         Option(
             "--horizon N",
