@@ -122,8 +122,6 @@ def texts_of(formula: Formula) -> tuple[str, ...]:
 @functools.lru_cache(maxsize=512)
 def reads_hidden(formula: Formula, interface: Interface) -> bool:
     """Return whether a left side has a predicate that counts 0 by the semantics of the verdict."""
-    if interface.semantics in ("standard", "boolean"):
-        return False
     lefts = (implication.args[0].nodes() for implication in implications(formula))
     return any(
         interface.reading(node) == "zero"

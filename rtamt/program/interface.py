@@ -23,9 +23,12 @@ Under the semantics ``boolean`` every predicate is +inf or -inf, whatever its va
 
 Averages over time (AGM robustness) are not a semantics of predicates: see `rtamt.program.algebra`.
 
-To add a semantics, add its name to `SemanticsName` and the value of its predicates to `Interface`,
-and a row to the table in ``docs/interface.md``. ``tests/support/interface_oracle.py`` defines each
-semantics again.
+To add a semantics, add its name to `SemanticsName` and the value of its predicates to `Interface`.
+A value other than the three of `PredicateValue` needs an instruction in `rtamt.program.lowering`.
+If every predicate has a truth value, add the name to ``EXACT`` of `rtamt_gym.judging.monitors`.
+Describe it in the option ``semantics`` of `rtamt.monitors.options` and of
+`rtamt_gym.options.evaluation`, and in both tables of ``docs/interface.md``.
+``tests/support/interface_oracle.py`` defines each semantics again.
 """
 
 from __future__ import annotations
