@@ -38,8 +38,10 @@ arrays of shape (lanes,), of NumPy, of JAX or of torch. Flags (``ended``, ``term
 in arrays, otherwise True or False.
 
 To add a mode: its name in `Mode`, one function, one case of `Shaping.reward` and a row of the table
-above; if it depends on the episode or on bounds, also `pays_episode` or `pays_bounds`. Describe it
-in the docstring of `StlReward`.
+above; if it depends on the episode or on bounds, also `pays_episode` or `pays_bounds`. The function
+takes floats and arrays of every library, so `rtamt_arrays` needs no change. Describe the mode in
+the docstring of `StlReward`, in ``docs/gymnasium.md`` and in ``docs/learning.md``. The tests run
+every name in `Mode`, with the options from ``tests/support/replay.py``.
 """
 
 from __future__ import annotations

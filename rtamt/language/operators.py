@@ -25,9 +25,12 @@ To add a function, such as ``tanh``:
 
 1. Add a row to `OPERATORS`: ``_function("tanh", "hyperbolic tangent")``.
 2. Add a row to `FUNCTIONS` in `rtamt.program.algebra`. It names the rule of
-   `rtamt.program.intervals` for unknown operands; ``everything`` is right for every function.
+   `rtamt.program.intervals` for unknown operands; ``everything`` is right for every function. A
+   rule that rounds outward is one of ``WIDER`` in
+   ``tests/rtamt/program/test_interval_arithmetic.py``.
 3. In C++, add a line to the X-macro in ``rtamt/native/core/functions.hpp``, and the same rule under
-   the same name in ``rtamt/native/core/intervals.hpp``.
+   the same name in ``rtamt/native/core/intervals.hpp``. A function that returns a number for a nan,
+   as ``pow(nan, 0)`` does, is named in ``rtamt/native/discrete/columns.hpp``.
 4. For arrays, add a row to `FUNCTIONS` in `rtamt_arrays.functions`. If the row needs a function of
    the library, add it to `Operations` in `rtamt_arrays.operations` and to ``operations.py`` of both
    ``rtamt_arrays/jax`` and ``rtamt_arrays/torch``.

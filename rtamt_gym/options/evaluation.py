@@ -10,9 +10,11 @@ To add an evaluation option, such as ``nan=``:
 2. Write its meaning where samples are evaluated. An option with ``calls="samples"`` is passed on to
    the monitors of `rtamt`.
 3. If commands that play episodes take it, add its flag to `EPISODES` of
-   `rtamt_gym.options.command_line`; if array wrappers do, its name to ``_EVALUATION`` of
-   `rtamt_arrays.requirements`.
-4. Run ``tests/support/command_options.py``, which writes ``docs/reference/commands.md``.
+   `rtamt_gym.options.command_line`; if array wrappers do, its name to ``_EVALUATION`` and
+   ``RequirementOptions`` of `rtamt_arrays.requirements`. A command of recorded traces lists the
+   flag in ``add_options``.
+4. Add a row to the table of options in ``docs/gymnasium.md``. Run
+   ``tests/support/command_options.py``, which writes ``docs/reference/commands.md``.
 """
 
 # ruff: noqa: RUF009 - `_option` returns a field

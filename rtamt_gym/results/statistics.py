@@ -3,7 +3,15 @@
 A row of `STATISTICS` is a column on the terminal and a key in JSON, in Parquet and in data frames;
 with ``robustness=True`` it is also a line on the page.
 
-To add a statistic of a requirement over many trials, add a row to `STATISTICS`.
+To add a statistic of a requirement over many trials:
+
+1. Add a row to `STATISTICS`. Set ``shown`` if not every table needs the column. A value that trials
+   must be counted for is a field of `RequirementResult`, which `result_of` computes.
+2. A statistic of the robustness is on the page too, with ``robustness=True``. For any other, add a
+   line to `rtamt_gym.reports.requirements`, as ``_progress`` is.
+3. List the key under "Statistics" of ``docs/results.md``. A new column changes the tables on
+   ``docs/evaluation.md`` and ``docs/commands.md``, whose tests show the new lines, and the exact
+   keys in ``tests/rtamt_gym/recorded/test_outcome_files.py``.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Optimizers by name: how a search chooses its points.
 
-To add an optimizer, such as ``"tpe"``: a function and a row of `OPTIMIZERS`. ``rtamt falsify
---help`` shows the first line of its docstring. The tests run `check_optimizer` on every row. List
-it in the table of ``docs/falsification.md`` and in the docstring of `falsify`.
+To add an optimizer, such as ``"tpe"``: a function and a row of `OPTIMIZERS`. The tests run
+`check_optimizer` on every row. List it in the table of ``docs/falsification.md``. ``rtamt falsify
+--help`` shows the first line of its docstring, so run ``tests/support/command_options.py``, which
+writes ``docs/reference/commands.md``.
 """
 
 from __future__ import annotations

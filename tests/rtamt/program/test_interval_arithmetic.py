@@ -48,7 +48,10 @@ def test_every_value_lies_inside(name: str) -> None:
             assert contains(ends, value), (operands, value, ends)
 
 
-@pytest.mark.parametrize("name", [name for name in FUNCTIONS if name not in WIDER])
+@pytest.mark.parametrize(
+    "name",
+    [name for name, row in FUNCTIONS.items() if name not in WIDER and row.rule is not everything],
+)
 def test_both_ends_are_values(name: str) -> None:
     row, rng = FUNCTIONS[name], random.Random(name)
     exact = 0
