@@ -192,7 +192,8 @@ def run(options: argparse.Namespace) -> int:
     ):
         code = _judge(watch, blocks, output, interrupts)
         output.flush()
-        if view is not None and code is None:
+        if view is not None and output.view is not None and code is None:
+            output.view.end()
             source.leave()
             with suppress(KeyboardInterrupt), interrupts.allowed():
                 hold(view)

@@ -274,7 +274,7 @@ class Packer:
                 paths.verdicts[name],
                 _indexes(np.array([line.place for line in some])),
                 rr.TextLog.columns(
-                    text=[line.text for line in some],
+                    text=[paths.head + line.text for line in some],
                     level=[_LEVELS[line.verdict] for line in some],
                 ),
             )
@@ -314,7 +314,7 @@ class _Paths:
     def __init__(self, track: Track) -> None:
         head = [track.prefix] if track.prefix else []
         self.root = rr.new_entity_path(head) if head else ""
-        self.prefix = track.prefix
+        self.head = f"{track.prefix}: " if track.prefix else ""
         self.signals = [rr.new_entity_path([*head, "signals", name]) for name in track.signals]
         self.requirements = {
             name: rr.new_entity_path([*head, "requirements", name]) for name in track.requirements
@@ -328,25 +328,31 @@ class _Paths:
 
 
 def blueprint(paths: Sequence[_Paths]) -> rrb.Blueprint:
-    """Return the layout: curves on the left, pictures and verdicts on the right."""
-    curves, pictures = [], []
-    for track in paths[:_SHOWN]:
-        head = f"{track.prefix}: " if track.prefix else ""
-        curves.append(rrb.TimeSeriesView(origin=f"{track.root}/signals", name=f"{head}signals"))
-        curves += [
-            rrb.TimeSeriesView(origin=path, name=f"{head}{name}")
-            for name, path in track.requirements.items()
-        ]
-        if track.has_pictures:
-            pictures.append(rrb.Spatial2DView(origin=track.picture, name=f"{head}picture"))
+    """Return the layout: curves next to picture and verdicts; of several tracks, a column each."""
     columns = [rrb.encodings.TextLogColumn(kind) for kind in ("LogLevel", "Body")]
     log = rrb.TextLogView(
         name="verdicts", columns=rrb.TextLogColumns(text_log_columns=columns), contents="/**"
     )
-    return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(*curves), rrb.Vertical(*pictures, log), column_shares=[4, 3]),
-        collapse_panels=True,
-    )
+    if len(paths) == 1:
+        side = rrb.Vertical(*_pictures(paths[0]), log)
+        views = rrb.Horizontal(rrb.Vertical(*_curves(paths[0])), side, column_shares=[4, 3])
+    else:
+        tracks = [rrb.Vertical(*_curves(track), *_pictures(track)) for track in paths[:_SHOWN]]
+        views = rrb.Vertical(rrb.Horizontal(*tracks), log, row_shares=[3, 1])
+    return rrb.Blueprint(views, collapse_panels=True)
+
+
+def _curves(track: _Paths) -> list[rrb.TimeSeriesView]:
+    """Return the views of signals and requirements."""
+    origins = [("signals", f"{track.root}/signals"), *track.requirements.items()]
+    return [rrb.TimeSeriesView(origin=path, name=f"{track.head}{name}") for name, path in origins]
+
+
+def _pictures(track: _Paths) -> list[rrb.Spatial2DView]:
+    """Return the view of pictures, if there are any."""
+    if not track.has_pictures:
+        return []
+    return [rrb.Spatial2DView(origin=track.picture, name=f"{track.head}picture")]
 
 
 def taken(items: deque[_Item]) -> list[_Item]:

@@ -74,6 +74,12 @@ class StreamView:
         time = math.nan if line.time is None else line.time
         track.log(line.requirement, line.verdict, text, (sample, time, 1))
 
+    def end(self) -> None:
+        """Send the newest rows too, after the final lines."""
+        for track in self._tracks.values():
+            if track is not None:
+                track.begin()
+
     def _track(self, group: str | None) -> Track | None:
         if group not in self._tracks:
             shown = len(self._tracks) < SHOWN_GROUPS

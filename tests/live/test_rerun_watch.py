@@ -16,6 +16,7 @@ import pytest
 from rrd_files import read_rrd
 
 from rtamt_gym.__main__ import main
+from rtamt_gym.live import RerunView
 from rtamt_gym.watching import stream_view
 
 Output = pytest.CaptureFixture[str]
@@ -100,7 +101,8 @@ def test_log_equals_the_lines(mode: str, capsys: Output, stream: Path, tmp_path:
         changed = verdict != last.get(name, "UNDECIDED")
         if changed or (line["final"] and verdict == "UNDECIDED"):
             when = "the end" if line["final"] else f"{line['time']:.6g} s"
-            expected.append((name, line["time"], f"{name} {verdict} at {when}"))
+            head = "a: " if mode == "groups" else ""
+            expected.append((name, line["time"], f"{head}{name} {verdict} at {when}"))
         last[name] = verdict
     shown = [
         (entity.split("/")[-2], point.time, point.value.partition(",")[0])
@@ -120,6 +122,22 @@ def test_first_groups_are_shown(
     main(["watch", SPEC, str(stream), "--by", "car", "--rerun", str(path)])
     assert "--rerun shows the first 2 groups" in capsys.readouterr().err
     assert {entity.split("/")[1] for entity in read_rrd(path)} == {"a", "b"}
+
+
+def test_held_view_has_the_newest_row(
+    capsys: Output, stream: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+
+    def look(view: RerunView) -> None:
+        (track,) = view._tracks.values()
+        view.send()
+        seen.append((track.sample_count, track._newest, len(track.rows)))
+
+    monkeypatch.setattr("rtamt_gym.commands.watch.hold", look)
+    main(["watch", SPEC, str(stream), "--rerun", str(tmp_path / "run.rrd")])
+    capsys.readouterr()
+    assert seen == [(60, None, 0)]
 
 
 def test_other_file_name(capsys: Output, stream: Path) -> None:
