@@ -205,7 +205,7 @@ def last_info(
             Where(violated, violated_at),
             success,
             undecided,
-            Where(np.logical_not(reported), success),
+            Where(reported ^ True, success),
         ),
     }
 
@@ -222,16 +222,21 @@ def end_info(
     }
 
 
-def present(info: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the info of one environment, without the keys that are not there."""
+def present(info: Mapping[str, Any], *, deep: bool = True) -> dict[str, Any]:
+    """Return the info of one environment, without the keys that are not there.
+
+    Args:
+        info: The values by key.
+        deep: Whether dictionaries in it are read and copied, too.
+    """
     there = {}
     for key, value in info.items():
-        if isinstance(value, dict):
-            there[key] = present(value)
-        elif not isinstance(value, Where):
-            there[key] = value
-        elif value.there:
-            there[key] = value.value
+        kind = type(value)
+        if kind is Where:
+            if value.there:
+                there[key] = value.value
+        else:
+            there[key] = present(value) if deep and kind is dict else value
     return there
 
 

@@ -67,6 +67,8 @@ class Panel:
         settled: The number of decided verdicts.
         number: The class of the numbers of an `Assessment`.
         violated_by: The specification that was violated first, or None.
+        period_number: Seconds between samples; None if bounds count samples. A plain attribute:
+            a cached property would slow every other attribute of the object down.
 
     Args:
         specs: Specifications by name.
@@ -101,6 +103,7 @@ class Panel:
         self._specs = specs
         self._sources = [source for source, _ in self.monitors.values()]
         self._judges = [judge for _, judge in self.monitors.values()]
+        self.period_number = None if self.period is None else np.float64(self.period)
         if cost is not None:
             require_known(reading, Argument("cost", cost))
         self._meter = cost and CostMeter(cost, specs, reading)
@@ -377,7 +380,7 @@ class Panel:
         ``"failure"`` violates every undecided specification at the last sample, whatever its
         robustness is.
         """
-        was_open = frozenset(self.undecided)
+        was_open = self.undecided
         if end == "failure":
             self._fail()
         else:
@@ -386,7 +389,8 @@ class Panel:
             if self._stages is not None:
                 self._stages.finish(end)
             self.note()
-        self._ended |= was_open & self._settled.keys()
+        if was_open:
+            self._ended |= self._settled.keys() & was_open
         return self.read()
 
     def _fail(self) -> None:
@@ -447,7 +451,7 @@ class Panel:
             robustness, verdict = np.float64(judge.robustness), self._verdict(name, judge)
             sample, ended = self._settled.get(name), name in self._ended
             decided = sample is not None and not ended
-            by_end = verdict < 0 and not np.signbit(robustness)
+            by_end = verdict < 0 and math.copysign(1.0, robustness) > 0
             outcomes[name] = present(
                 outcome(robustness, verdict, verdict > 0, sample, decided, ended, bool(by_end))
             )

@@ -156,6 +156,7 @@ class Constants:
 
     Attributes:
         specs: The specifications by name, with the current values.
+        are_some: Whether a specification has a constant.
 
     Example:
         >>> before = Constants({"near": rtamt.parse("const float d = 2; always(x < d)")})
@@ -170,6 +171,7 @@ class Constants:
         templates: Mapping[str, SpecificationTemplate] | None = None,
     ) -> None:
         self.specs = specs
+        self.are_some = any(spec.constants for spec in specs.values())
         self._templates = templates
 
     def __reduce__(self) -> tuple[Callable[..., Constants], tuple[object]]:

@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, get_args
 
-import numpy as np
-
 from rtamt import Explanation, Specification, StateError
 from rtamt_gym.judging.end_warnings import assumed
 from rtamt_gym.judging.infos import last_info, present, record
@@ -124,12 +122,6 @@ class EpisodeMonitoring(Monitoring):
     def _make_panel(self, specs: Mapping[str, Specification]) -> Panel:
         return Panel(specs, self._of_monitors, self._cost, history=self._history)
 
-    @property
-    def _period_info(self) -> np.float64 | None:
-        """The period in the info of a reset."""
-        period = self._panel.period
-        return None if period is None else np.float64(period)
-
     def _bind_signals(self) -> None:
         signals = self._readings()
         names = [signal.name for signal in signals]
@@ -231,7 +223,7 @@ class EpisodeMonitoring(Monitoring):
         panel, violation = self._panel, self._violation()
         for info in infos:
             own = "is_success" in info
-            last = last_info(*violation, panel.success, bool(panel.undecided), own)
+            last = last_info(*violation, panel.success, not panel.all_decided, own)
             info.update(present(last))
             self._seen_success |= own
         self._record(violation, terminated=terminated, truncated=truncated)
@@ -251,7 +243,7 @@ class EpisodeMonitoring(Monitoring):
     ) -> None:
         samples = self._panel.samples
         episode = record(*violation, samples, bool(terminated), bool(truncated))
-        self.stl_episodes.append(present(episode))
+        self.stl_episodes.append(present(episode, deep=False))  # the outcomes are its own
         if self._live is not None:
             self._live.end(self._panel.describe())
 

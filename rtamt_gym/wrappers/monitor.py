@@ -203,7 +203,7 @@ class StlMonitor(
         panel.begin()
         violated = panel.violated_by is not None
         states = panel.describe() if self._details else None
-        info = step_info(info, *assessed, violated, panel, states, None, self._period_info)
+        info = step_info(info, *assessed, violated, panel, states, None, panel.period_number)
         self._running, self._lost = True, None
         if self._state is not None:
             values = self.values()

@@ -233,9 +233,9 @@ class Monitoring(Observing):
         ``wrapper.constants = ...`` sets an attribute of the outermost wrapper, as ``set_attr`` of
         Stable-Baselines3 does, and changes no specification.
         """
-        if not self.constants:
-            return
         held = self._constants if self._next is None else self._next.constants
+        if not held.are_some:
+            return
         for wrapper in wrappers_around(self):
             values = vars(wrapper).get("constants")
             if isinstance(values, Mapping) and _differs(values, held):

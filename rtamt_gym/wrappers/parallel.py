@@ -214,7 +214,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         self._panel.reset()
         assessment = self._feed_reset(obs, None, None, infos)
         self._panel.begin()
-        infos = self._report(self.env.agents, infos, assessment, period=self._period_info)
+        infos = self._report(self.env.agents, infos, assessment, period=self._panel.period_number)
         self._running, self._lost = True, None
         return obs, infos
 
