@@ -49,7 +49,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, TypedDict, TypeVar, assert_never, cast, get_args
 
 import numpy as np
@@ -323,6 +323,10 @@ class Shaping:
             level.
         bonus: The reward of a certain satisfaction.
         penalty: The cost of a certain violation.
+        pays_episode: Whether the reward depends on the robustness of the whole episode, not of an
+            instant. Every step reads it, so it is not a property.
+        pays_bounds: Whether the reward depends on the `middle` of the bounds, not on the
+            robustness.
     """
 
     mode: Mode
@@ -334,6 +338,12 @@ class Shaping:
     levels: tuple[tuple[int, ...], ...]
     bonus: float
     penalty: float
+    pays_episode: bool = field(init=False, repr=False, compare=False)
+    pays_bounds: bool = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pays_episode", self.mode == "terminal")
+        object.__setattr__(self, "pays_bounds", self.mode == "progress")
 
     @classmethod
     def of(
@@ -385,16 +395,6 @@ class Shaping:
     def settles(self) -> bool:
         """Whether a bonus or a penalty is paid."""
         return self.bonus > 0.0 or self.penalty > 0.0
-
-    @property
-    def pays_episode(self) -> bool:
-        """Whether the reward depends on the robustness of the whole episode, not of an instant."""
-        return self.mode == "terminal"
-
-    @property
-    def pays_bounds(self) -> bool:
-        """Whether the reward depends on the `middle` of the bounds, not on the robustness."""
-        return self.mode == "progress"
 
     @property
     def pays_robustness(self) -> bool:
