@@ -305,7 +305,7 @@ def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) ->
     for name, spec in asked.specs.items():
         if name in judged.judgements and (texts := outside_ranges(spec, judged.trace)):
             outside[name] = "; ".join(texts.values())
-    return replace(row, outside=outside)
+    return replace(row, outside=outside) if outside else row
 
 
 def _late_starts(judgements: Mapping[str, TraceJudgement], *, several: bool) -> list[str]:
