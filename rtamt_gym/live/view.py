@@ -79,7 +79,8 @@ class RerunView:
         self.pictures = pictures
         self.environments = tuple(environments)
         try:
-            from rtamt_gym.live.outputs import FileOutput, Packer, ViewerOutput
+            from rtamt_gym.live.outputs import FileOutput, ViewerOutput
+            from rtamt_gym.live.packing import Packer
         except ModuleNotFoundError as error:
             raise naming_extra(error, "RerunView", "rerun") from error
         self.address: str | None = None
