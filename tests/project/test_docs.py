@@ -4,16 +4,27 @@ import ast
 import doctest
 import re
 import tomllib
+from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
+from typing import get_args
 
 import command_options
 import pytest
 from pages import blocks, broken_links, check_session
 from paths import ROOT
+from rtamt_envs import SCENARIOS
 
 import rtamt
 import rtamt_gym
+from rtamt.language.operators import OPERATORS
+from rtamt.typing import End, SemanticsName
+from rtamt_gym.commands import COMMANDS
+from rtamt_gym.recorded.readers import FORMATS
+from rtamt_gym.results.statistics import STATISTICS
+from rtamt_gym.search.falsification.optimizers import OPTIMIZERS
+from rtamt_gym.search.sweeps.samplers import Sampler
+from rtamt_gym.shaping import Mode
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
@@ -169,3 +180,31 @@ def test_the_page_of_installation_has_every_extra() -> None:
     assert extras - set(re.findall(r"`([a-z]+)`", page)) == set()
     asked = re.findall(r"\.\[([a-z,]+)\]", "".join(each.read_text("utf-8") for each in PAGES))
     assert {extra for each in asked for extra in each.split(",")} <= extras
+
+
+@pytest.mark.parametrize(
+    ("page", "names"),
+    [
+        ("commands", [f"rtamt {command}" for command in COMMANDS]),
+        ("ends", get_args(End)),
+        ("falsification", OPTIMIZERS),
+        ("gymnasium", get_args(Mode)),
+        ("interface", get_args(SemanticsName)),
+        ("language", [row.symbol for row in OPERATORS.values() if row.notation == "call"]),
+        ("learning", get_args(Mode)),
+        ("results", [statistic.key for statistic in STATISTICS]),
+        ("scenarios", [f"rtamt/{scenario}-v0" for scenario in SCENARIOS]),
+        ("sweeps", get_args(Sampler)),
+        ("traces", [extension for row in FORMATS for extension in row.extensions]),
+    ],
+)
+def test_page_lists_every_name(page: str, names: Iterable[str]) -> None:
+    """A new row of a table in the code is also in a table of the page."""
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    cells = re.findall(r"`([^`]+)`", "\n".join(re.findall(r"^\|.*\|$", text, re.MULTILINE)))
+    missing = [
+        name
+        for name in names
+        if not any(re.search(rf"(?<![\w.]){re.escape(name)}(?![\w.])", cell) for cell in cells)
+    ]
+    assert missing == []
