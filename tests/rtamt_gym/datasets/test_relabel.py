@@ -19,7 +19,7 @@ from rtamt.typing import End
 from rtamt_gym import relabel
 from rtamt_gym.datasets import relabel as module
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.options.evaluation import AtTermination
+from rtamt_gym.options.evaluation import AtTermination, names_for
 from rtamt_gym.shaping import Mode
 from rtamt_gym.wrappers.monitoring import MonitorOptions
 from rtamt_gym.wrappers.reward import ShapingOptions
@@ -255,15 +255,8 @@ def test_the_episodes_given_are_not_changed() -> None:
 
 def test_relabel_has_every_recorded_option() -> None:
     """A new option of a wrapper is an option here, or is left out on purpose."""
-    others = {
-        "on_violation",
-        "on_satisfaction",
-        "buffer_length",
-        "mode",
-        "below",
-        "rescaled",
-        "substeps",
-    }
+    others = {"on_violation", "on_satisfaction", "buffer_length", "mode", "live"}
+    others |= {*names_for("runs")} - {*names_for("recorded")}
     others |= {"constants"}  # they change between episodes; a template gives each its specification
     wrappers = {*MonitorOptions.__annotations__, *ShapingOptions.__annotations__}
     assert set(module.OPTIONS) == wrappers - others
