@@ -16,7 +16,7 @@ from brax.envs.wrappers import training
 
 from rtamt import InputError
 from rtamt_arrays.jax.wrapping import JaxRequirements, as_period, of_one, one
-from rtamt_arrays.requirements import JudgedStep, RequirementOptions
+from rtamt_arrays.judging import JudgedStep, RequirementOptions
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
@@ -49,7 +49,7 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
         signals: What the variables read: see `rtamt_arrays.selectors`.
         dtype: The kind of floats of the monitors; by default that of JAX.
-        **options: See `rtamt_arrays.requirements.RequirementOptions`. The default of ``period`` is
+        **options: See `rtamt_arrays.judging.RequirementOptions`. The default of ``period`` is
             the environment's ``dt`` times its ``action_repeat``.
 
     Raises:

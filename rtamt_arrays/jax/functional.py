@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from gymnasium.experimental.functional import FuncEnv
 
 from rtamt_arrays.jax.wrapping import JaxRequirements, of_one, one, period_of
-from rtamt_arrays.requirements import RequirementOptions, RequirementState
+from rtamt_arrays.judging import RequirementOptions, RequirementState
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
@@ -76,7 +76,7 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
         signals: What the variables read: see `rtamt_arrays.selectors`.
         dtype: The kind of floats of the monitors; by default that of JAX.
-        **options: See `rtamt_arrays.requirements.RequirementOptions`. The default of ``period`` is
+        **options: See `rtamt_arrays.judging.RequirementOptions`. The default of ``period`` is
             ``tau`` or ``dt`` of the default parameters.
 
     Raises:

@@ -12,7 +12,7 @@ from gymnax.environments.environment import Environment
 
 from rtamt import InputError
 from rtamt_arrays.jax.wrapping import JaxRequirements, of_one, one, period_of
-from rtamt_arrays.requirements import RequirementOptions, RequirementState
+from rtamt_arrays.judging import RequirementOptions, RequirementState
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
@@ -47,7 +47,7 @@ class StlEnvironment(Environment):  # type: ignore[misc]  # gymnax is untyped
         signals: What the variables read: see `rtamt_arrays.selectors`. Infos have no value at a
             reset; a pair sets one: ``("info['discount']", 1.0)``.
         dtype: The kind of floats of the monitors; by default that of JAX.
-        **options: See `rtamt_arrays.requirements.RequirementOptions`. The default of ``period`` is
+        **options: See `rtamt_arrays.judging.RequirementOptions`. The default of ``period`` is
             ``tau`` or ``dt`` of the default parameters.
 
     Raises:

@@ -13,9 +13,9 @@ import numpy as np
 from rtamt import InputError
 from rtamt_arrays.jax import episode, online
 from rtamt_arrays.jax.operations import JaxOperations
+from rtamt_arrays.judging import RequirementOptions, RequirementState, StepJudge
 from rtamt_arrays.monitor_set import ArrayLibrary
 from rtamt_arrays.operations import Tensor
-from rtamt_arrays.requirements import RequirementOptions, RequirementState, StepJudge
 from rtamt_arrays.selectors import ArraySignals, ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike

@@ -17,13 +17,13 @@ import torch
 
 from rtamt import InputError
 from rtamt.errors import InputTypeError, brief, no_such
-from rtamt_arrays.monitor_set import ArrayLibrary, MonitorSetUpdate
-from rtamt_arrays.requirements import (
+from rtamt_arrays.judging import (
     JudgedStep,
     RequirementOptions,
     RequirementState,
     StepJudge,
 )
+from rtamt_arrays.monitor_set import ArrayLibrary, MonitorSetUpdate
 from rtamt_arrays.torch import episode, online
 from rtamt_arrays.torch.operations import TorchOperations
 from rtamt_gym.checks.callers import caller_level
@@ -80,7 +80,7 @@ class Violated(ManagerTermBase):
 
     Args:
         cfg: The configuration of the term. Its ``params`` are ``specs``, ``signals`` and
-            optionally ``options``, a dictionary of `rtamt_arrays.requirements.RequirementOptions`.
+            optionally ``options``, a dictionary of `rtamt_arrays.judging.RequirementOptions`.
             The default of ``period`` is ``env.step_dt``.
         env: The environment.
 

@@ -10,8 +10,8 @@ import gymnasium as gym
 import torch
 
 from rtamt import InputError
+from rtamt_arrays.judging import JudgedStep, RequirementOptions, StepJudge
 from rtamt_arrays.monitor_set import ArrayLibrary
-from rtamt_arrays.requirements import JudgedStep, RequirementOptions, StepJudge
 from rtamt_arrays.selectors import ArraySignals, ArrayStep
 from rtamt_arrays.torch import episode, online
 from rtamt_arrays.torch.operations import TorchOperations
@@ -33,7 +33,7 @@ class StlManiSkillWrapper(gym.Wrapper[Any, Any, Any, Any]):
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
         signals: What the variables read: see `rtamt_arrays.selectors`. A function gets a step of
             all environments, whose ``state`` is the unwrapped environment, and returns a tensor.
-        **options: See `rtamt_arrays.requirements.RequirementOptions`. The default of ``period`` is
+        **options: See `rtamt_arrays.judging.RequirementOptions`. The default of ``period`` is
             the inverse of ``control_freq``.
 
     Raises:

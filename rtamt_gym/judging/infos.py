@@ -8,16 +8,19 @@ To add a key, compute its value for one environment, for a batch and for arrays:
 
 - A key of every info that depends on the options is a row of `_OPTIONAL` and an attribute of that
   name in `rtamt_gym.judging.panel`, `rtamt_gym.judging.vector_panel` and ``_Optional`` of
-  `rtamt_arrays.requirements`, which is None where the key is absent.
+  `rtamt_arrays.judging`, which is None where the key is absent.
 - Any other key of every info is an argument of `step_info`, with its callers: ``monitor``,
-  ``vector_monitor`` and ``parallel`` in `rtamt_gym.wrappers`, and `rtamt_arrays.requirements`.
+  ``vector_monitor`` and ``parallel`` in `rtamt_gym.wrappers`, and `rtamt_arrays.judging`.
 - A key of ``info["stl"]`` is an argument of `spec_state`, a key of ``info["stl_episode"]`` one of
-  `outcome`. Both panels call them; `rtamt_arrays.requirements` calls `spec_state`.
+  `outcome`. Both panels call them; `rtamt_arrays.judging` calls `spec_state`.
 - A key of the last info is an argument of `last_info`, which ``episode_monitoring`` and
   ``vector_monitor`` call. If it is a number or a truth value, add it to `end_info`, which
-  `rtamt_arrays.requirements` calls too.
+  `rtamt_arrays.judging` calls too.
 
-Describe it in the docstring of `StlMonitor` and in ``docs/gymnasium.md``.
+Describe it in the docstring of `StlMonitor` and in ``docs/gymnasium.md``. A key of every info is
+also an array of `relabel`: list it in its docstring and in ``docs/offline.md``. The exact keys are
+in ``test_stl_monitor.py`` and ``test_parallel_monitor.py`` of ``tests/rtamt_gym/wrappers``. The
+contract in ``tests/support/array_requirements.py`` compares arrays with the vector wrapper.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ To add an evaluation option, such as ``nan=``:
    the monitors of `rtamt`.
 3. If commands that play episodes take it, add its flag to `EPISODES` of
    `rtamt_gym.options.command_line`; if array wrappers do, its name to ``_EVALUATION`` and
-   ``RequirementOptions`` of `rtamt_arrays.requirements`. A command of recorded traces lists the
+   ``RequirementOptions`` of `rtamt_arrays.judging`. A command of recorded traces lists the
    flag in ``add_options``.
 4. Add a row to the table of options in ``docs/gymnasium.md``. Run
    ``tests/support/command_options.py``, which writes ``docs/reference/commands.md``.

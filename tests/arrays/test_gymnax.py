@@ -20,9 +20,9 @@ from rtamt_arrays.jax import gymnax as wrappers
 from rtamt_arrays.jax.functional import StlFuncEnv
 from rtamt_arrays.jax.gymnax import StlEnvironment
 from rtamt_arrays.jax.operations import JaxOperations
+from rtamt_arrays.judging import StepJudge
 from rtamt_arrays.monitor_set import ArrayLibrary
 from rtamt_arrays.operations import Tensor
-from rtamt_arrays.requirements import StepJudge
 
 LANES = 6
 SPEC = "always(abs(theta) < 0.15 and (x > -0.04 or eventually[0:0.2](v > -0.5)))"

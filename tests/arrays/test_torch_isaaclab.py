@@ -18,9 +18,9 @@ from array_requirements import RequirementContract
 from isaaclab.managers import ManagerTermBase, StandInEnv, TermCfg
 
 from rtamt import InputError, InputTypeError, VectorEpisodeMonitor
+from rtamt_arrays.judging import StepJudge
 from rtamt_arrays.monitor_set import ArrayLibrary
 from rtamt_arrays.operations import Tensor
-from rtamt_arrays.requirements import StepJudge
 from rtamt_arrays.torch import episode, isaaclab, online
 from rtamt_arrays.torch.isaaclab import Violated, first_sample, monitor_state, shaped_reward
 from rtamt_arrays.torch.operations import TorchOperations

@@ -177,7 +177,7 @@ _ARRAYS: Final = tuple(
     f"rtamt_arrays/{name}.py"
     for name in (
         *("continuations", "episode", "functions", "inputs", "layout", "monitor_set"),
-        *("offline", "online", "operations", "requirements", "selectors"),
+        *("judging", "offline", "online", "operations", "selectors"),
     )
 )
 _TOP: Final = ("demo", "drawing", "libraries", "markup", "success", "tables")

@@ -66,7 +66,7 @@ FLOORS = {
         ("continuations",),
         ("offline", "online", "episode"),
         ("monitor_set", "selectors"),
-        ("requirements",),
+        ("judging",),
         ("jax", "torch"),
         ("__init__",),
     ),

@@ -17,8 +17,8 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from replay import shaping_options
 
+from rtamt_arrays.judging import StepJudge
 from rtamt_arrays.operations import Tensor
-from rtamt_arrays.requirements import StepJudge
 from rtamt_gym import VectorStlReward
 from rtamt_gym.judging.infos import end_info
 from rtamt_gym.shaping import Mode
@@ -114,7 +114,7 @@ CASES += [
 
 
 class RequirementContract:
-    """Of `rtamt_arrays.requirements.StepJudge`."""
+    """Of `rtamt_arrays.judging.StepJudge`."""
 
     library: RequirementLibrary
 
