@@ -117,29 +117,30 @@ def _of_body(
 ) -> BodyOccurrences:
     recorded = PlaceRuns.of(instants, trace.extent.last)
     values = trace.segments(body).divided(recorded)
-    failing, worst = values.failing(recorded)
-    unknown = values.undecided(recorded)
+    runs, worst = values.failing(recorded)
+    failing, unknown = runs.places, values.undecided(recorded).places
+    responses, unknown_triggers = _responses(trace, body, values, recorded, clock)
+    del runs, values  # as long as the trace; the rows need no more memory at a time
     violations = _violations(failing, worst, clock)
     if not len(failing.first) and instants:
         unseen = trace.unseen_violation(body, instants)
         if unseen is not None:
             violations = _unseen(unseen, clock)
-    responses, unknown_triggers = _responses(trace, body, values, recorded, clock)
-    lengths = np.array([recorded.length(clock.step), failing.places.length(clock.step)])
+    lengths = np.array([recorded.length(clock.step), failing.length(clock.step)])
     length, violated = clock.lasting(lengths).tolist()
     return BodyOccurrences(
         text_of(body),
         RunTable(Occurrence, violations),
-        RunTable(UnknownRun, clock.columns(unknown.places)),
+        RunTable(UnknownRun, clock.columns(unknown)),
         RunTable(Response, responses),
         RunTable(UnknownRun, unknown_triggers),
         *(length, violated, clock.unit),
     )
 
 
-def _violations(failing: SegmentRuns, worst: Minima, clock: _Clock) -> _Columns:
+def _violations(failing: PlaceRuns, worst: Minima, clock: _Clock) -> _Columns:
     return {
-        **clock.columns(failing.places),
+        **clock.columns(failing),
         "robustness": numbers_of(worst.values),
         "worst_at": clock.at(worst.places),
         "unseen": np.zeros(len(worst.values), bool),
