@@ -8,7 +8,8 @@ To add a kind of result (the ``--json`` output of a new command): its name and w
 its text by `document`, a function in `rtamt_gym.reports` that makes a `Section` from the blocks of
 `rtamt_gym.reports.model`, and a row of ``SECTIONS`` in `rtamt_gym.reports.write`. List it in
 ``docs/results.md``, and write a file of it in ``written`` of
-``tests/rtamt_gym/results/test_codec.py``, which checks the form of every kind.
+``tests/rtamt_gym/results/test_codec.py``, which checks the form of every kind. An error in
+``tests/rtamt_gym/reports/test_results.py`` lists the writers of all kinds.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import pytest
 from fold_laws import broken_law, broken_relation, reads_one_number
 
 from rtamt import parse
-from rtamt.program.algebra import FOLDS, LatticeFold, greater, lesser
+from rtamt.program.algebra import FOLDS, FUNCTIONS, LatticeFold, greater, lesser
 from rtamt.program.interface import STANDARD
 from rtamt.program.lowering import ProgramBuilder
 
@@ -224,3 +224,14 @@ def test_an_operator_folds_by_a_row_of_the_table() -> None:
         "'mean' is no lattice fold: expected min, max, until, release, since, trigger; for others "
         "see 'What a fold must be' in rtamt/program/algebra.py"
     )
+
+
+@pytest.mark.parametrize("name", [name for name in FUNCTIONS if name != "pow"])
+def test_function_of_nan_is_nan(name: str) -> None:
+    """Any other function is named in rtamt/native/discrete/columns.hpp, as pow is."""
+    function = FUNCTIONS[name]
+    for place in range(function.arity):
+        for number in (0.0, -0.0, 1.0, -2.0, math.inf, -math.inf):
+            operands = [number] * function.arity
+            operands[place] = math.nan
+            assert math.isnan(function.apply(*operands)), operands
