@@ -64,7 +64,15 @@ def cluster(backend: str) -> Iterator[tuple[str, Workers]]:
     """Start a cluster of two workers; yield its address, and a function of the workers' ids."""
     if backend == "dask":
         with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
-            yield local.scheduler_address, lambda: [w.pid for w in local.workers.values() if w.pid]
+            # A nanny whose worker dies while it starts may give up, so these are not killed.
+            yield (
+                local.scheduler_address,
+                lambda: [
+                    nanny.pid
+                    for nanny in local.workers.values()
+                    if nanny.worker_address in local.scheduler.workers
+                ],
+            )
         return
     context = ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
     try:
@@ -74,12 +82,15 @@ def cluster(backend: str) -> Iterator[tuple[str, Workers]]:
 
 
 def workers_of_ray() -> list[int]:
-    """Return the processes of this test's Ray that run tasks; the idle ones if there are none."""
+    """Return the processes of this test's Ray that run tasks; the idle ones if there are none.
+
+    A node does not outlive its agents, which have similar titles.
+    """
     found = []
     for process in psutil.Process().children(recursive=True):
         with suppress(psutil.Error):
             title = "".join(process.cmdline()[:1])
-            if title.startswith("ray::"):
+            if title.startswith("ray::") and "Agent" not in title:
                 found.append((title.startswith("ray::IDLE"), process.pid))
     return [pid for idle, pid in found if idle == min(found)[0]]
 
