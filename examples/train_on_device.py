@@ -27,7 +27,7 @@ from rtamt_arrays.jax.gymnax import StlEnvironment
 SPECS = {"visit": "eventually(x > 0.3)", "inside": "always(abs(x) < 0.8)"}
 SIGNALS = {"x": "obs[0]"}
 GAMMA = 0.99
-LANES, STEPS, UPDATES, EPOCHS, BATCHES = 64, 64, 500, 4, 4
+ENTRIES, STEPS, UPDATES, EPOCHS, BATCHES = 64, 64, 500, 4, 4
 HIDDEN = 64
 FIRST_RUN, FIRST_EPISODE, EPISODES = 61_000, 62_000, 200  # seeds, fixed before the first run
 
@@ -36,7 +36,7 @@ Parameters = Any
 
 
 class Transition(NamedTuple):
-    """A step of all lanes."""
+    """A step of all entries."""
 
     obs: jax.Array
     action: jax.Array
@@ -95,7 +95,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
         "critic": layers(critic, (size, HIDDEN, HIDDEN, 1), 1.0),
     }
     zero = jax.tree.map(jnp.zeros_like, policy)
-    obs, state = jax.vmap(env.reset, in_axes=(0, None))(jax.random.split(first, LANES), params)
+    obs, state = jax.vmap(env.reset, in_axes=(0, None))(jax.random.split(first, ENTRIES), params)
 
     def play(carried: Any, key: jax.Array) -> tuple[Any, Transition]:
         policy, obs, state = carried
@@ -104,7 +104,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
         action = jax.random.categorical(choice, logits)
         following, state, reward, terminated, truncated, info = jax.vmap(
             env.step, in_axes=(0, 0, 0, None)
-        )(jax.random.split(steps, LANES), state, action, params)
+        )(jax.random.split(steps, ENTRIES), state, action, params)
         value = applied(policy["critic"], obs)[:, 0]
         limit = truncated & ~terminated
         # A time limit does not end the task: the value of the last state replaces later rewards.
@@ -130,7 +130,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
         )
         advantage = advantages(steps, applied(policy["critic"], obs)[:, 0])
         data = (steps.obs, steps.action, steps.log_probability, advantage, advantage + steps.value)
-        flat = jax.tree.map(lambda x: x.reshape(LANES * STEPS, *x.shape[2:]), data)
+        flat = jax.tree.map(lambda x: x.reshape(ENTRIES * STEPS, *x.shape[2:]), data)
 
         def learn(carried: Any, rows: jax.Array) -> tuple[Any, None]:
             policy, moments, count = carried
@@ -138,7 +138,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
             return adam(policy, moments, count, gradient), None
 
         orders = [
-            jax.random.permutation(k, LANES * STEPS).reshape(BATCHES, -1)
+            jax.random.permutation(k, ENTRIES * STEPS).reshape(BATCHES, -1)
             for k in jax.random.split(shuffling, EPOCHS)
         ]
         (policy, moments, count), _ = jax.lax.scan(

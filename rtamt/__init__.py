@@ -75,7 +75,7 @@ if TYPE_CHECKING:  # Old names, which `rtamt.renamed` lists; the next version re
     from rtamt.internal import JointRead as JointRead
     from rtamt.internal import OperatorClock as OperatorClock
     from rtamt.internal import OperatorClocks as OperatorClocks
-    from rtamt.internal import VerdictBook as VerdictBook
+    from rtamt.internal import VerdictLog as VerdictLog
     from rtamt.internal import joint_feed as joint_feed
     from rtamt.language import Publication as Publication
     from rtamt.language import RequirementId as RequirementId

@@ -6,11 +6,11 @@ from types import MemberDescriptorType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rtamt.inputs.batch import BatchReader
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import EventsLike, GivenLike
-from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines import books, protocols
+from rtamt.machines import protocols, verdict_logs
 from rtamt.machines.clocks import OperatorClock
 from rtamt.machines.protocols import End
 from rtamt.machines.terms import RefusesRanges
@@ -78,20 +78,20 @@ def count_failures(
     last: NDArray[np.int64],
     threads: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]: ...
-def feed_banks(
-    banks: Sequence[protocols.EpisodeBank],
+def feed_batches(
+    batches: Sequence[protocols.EpisodeBatch],
     columns: Sequence[tuple[int, ...]],
     table: NDArray[np.float64],
     mask: NDArray[np.bool_] | None,
 ) -> int: ...
-def least_of_banks(
-    banks: Sequence[protocols.EpisodeBank], name: str, failed: NDArray[np.bool_] | None
+def least_of_batches(
+    batches: Sequence[protocols.EpisodeBatch], name: str, failed: NDArray[np.bool_] | None
 ) -> NDArray[np.float64]: ...
-def finish_banks(
-    banks: Sequence[protocols.EpisodeBank], mask: NDArray[np.bool_] | None, end: End
+def finish_batches(
+    batches: Sequence[protocols.EpisodeBatch], mask: NDArray[np.bool_] | None, end: End
 ) -> bool: ...
 def note_verdicts(
-    banks: Sequence[protocols.EpisodeBank],
+    batches: Sequence[protocols.EpisodeBatch],
     mask: NDArray[np.bool_] | None,
     settled_at: NDArray[np.int64],
     violated: NDArray[np.bool_],
@@ -109,9 +109,9 @@ def forget_verdicts(
     first: NDArray[np.int64],
     violated_at: NDArray[np.int64],
 ) -> None: ...
-def outcomes_of_banks(
-    banks: Sequence[protocols.EpisodeBank],
-    lanes: NDArray[np.int64],
+def outcomes_of_batches(
+    batches: Sequence[protocols.EpisodeBatch],
+    entries: NDArray[np.int64],
     failed: NDArray[np.bool_],
     settled_at: NDArray[np.int64],
 ) -> tuple[
@@ -124,8 +124,12 @@ def outcomes_of_banks(
     NDArray[np.bool_],
     NDArray[np.bool_],
 ]: ...
-def spread_lanes(columns: list[books.LaneColumn], lanes: NDArray[np.int64], num: int) -> int: ...
-def reset_banks(banks: Sequence[protocols.EpisodeBank], mask: NDArray[np.bool_] | None) -> None: ...
+def spread_entries(
+    columns: list[verdict_logs.EntryColumn], entries: NDArray[np.int64], num: int
+) -> int: ...
+def reset_batches(
+    batches: Sequence[protocols.EpisodeBatch], mask: NDArray[np.bool_] | None
+) -> None: ...
 
 class DiscreteMachine:
     def __init__(
@@ -189,7 +193,7 @@ class EpisodeMachine:
     def state(self) -> bytes: ...
     def restore(self, state: bytes) -> None: ...
 
-class EpisodePanel:
+class EpisodeMonitorSet:
     def __init__(
         self,
         machines: Sequence[EpisodeMachine],
@@ -304,7 +308,7 @@ class DenseSigns:
     def fails_at(self, instants: Sequence[tuple[int, float]]) -> tuple[int, int, int | None]: ...
     def holds_at(self, instants: Sequence[tuple[int, float]]) -> bool: ...
 
-class ClockBank:
+class ClockBatch:
     def __init__(self, rows: Sequence[OperatorClock], parts: int, num: int) -> None: ...
     @property
     def samples(self) -> NDArray[np.int64]: ...
@@ -317,7 +321,7 @@ class ClockBank:
     def state(self) -> bytes: ...
     def restore(self, state: bytes) -> None: ...
 
-class DiscreteBank:
+class DiscreteBatch:
     def __init__(
         self,
         rows: Sequence[tuple[object, ...]],
@@ -326,7 +330,7 @@ class DiscreteBank:
         result: int,
         latency: int,
         num: int,
-        reader: LaneReader,
+        reader: BatchReader,
     ) -> None: ...
     @property
     def samples(self) -> NDArray[np.int64]: ...
@@ -339,7 +343,7 @@ class DiscreteBank:
     def state(self) -> bytes: ...
     def restore(self, state: bytes) -> None: ...
 
-class EpisodeBank:
+class EpisodeBatch:
     def __init__(
         self,
         terms: Sequence[tuple[object, ...]],
@@ -348,7 +352,7 @@ class EpisodeBank:
         streams: Sequence[int],
         variables: tuple[str, ...],
         num: int,
-        reader: LaneReader,
+        reader: BatchReader,
         neutral: Sequence[int] = (),
     ) -> None: ...
     @property

@@ -7,7 +7,7 @@ from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
 from rtamt.monitors.clocks import OperatorClocks
 from rtamt.monitors.explainer import explain_dense_verdict, explain_verdict
 from rtamt.monitors.judged_rows import judgements_of
-from rtamt.monitors.monitor_sets import JointFeed, JointRead, VerdictBook, joint_feed
+from rtamt.monitors.monitor_sets import JointFeed, JointRead, VerdictLog, joint_feed
 
 __all__ = [
     "ClockEvent",
@@ -18,7 +18,7 @@ __all__ = [
     "OperatorClocks",
     "StampOrder",
     "TraceRows",
-    "VerdictBook",
+    "VerdictLog",
     "explain_dense_verdict",
     "explain_verdict",
     "groups_of",

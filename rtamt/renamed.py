@@ -69,7 +69,7 @@ NAMES: Final[Mapping[str, Mapping[str, str]]] = {
         "SpecificationTemplate": "rtamt.language.SpecificationTemplate",
         "SubscribedField": "rtamt.language.SubscribedField",
         "Subscription": "rtamt.language.Subscription",
-        "VerdictBook": "rtamt.internal.VerdictBook",
+        "VerdictBook": "rtamt.internal.VerdictLog",
         "evaluate_dense": "rtamt.dense.evaluate",
         "evaluate_many": "rtamt.evaluate",
         "explain_dense": "rtamt.dense.explain",
@@ -182,6 +182,7 @@ ATTRIBUTES: Final[Mapping[str, Mapping[str, str]]] = {
 """For each class, every old attribute or method and its new name."""
 
 KEYWORDS: Final[Mapping[str, Mapping[str, str]]] = {
+    "init": {"lanes": "batch_size"},
     "mutants": {"most": "limit"},
 }
 """For each function, every old keyword and its new name."""

@@ -76,10 +76,10 @@ class EpisodeRows:
 
     def in_world(self, rows: Tensor, unknowns: Sequence[Tensor]) -> Tensor:
         """Return polynomials in the unknowns, evaluated at values of the unknowns."""
-        count, corners, lanes = rows.shape
+        count, corners, entries = rows.shape
         if corners == 1:  # the same at every corner
             return rows
-        values = rows.reshape((count, *(2,) * len(unknowns), 1, lanes))
+        values = rows.reshape((count, *(2,) * len(unknowns), 1, entries))
         for u in unknowns:
             values = self._lattice.greater(values[:, 0], self._lattice.lesser(values[:, 1], u))
         return values

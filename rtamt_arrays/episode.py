@@ -27,13 +27,14 @@ from typing import NamedTuple, SupportsIndex
 from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import place
 from rtamt.program.program import Program
+from rtamt.renamed import old_keywords
 from rtamt_arrays.continuations import EpisodeOutlook, EpisodeRows
 from rtamt_arrays.functions import FUNCTIONS, Elements
 from rtamt_arrays.inputs import (
     ArrayReader,
     ArraySample,
     StateField,
-    checked_lanes,
+    checked_batch_size,
     checked_mask,
     checked_state,
     columns,
@@ -105,14 +106,17 @@ class EpisodeArrays:
             f"{dtype_name(self._reader.dtype)}>"
         )
 
-    def init(self, lanes: SupportsIndex) -> EpisodeState:
-        """Return the state of ``lanes`` batch entries (1 or more) before the first sample.
+    @old_keywords
+    def init(self, batch_size: SupportsIndex) -> EpisodeState:
+        """Return the state of ``batch_size`` entries (1 or more) before the first sample.
 
         Raises:
-            InputError: If ``lanes`` is less than 1.
-            InputTypeError: If ``lanes`` is not a whole number.
+            InputError: If ``batch_size`` is less than 1.
+            InputTypeError: If ``batch_size`` is not a whole number.
         """
-        return EpisodeState(**zeros(self._o, self._fields, checked_lanes(self._reader, lanes)))
+        return EpisodeState(
+            **zeros(self._o, self._fields, checked_batch_size(self._reader, batch_size))
+        )
 
     def reset(self, state: EpisodeState, mask: Tensor | None = None) -> EpisodeState:
         """Return the state in which the masked entries have no samples.
@@ -206,17 +210,17 @@ class EpisodeArrays:
         """Return the settled values with a sample, and the next state."""
         self._check(state)
         o, age = self._o, state.age
-        lanes = tuple(age.shape)
-        values = columns(self.program, self._reader, sample, lanes)
+        entries = tuple(age.shape)
+        values = columns(self.program, self._reader, sample, entries)
         known, wrong = terms(self.program, o, self._reader.dtype, values)
-        now, following = self._settled(state, [o.broadcast(term, lanes) for term in known])
+        now, following = self._settled(state, [o.broadcast(term, entries) for term in known])
         nan = state.nan if wrong is None else state.nan | wrong
         return now, following._replace(age=o.least(age + 1, self._layout.oldest), nan=nan)
 
     def _values(self, now: Arrival, views: Sequence[Worldview]) -> list[Tensor]:
         """Return the value at time 0 of each entry, in each continuation."""
-        lanes = tuple(now.age.shape)
-        return [self._o.broadcast(self._outlook.value(now, view), lanes) for view in views]
+        entries = tuple(now.age.shape)
+        return [self._o.broadcast(self._outlook.value(now, view), entries) for view in views]
 
     def _reading(
         self, robustness: Tensor, lower: Tensor, upper: Tensor, nan: Tensor
@@ -317,7 +321,7 @@ class EpisodeArrays:
     def _store(self, kept: _Kept, cells: Cells, rows: Tensor) -> None:
         """Store rows; the calls come in the order of the layout."""
         if cells.end > cells.begin:
-            lanes = tuple(kept.state.age.shape)
+            entries = tuple(kept.state.age.shape)
             rows, corners = (rows, (self._corners,)) if cells.depends else (rows[:, 0], ())
-            shape = (cells.end - cells.begin, *corners, *lanes)
+            shape = (cells.end - cells.begin, *corners, *entries)
             kept.tables[cells.depends].append(self._o.broadcast(rows, shape))

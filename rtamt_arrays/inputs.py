@@ -59,7 +59,7 @@ class StateField(NamedTuple):
 
     rows: tuple[int, ...]
     dtype: object
-    lanes: bool = True
+    entries: bool = True
 
 
 def refused(reader: ArrayReader | None, error: type[RtamtError], text: str) -> NoReturn:
@@ -133,11 +133,11 @@ def _taken(reader: ArrayReader, value: object, what: str) -> Tensor:
     return array
 
 
-def checked_lanes(reader: ArrayReader, lanes: object) -> int:
+def checked_batch_size(reader: ArrayReader, batch_size: object) -> int:
     """Return the size of a batch, or raise an error."""
-    number = whole(lanes)
+    number = whole(batch_size)
     if number is None:
-        text = f"expected a whole number of batch entries, got {reader.shown(lanes)}"
+        text = f"expected a whole number of batch entries, got {reader.shown(batch_size)}"
         refused(reader, InputTypeError, text)
     if number < 1:
         refused(reader, InputError, f"expected 1 or more batch entries, got {number}")
@@ -158,11 +158,11 @@ def checked_mask(reader: ArrayReader, mask: object, like: Tensor) -> Tensor:
     """Return a mask with the shape of ``like``, or raise an error."""
     shape, array = tuple(like.shape), reader.mask(mask, like)
     if array is None:
-        module, lanes = reader.module, shape[0]
+        module, entries = reader.module, shape[0]
         text = (
             f"expected a mask of booleans in {reader.kind} of shape {shape}, got "
             f"{reader.shown(mask)}; numbers != 0 are one, and "
-            f"{module}.isin({module}.arange({lanes}), lanes) makes a mask from indices"
+            f"{module}.isin({module}.arange({entries}), indices) makes a mask from indices"
         )
         refused(reader, InputTypeError, text)
     if tuple(array.shape) != shape:
@@ -181,7 +181,7 @@ def checked_state(
     if not isinstance(state, kind):
         text = (
             f"expected a state of this monitor, an {kind.__name__}, got {reader.shown(state)}; "
-            "init(lanes) returns the first, and a step returns the next one and a reading"
+            "init(batch_size) returns the first, and a step returns the next one and a reading"
         )
         refused(reader, InputTypeError, text)
     for name, field in fields.items():
@@ -193,9 +193,9 @@ def checked_state(
                 f"{dtype_name(field.dtype)} as '{name}', got {got}"
             )
             refused(reader, InputTypeError, text)
-    lanes = tuple(state.age.shape)[-1:] or (1,)  # type: ignore[attr-defined] # of states
+    entries = tuple(state.age.shape)[-1:] or (1,)  # type: ignore[attr-defined] # of states
     for name, field in fields.items():
-        expected = (*field.rows, *lanes) if field.lanes else field.rows
+        expected = (*field.rows, *entries) if field.entries else field.rows
         shape = tuple(getattr(state, name).shape)
         if shape != expected:
             text = (
@@ -210,10 +210,10 @@ def dtype_name(dtype: object) -> str:
     return getattr(dtype, "__name__", None) or str(dtype)
 
 
-def zeros(o: Operations, fields: Mapping[str, StateField], lanes: int) -> dict[str, Tensor]:
+def zeros(o: Operations, fields: Mapping[str, StateField], entries: int) -> dict[str, Tensor]:
     """Return the arrays of a state, filled with zeros."""
     return {
-        name: o.full((*field.rows, *[lanes] * field.lanes), 0.0, field.dtype)
+        name: o.full((*field.rows, *[entries] * field.entries), 0.0, field.dtype)
         for name, field in fields.items()
     }
 

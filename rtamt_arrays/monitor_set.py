@@ -219,7 +219,7 @@ class MonitorSetUpdate(NamedTuple):
 
 
 class ArrayMonitorSet:
-    """`rtamt_gym.judging.vector_panel` as pure functions of arrays.
+    """`rtamt_gym.judging.vector_monitor_set` as pure functions of arrays.
 
     Attributes:
         latencies: The number of samples after the first that each judge reads; None for all.

@@ -19,12 +19,13 @@ from typing import NamedTuple, SupportsIndex, assert_never
 
 from rtamt.program.instructions import Map, Window
 from rtamt.program.program import Delay, Program, schedule
+from rtamt.renamed import old_keywords
 from rtamt_arrays.functions import FUNCTIONS, Elements, Fold, exact
 from rtamt_arrays.inputs import (
     ArrayReader,
     ArraySample,
     StateField,
-    checked_lanes,
+    checked_batch_size,
     checked_mask,
     checked_state,
     columns,
@@ -103,7 +104,7 @@ class OnlineMonitor:
         )
         self._fields = {
             "ring": StateField((sum(self._lengths),), dtype),
-            "place": StateField((len(self._lengths),), o.row, lanes=False),
+            "place": StateField((len(self._lengths),), o.row, entries=False),
             "totals": StateField((len(self._totals),), dtype),
             "age": StateField((), o.count),
             "nan": StateField((), o.truth),
@@ -135,14 +136,15 @@ class OnlineMonitor:
             lengths.append(window.length - size)
         return [(self._delayed(length, identity), length) for length in lengths]
 
-    def init(self, lanes: SupportsIndex) -> OnlineState:
-        """Return the state of ``lanes`` batch entries (1 or more) before the first sample.
+    @old_keywords
+    def init(self, batch_size: SupportsIndex) -> OnlineState:
+        """Return the state of ``batch_size`` entries (1 or more) before the first sample.
 
         Raises:
-            InputError: If ``lanes`` is less than 1.
-            InputTypeError: If ``lanes`` is not a whole number.
+            InputError: If ``batch_size`` is less than 1.
+            InputTypeError: If ``batch_size`` is not a whole number.
         """
-        arrays = zeros(self._o, self._fields, checked_lanes(self._reader, lanes))
+        arrays = zeros(self._o, self._fields, checked_batch_size(self._reader, batch_size))
         # A copy, because callers may overwrite it.
         position = self._o.concatenate([self._table.begins])
         return OnlineState(**arrays | {"place": position})
@@ -179,8 +181,8 @@ class OnlineMonitor:
         """
         self._check(state)
         o, age = self._o, state.age
-        lanes = tuple(age.shape)
-        values = columns(self.program, self._reader, sample, lanes)
+        entries = tuple(age.shape)
+        values = columns(self.program, self._reader, sample, entries)
         known, wrong = terms(self.program, o, self._reader.dtype, values)
         slots: dict[int, Tensor] = dict(enumerate(known))
         step = _Step(o, state, self._table)
@@ -265,7 +267,7 @@ class _Step:
 
     def __init__(self, o: Operations, state: OnlineState, table: _Table) -> None:
         self._o, self._state, self._table = o, state, table
-        self._lanes = tuple(state.age.shape)
+        self._entries = tuple(state.age.shape)
         self._written: list[Tensor] = [None] * len(table.lengths)
         self._totals: list[Tensor] = [None] * len(table.totals)
         if self._written:
@@ -277,7 +279,7 @@ class _Step:
     def delayed(self, delay: int, x: Elements) -> Elements:
         """Write numbers to a delay, and return the numbers that it delayed."""
         for i, number in enumerate(x):
-            self._written[delay + i] = self._o.broadcast(number, self._lanes)
+            self._written[delay + i] = self._o.broadcast(number, self._entries)
         return tuple(self._late[delay + i] for i in range(len(x)))
 
     def total(self, place: int, fold: Fold, x: Elements) -> Elements:
@@ -285,7 +287,7 @@ class _Step:
         before = tuple(self._sums[place + i] for i in range(len(x)))
         total = fold.combine(before, x)
         for i, number in enumerate(total):
-            self._totals[place + i] = self._o.broadcast(number, self._lanes)
+            self._totals[place + i] = self._o.broadcast(number, self._entries)
         return total
 
     def following(self, nan: Tensor, age: Tensor) -> OnlineState:

@@ -1,4 +1,4 @@
-"""From robustness to reward: pure functions of floats, and of arrays with a number for each lane.
+"""From robustness to reward: pure functions of floats, and of arrays with one for each environment.
 
 Let r be the environment's reward, x the robustness of the episode before the step, clipped to
 [-clip, clip], and x' that after the step:
@@ -34,8 +34,8 @@ episode that fails early may earn more than one that succeeds late; ``terminal``
 ``potential`` do not depend on the number of steps in this way.
 
 Functions that take several specifications take a sequence with an element for each: floats, or
-arrays of shape (lanes,), of NumPy, of JAX or of torch. Flags (``ended``, ``terminated``) are 1 or 0
-in arrays, otherwise True or False.
+arrays of shape (environments,), of NumPy, of JAX or of torch. Flags (``ended``, ``terminated``) are
+1 or 0 in arrays, otherwise True or False.
 
 To add a mode: its name in `Mode`, one function, one case of `Shaping.reward` and a row of the table
 above; if it depends on the episode or on bounds, also `pays_episode` or `pays_bounds`. The function
@@ -85,7 +85,7 @@ Priority = Literal["safety", "target", "comfort"]
 """The levels of ``hierarchical``, the most important first."""
 
 Numeric = TypeVar("Numeric", float, NDArray[np.float64])
-"""A float, or an array with one float for each lane."""
+"""A float, or an array with one float for each environment."""
 
 
 def clip(x: Numeric, bound: float) -> Numeric:
@@ -136,7 +136,7 @@ def least(values: Sequence[Numeric], temperature: float | None = None) -> Numeri
     """
     first = values[0]
     if not isinstance(first, float | int):
-        return cast("Numeric", _least_of_lanes(values, temperature))
+        return cast("Numeric", _least_of_entries(values, temperature))
     low = min(values)
     if low == 0.0:  # min gives the first zero
         low = min(values, key=lambda value: math.copysign(1.0, value) if value == 0.0 else 2.0)
@@ -145,7 +145,7 @@ def least(values: Sequence[Numeric], temperature: float | None = None) -> Numeri
     return low - temperature * math.log(sum(math.exp((low - v) / temperature) for v in values))
 
 
-def _least_of_lanes(values: Sequence[Any], temperature: float | None) -> Any:  # noqa: ANN401
+def _least_of_entries(values: Sequence[Any], temperature: float | None) -> Any:  # noqa: ANN401
     library = library_of(values[0])
     lowest = functools.reduce(library.minimum, values)
     # A minimum gives either zero. Only NumPy can look first whether there is one, which is cheap.

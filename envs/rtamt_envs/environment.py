@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import InputError, InputTypeError
-from rtamt_envs.lanes import ScenarioLanes
 from rtamt_envs.scenario import Declared, EpisodeSoFar, Floats, Quantity, Scenario, scenario_of
+from rtamt_envs.scenario_batch import ScenarioBatch
 from rtamt_gym.checks.extras import naming_extra
 
 _ONE = np.ones(1, np.bool_)
@@ -68,7 +68,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         self.action_space = box(self.scenario.actions)
         self.observation_space = box(self.scenario.observations)
         self._defaults = self.scenario.parameter_row(parameters or {}, self.scenario.defaults)
-        self._lanes = ScenarioLanes(self.scenario, self._defaults, 1)
+        self._entries = ScenarioBatch(self.scenario, self._defaults, 1)
         self._seen: list[Floats] = []
         self._acted: list[Floats] = []
 
@@ -76,7 +76,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
     def parameters(self) -> dict[str, float]:
         """The parameters of the current episode by name; a copy."""
         names = [parameter.name for parameter in self.scenario.parameters]
-        return dict(zip(names, self._lanes.parameters[0].tolist(), strict=True))
+        return dict(zip(names, self._entries.parameters[0].tolist(), strict=True))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -88,7 +88,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         """
         row = self.scenario.parameter_row(options or {}, self._defaults)
         super().reset(seed=seed)
-        self._lanes.start(_ONE, (self.np_random,), row[None])
+        self._entries.start(_ONE, (self.np_random,), row[None])
         self._seen, self._acted = [], []
         return self._observed(), {}
 
@@ -100,14 +100,14 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
             StateError: Before the first `reset`.
         """
         acted = numbers(action, (len(self.scenario.actions),), self.scenario)
-        self._lanes.step_first(acted, self.np_random)
+        self._entries.step_first(acted, self.np_random)
         if self.render_mode:
             self._acted.append(acted.copy())
         return self._observed(), 0.0, False, False, {}
 
     def baseline(self, observation: object = None) -> Floats:  # noqa: ARG002 - as any policy
         """Return the action of the scenario's baseline: a policy for `simulate`."""
-        action: Floats = self._lanes.baseline()[0]
+        action: Floats = self._entries.baseline()[0]
         return action
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -143,7 +143,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         )
 
     def _observed(self) -> Floats:
-        seen: Floats = self._lanes.observations[0].copy()
+        seen: Floats = self._entries.observations[0].copy()
         if self.render_mode:
             self._seen.append(seen.copy())
         return seen

@@ -170,9 +170,9 @@ class Scenario:
                     f"expected a number as parameter {name!r} of {self.id}, got {value!r}"
                 ) from None
             if numbers.shape not in {(), row.shape[:-1]} or np.isnan(numbers).any():
-                lanes = f" or {row.shape[0]} numbers" if row.ndim > 1 else ""
+                entries = f" or {row.shape[0]} numbers" if row.ndim > 1 else ""
                 raise InputError(
-                    f"expected a number{lanes} as parameter {name!r} of {self.id}, got {value!r}"
+                    f"expected a number{entries} as parameter {name!r} of {self.id}, got {value!r}"
                 )
             row[..., names.index(name)] = numbers
         return row

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from rtamt import InputError
 from rtamt_envs.environment import box, numbers
-from rtamt_envs.lanes import ScenarioLanes
 from rtamt_envs.scenario import Bools, Declared, Floats, scenario_of
+from rtamt_envs.scenario_batch import ScenarioBatch
 
 
 class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
@@ -70,7 +70,7 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._limit = max_episode_steps
         self._defaults = self.scenario.parameter_row(parameters or {}, self.scenario.defaults)
-        self._lanes = ScenarioLanes(self.scenario, self._defaults, num_envs)
+        self._entries = ScenarioBatch(self.scenario, self._defaults, num_envs)
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
         self._all = np.ones(num_envs, np.bool_)
         self._ended = np.zeros(num_envs, np.bool_)
@@ -79,7 +79,7 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
     def parameters(self) -> dict[str, Floats]:
         """The parameters of the current episodes by name; copies of shape (num_envs,)."""
         names = [parameter.name for parameter in self.scenario.parameters]
-        return dict(zip(names, self._lanes.parameters.T.copy(), strict=True))
+        return dict(zip(names, self._entries.parameters.T.copy(), strict=True))
 
     def reset(
         self,
@@ -107,17 +107,17 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         row = self.scenario.parameter_row(values, np.tile(self._defaults, (self.num_envs, 1)))
         seeds = [None] * self.num_envs if seed is None else seed
         if isinstance(seeds, SupportsIndex):
-            seeds = [int(seeds) + lane for lane in range(self.num_envs)]
+            seeds = [int(seeds) + entry for entry in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise InputError(
                 f"expected a seed for each of {self.num_envs} environments, got {len(seeds)}"
             )
-        for lane in np.flatnonzero(chosen).tolist():
-            if seeds[lane] is not None:
-                self._generators[lane] = gym.utils.seeding.np_random(seeds[lane])[0]
-        self._lanes.start(chosen, self._generators, row)
+        for entry in np.flatnonzero(chosen).tolist():
+            if seeds[entry] is not None:
+                self._generators[entry] = gym.utils.seeding.np_random(seeds[entry])[0]
+        self._entries.start(chosen, self._generators, row)
         self._ended[chosen] = False
-        return self._lanes.observations.copy(), {}
+        return self._entries.observations.copy(), {}
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Bools, Bools, dict[str, Any]]:
         """Make a step of ``dt`` seconds in every environment.
@@ -137,21 +137,21 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
                 f"environment {int(begins.argmax())} has ended; reset it with "
                 "options={'reset_mask': ...} before the next step"
             )
-        self._lanes.step(acted, ~begins, self._generators)
+        self._entries.step(acted, ~begins, self._generators)
         self._begin(begins)
-        truncated = self._lanes.steps >= self._limit
+        truncated = self._entries.steps >= self._limit
         self._ended = truncated.copy()
         info: dict[str, Any] = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and truncated.any():
             final = np.full(self.num_envs, None, object)
-            for lane in np.flatnonzero(truncated):
-                final[lane] = self._lanes.observations[lane].copy()
+            for entry in np.flatnonzero(truncated):
+                final[entry] = self._entries.observations[entry].copy()
             info = {"final_obs": final, "_final_obs": truncated.copy()}
             info |= {"final_info": {}, "_final_info": truncated.copy()}
             self._begin(truncated)
             self._ended[:] = False
         none = np.zeros(self.num_envs, np.bool_)
-        return self._lanes.observations.copy(), np.zeros(self.num_envs), none, truncated, info
+        return self._entries.observations.copy(), np.zeros(self.num_envs), none, truncated, info
 
     def rollout(self, actions: ArrayLike | int, active: ArrayLike | None = None) -> Floats:
         """Make many steps in one call, without autoreset or time limit, for searches.
@@ -175,20 +175,20 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         if isinstance(actions, SupportsIndex) and not isinstance(actions, np.ndarray):
             if int(actions) < 0:
                 raise InputError(f"expected a number of steps of 0 or more, got {int(actions)}")
-            return self._lanes.follow(int(actions), chosen, self._generators)
+            return self._entries.follow(int(actions), chosen, self._generators)
         steps = len(np.atleast_1d(np.asarray(actions)))
         shape = steps, self.num_envs, len(self.action_names)
-        return self._lanes.roll(numbers(actions, shape, self.scenario), chosen, self._generators)
+        return self._entries.roll(numbers(actions, shape, self.scenario), chosen, self._generators)
 
     def baseline(self, observations: object = None) -> Floats:  # noqa: ARG002 - as any policy
         """Return the actions of the baseline, shape (num_envs, actions)."""
-        return self._lanes.baseline()
+        return self._entries.baseline()
 
     def _begin(self, chosen: Bools) -> None:
         """Start episodes with the default parameters, as `ScenarioEnv.reset` without options."""
         if chosen.any():
             defaults = np.tile(self._defaults, (self.num_envs, 1))
-            self._lanes.start(chosen, self._generators, defaults)
+            self._entries.start(chosen, self._generators, defaults)
 
     def _mask(self, what: str, mask: ArrayLike | None) -> Bools:
         """Return the environments that a mask selects; None selects all."""

@@ -54,7 +54,7 @@ class SampleReader:
         program: Its variables are read; errors name its terms.
         nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value; ``"unknown"``
             means a completely unknown value.
-        lane: The number of the batch entry, for errors.
+        entry: The number of the batch entry, for errors.
         bounds: Whether the monitor returns bounds, so that values may be uncertain.
 
     Attributes:
@@ -72,7 +72,7 @@ class SampleReader:
         self,
         program: Program,
         nan: NanPolicy = "raise",
-        lane: int | None = None,
+        entry: int | None = None,
         *,
         bounds: bool = False,
     ) -> None:
@@ -84,7 +84,7 @@ class SampleReader:
         self.intervals_fit = True
         self._known = frozenset(self.variables)
         self._messages = Messages(program.specification, self.variables)
-        self._where = "" if lane is None else f" of batch entry {lane}"
+        self._where = "" if entry is None else f" of batch entry {entry}"
 
     def read(
         self,

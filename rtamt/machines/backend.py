@@ -16,15 +16,14 @@ from numpy.typing import NDArray
 
 from rtamt.errors import InputError, alternatives, brief, is_one_of
 from rtamt.inputs.arrays import Floats
+from rtamt.inputs.batch import BatchReader
 from rtamt.inputs.clock import Clock
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
-from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines import readout
-from rtamt.machines.bank import PythonDiscreteBank, PythonEpisodeBank
-from rtamt.machines.books import PYTHON_BOOKS, BookFunctions
-from rtamt.machines.clocks import OperatorClock, PythonClockBank
+from rtamt.machines.batch import PythonDiscreteBatch, PythonEpisodeBatch
+from rtamt.machines.clocks import OperatorClock, PythonClockBatch
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.machine import PythonDenseMachine
 from rtamt.machines.dense.outlook import PythonDenseSigns, dense_values
@@ -32,22 +31,23 @@ from rtamt.machines.dense.runs import Runs
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.episode.machine import PythonEpisodeVariants
 from rtamt.machines.protocols import (
-    Bank,
-    ClockBank,
+    ClockBatch,
     DenseEpisodeMachine,
     DenseMachine,
     DenseSigns,
     DiscreteMachine,
     End,
-    EpisodeBank,
+    EpisodeBatch,
     EpisodeMachine,
     EpisodeRun,
     EpisodeRuns,
+    MachineBatch,
     SampleRuns,
     TraceSet,
 )
 from rtamt.machines.segments import FindRuns
 from rtamt.machines.terms import FindRanges, FindTerms, term_columns, term_ranges
+from rtamt.machines.verdict_logs import PYTHON_VERDICT_LOGS, VerdictLogFunctions
 from rtamt.machines.walk import FoldPairs
 from rtamt.program.dense_lowering import DenseProgram, RegionProgram
 from rtamt.program.program import Program
@@ -72,7 +72,7 @@ class Factories:
 
     A reader turns arguments into samples or events, or refuses them. Observed registers are
     those whose values ``run`` and ``values`` return. The functions with a default are None if
-    the back-end has no faster way than its other functions or NumPy. ``episode_panel`` and
+    the back-end has no faster way than its other functions or NumPy. ``episode_monitor_set`` and
     ``episode_run`` may also return None: for machines of other back-ends, and where columns are
     always faster.
     """
@@ -88,13 +88,13 @@ class Factories:
         [RegionProgram, EventReader, Sequence[Given], tuple[int, int], End, bool],
         tuple[Runs, Runs, Runs],
     ]
-    discrete_bank: Callable[[Program, int, LaneReader], Bank]
-    episode_bank: Callable[[Program, int, LaneReader], EpisodeBank]
-    clock_bank: Callable[[Sequence[OperatorClock], int, int], ClockBank]
+    discrete_batch: Callable[[Program, int, BatchReader], MachineBatch]
+    episode_batch: Callable[[Program, int, BatchReader], EpisodeBatch]
+    clock_batch: Callable[[Sequence[OperatorClock], int, int], ClockBatch]
     clock: Callable[[DenseProgram], Clock]
     term_columns: FindTerms
     term_ranges: FindRanges
-    episode_panel: Callable[..., Any] | None = None
+    episode_monitor_set: Callable[..., Any] | None = None
     episode_run: Callable[[Program, Sequence[Floats], int, End], EpisodeRun | None] | None = None
     fold_pairs: FoldPairs | None = None
     find_runs: FindRuns | None = None
@@ -109,9 +109,9 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
         PythonDenseEpisodeMachine,
         PythonDenseSigns,
         dense_values,
-        PythonDiscreteBank,
-        PythonEpisodeBank,
-        PythonClockBank,
+        PythonDiscreteBatch,
+        PythonEpisodeBatch,
+        PythonClockBatch,
         Clock,
         term_columns,
         term_ranges,
@@ -122,8 +122,8 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
 read_only: Callable[[MemberDescriptorType], object] = readout.read_only
 """Returns a read-only descriptor of a slot of a class; the fastest one."""
 
-_own_books: BookFunctions | None = None
-_are_own: Callable[[Sequence[EpisodeBank]], bool] | None = None
+_own_logs: VerdictLogFunctions | None = None
+_are_own: Callable[[Sequence[EpisodeBatch]], bool] | None = None
 
 try:
     from rtamt.machines import native
@@ -138,20 +138,20 @@ else:
         native.dense_episode_machine,
         native.dense_signs,
         native.dense_values,
-        native.discrete_bank,
-        native.episode_bank,
-        native.clock_bank,
+        native.discrete_batch,
+        native.episode_batch,
+        native.clock_batch,
         native.NativeClock,
         native.term_columns,
         native.term_ranges,
-        native.episode_panel,
+        native.episode_monitor_set,
         native.episode_run,
         native.fold_pairs,
         native.find_runs,
         TraceFunctions(native.judge_traces, native.count_failures),
     )
     read_only = native.read_only
-    _own_books, _are_own = native.BOOKS, native.are_own
+    _own_logs, _are_own = native.VERDICT_LOGS, native.are_own
 
 BACKEND: Final[BackendName] = "native" if "native" in BACKENDS else "python"
 """``"native"`` if the C++ machines are built; otherwise, ``"python"``."""
@@ -171,8 +171,8 @@ def choose(backend: Backend) -> BackendName:
     return backend
 
 
-def books_of(banks: Sequence[EpisodeBank]) -> BookFunctions:
-    """Return the fastest functions that read these banks."""
-    if _own_books is not None and _are_own is not None and _are_own(banks):
-        return _own_books
-    return PYTHON_BOOKS
+def logs_of(batches: Sequence[EpisodeBatch]) -> VerdictLogFunctions:
+    """Return the fastest functions that read these batches."""
+    if _own_logs is not None and _are_own is not None and _are_own(batches):
+        return _own_logs
+    return PYTHON_VERDICT_LOGS

@@ -4,7 +4,7 @@ A clock knows the values of its operands, delayed by some samples, and whether i
 required at an instant; `rtamt.internal.OperatorClocks` describes the counts.
 
 To add the clock of an operator: its class here, and the same clock in
-``rtamt/native/lockstep/clocks.cpp``. `rtamt_gym.judging.obligations` describes the rest.
+``rtamt/native/batch/clocks.cpp``. `rtamt_gym.judging.obligations` describes the rest.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.arrays import Floats
-from rtamt.inputs.lanes import Lanes, numbers_of
+from rtamt.inputs.batch import Entries, numbers_of
 from rtamt.machines.state import StateFields
 
 ClockKind = Literal["oldest", "newest", "last"]
@@ -53,41 +53,41 @@ class OperatorClock(NamedTuple):
     first: bool = False
 
 
-class PythonClockBank(StateFields):
+class PythonClockBatch(StateFields):
     """Clocks over the same parts, in batch entries with their own time."""
 
-    STATE = ("_lanes",)
+    STATE = ("_entries",)
 
     def __init__(self, rows: Sequence[OperatorClock], _parts: int, num: int) -> None:
-        self._lanes = [_Lane(rows) for _ in range(num)]
+        self._entries = [_Entry(rows) for _ in range(num)]
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        return np.array([lane.samples for lane in self._lanes], dtype=np.int64)
+        return np.array([entry.samples for entry in self._entries], dtype=np.int64)
 
-    def feed(self, values: Floats, mask: Lanes | None = None) -> None:
+    def feed(self, values: Floats, mask: Entries | None = None) -> None:
         columns = values.T.tolist()
-        for lane in numbers_of(mask, len(self._lanes)):
-            self._lanes[lane].feed(columns[lane])
+        for entry in numbers_of(mask, len(self._entries)):
+            self._entries[entry].feed(columns[entry])
 
-    def reset(self, mask: Lanes | None = None) -> None:
-        for lane in numbers_of(mask, len(self._lanes)):
-            self._lanes[lane].reset()
+    def reset(self, mask: Entries | None = None) -> None:
+        for entry in numbers_of(mask, len(self._entries)):
+            self._entries[entry].reset()
 
     @property
     def fractions(self) -> Floats:
-        return _rows([lane.fractions() for lane in self._lanes])
+        return _rows([entry.fractions() for entry in self._entries])
 
     @property
     def margins(self) -> Floats:
-        return _rows([lane.margins() for lane in self._lanes])
+        return _rows([entry.margins() for entry in self._entries])
 
 
 def _rows(columns: list[list[float]]) -> Floats:
     return np.ascontiguousarray(np.array(columns, dtype=np.float64).T)
 
 
-class _Lane(StateFields):
+class _Entry(StateFields):
     """The clocks of one batch entry."""
 
     STATE = ("samples", "_clocks")

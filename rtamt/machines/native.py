@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent
 from rtamt.errors import StateError
 from rtamt.inputs.arrays import Floats
+from rtamt.inputs.batch import BatchReader, Entries
 from rtamt.inputs.clock import Clock, Ticks, Times
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
-from rtamt.inputs.lanes import LaneReader, Lanes
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.books import BankOutcomes, BookFunctions, LaneColumn, spread
 from rtamt.machines.clocks import OperatorClock
 from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.outlook import PythonDenseSigns, bound_worlds, everywhere
@@ -28,7 +27,7 @@ from rtamt.machines.episode.streams import NOW
 from rtamt.machines.protocols import (
     DenseSigns,
     End,
-    EpisodeBank,
+    EpisodeBatch,
     EpisodeRun,
     EpisodeRuns,
     SampleRuns,
@@ -36,6 +35,7 @@ from rtamt.machines.protocols import (
 )
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import RefusesRanges
+from rtamt.machines.verdict_logs import BatchOutcomes, EntryColumn, VerdictLogFunctions, spread
 from rtamt.program.dense_lowering import DenseProgram, RegionProgram
 from rtamt.program.encoding import (
     DiscreteRow,
@@ -105,18 +105,18 @@ def _judging_machine(program: Program) -> _native.EpisodeMachine:
     return episode_machine(program, SampleReader(program))
 
 
-def episode_panel(
+def episode_monitor_set(
     machines: Sequence[Any],
     places: Sequence[Sequence[int]],
     reads: Sequence[Any],
     decided: Callable[[int], object] | None,
     seen: Callable[[list[float]], object] | None,
     number: type[float],
-) -> _native.EpisodePanel | None:
+) -> _native.EpisodeMonitorSet | None:
     """Return the C++ set of machines; None if one of them is not in C++."""
     if not all(isinstance(machine, _native.EpisodeMachine) for machine in machines):
         return None
-    return _native.EpisodePanel(machines, places, reads, decided, seen, number)
+    return _native.EpisodeMonitorSet(machines, places, reads, decided, seen, number)
 
 
 def dense_machine(
@@ -247,16 +247,16 @@ def _encoded_signs(
     return encoded_terms(known), rows, known.result, clock
 
 
-def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.DiscreteBank:
-    return _native.DiscreteBank(*encoded_discrete(program), program.latency or 0, num, reader)
+def discrete_batch(program: Program, num: int, reader: BatchReader) -> _native.DiscreteBatch:
+    return _native.DiscreteBatch(*encoded_discrete(program), program.latency or 0, num, reader)
 
 
-def episode_bank(program: Program, num: int, reader: LaneReader) -> _native.EpisodeBank:
-    return _native.EpisodeBank(*encoded_episode(program), num, reader, neutral_registers(program))
+def episode_batch(program: Program, num: int, reader: BatchReader) -> _native.EpisodeBatch:
+    return _native.EpisodeBatch(*encoded_episode(program), num, reader, neutral_registers(program))
 
 
-def clock_bank(clocks: Sequence[OperatorClock], parts: int, num: int) -> _native.ClockBank:
-    return _native.ClockBank(clocks, parts, num)
+def clock_batch(clocks: Sequence[OperatorClock], parts: int, num: int) -> _native.ClockBatch:
+    return _native.ClockBatch(clocks, parts, num)
 
 
 def term_columns(
@@ -283,29 +283,29 @@ def term_ranges(
 
 
 def _feed(
-    banks: Sequence[EpisodeBank],
+    batches: Sequence[EpisodeBatch],
     columns: Sequence[tuple[int, ...]],
     table: Floats,
-    mask: Lanes | None,
+    mask: Entries | None,
 ) -> None:
-    while (fed := _native.feed_banks(banks, tuple(columns), table, mask)) < len(banks):
+    while (fed := _native.feed_batches(batches, tuple(columns), table, mask)) < len(batches):
         # It reads rare forms of samples, or refuses them.
-        banks[fed].update(table[:, list(columns[fed])], mask)
-        banks, columns = banks[fed + 1 :], columns[fed + 1 :]
-        if not banks:
+        batches[fed].update(table[:, list(columns[fed])], mask)
+        batches, columns = batches[fed + 1 :], columns[fed + 1 :]
+        if not batches:
             return
 
 
-def _finish(banks: Sequence[EpisodeBank], mask: Lanes | None, end: End) -> None:
-    if not _native.finish_banks(banks, mask, end):
-        banks[0].finish(mask, end)  # refuses
+def _finish(batches: Sequence[EpisodeBatch], mask: Entries | None, end: End) -> None:
+    if not _native.finish_batches(batches, mask, end):
+        batches[0].finish(mask, end)  # refuses
 
 
 def _forget(
-    mask: Lanes | None,
+    mask: Entries | None,
     settled_at: NDArray[np.int64],
-    violated: Lanes,
-    failed: Lanes,
+    violated: Entries,
+    failed: Entries,
     first: NDArray[np.int64],
     violated_at: NDArray[np.int64],
 ) -> None:
@@ -314,35 +314,35 @@ def _forget(
 
 
 def _outcomes(
-    banks: Sequence[EpisodeBank],
-    lanes: NDArray[np.int64],
-    failed: Lanes,
+    batches: Sequence[EpisodeBatch],
+    entries: NDArray[np.int64],
+    failed: Entries,
     settled_at: NDArray[np.int64],
-) -> BankOutcomes:
-    return BankOutcomes(*_native.outcomes_of_banks(banks, lanes, failed, settled_at))
+) -> BatchOutcomes:
+    return BatchOutcomes(*_native.outcomes_of_batches(batches, entries, failed, settled_at))
 
 
-def _spread(columns: list[LaneColumn], lanes: NDArray[np.int64], num: int) -> None:
-    while (done := _native.spread_lanes(columns, lanes, num)) < len(columns):
-        spread(columns[done : done + 1], lanes, num)  # of another dtype or layout
+def _spread(columns: list[EntryColumn], entries: NDArray[np.int64], num: int) -> None:
+    while (done := _native.spread_entries(columns, entries, num)) < len(columns):
+        spread(columns[done : done + 1], entries, num)  # of another dtype or layout
         columns = columns[done + 1 :]
 
 
-BOOKS = BookFunctions(
+VERDICT_LOGS = VerdictLogFunctions(
     _feed,
-    _native.least_of_banks,
+    _native.least_of_batches,
     _finish,
     _native.note_verdicts,
     _forget,
     _outcomes,
     _spread,
-    _native.reset_banks,
+    _native.reset_batches,
 )
 
 
-def are_own(banks: Sequence[EpisodeBank]) -> bool:
-    """Return whether these functions can read the banks."""
-    return set(map(type, banks)) == {_native.EpisodeBank}
+def are_own(batches: Sequence[EpisodeBatch]) -> bool:
+    """Return whether these functions can read the batches."""
+    return set(map(type, batches)) == {_native.EpisodeBatch}
 
 
 def refuse_running() -> NoReturn:

@@ -9,9 +9,9 @@ if the two differ, the C++ machine is wrong.
 `EpisodeMachine`     bounds the robustness of an episode: `rtamt.machines.episode.machine`
 `DenseMachine`       runs a program on events over dense time: `rtamt.machines.dense.machine`
 `DenseSigns`         where a formula fails on a trace in dense time: `rtamt.machines.dense.outlook`
-`Bank`               a batch of discrete machines: `rtamt.machines.bank`
-`EpisodeBank`        a batch of episode machines: `rtamt.machines.bank`
-`ClockBank`          a batch of clocks of temporal operators: `rtamt.machines.clocks`
+`MachineBatch`       a batch of discrete machines: `rtamt.machines.batch`
+`EpisodeBatch`       a batch of episode machines: `rtamt.machines.batch`
+`ClockBatch`         a batch of clocks of temporal operators: `rtamt.machines.clocks`
 ===================  ========================================================================
 
 To add a machine, such as one for another time domain: a protocol here, a Python class that matches
@@ -24,8 +24,8 @@ To add an end mode, such as ``end="cut"``: add its name to `End`, and decide in
 - `rtamt.machines`: ``bounds``, ``walk``, ``episode/machine``, ``dense/episode`` and
   ``dense/outlook``;
 - ``rtamt/native``: ``core/end.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
-  ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``lockstep/columns.cpp`` and
-  ``lockstep/variants.cpp``;
+  ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``batch/columns.cpp`` and
+  ``batch/variants.cpp``;
 - `rtamt.monitors`: ``sample_trace``, ``dense_trace``, ``judgement`` and ``batch``;
 - `rtamt.checking.search` and `rtamt.checking.encoding`; `rtamt_arrays.monitor_set`.
 
@@ -265,7 +265,7 @@ class DenseSigns(Protocol):
         """Return whether it holds at all of some positions, one or more."""
 
 
-class Bank(Stateful, Protocol):
+class MachineBatch(Stateful, Protocol):
     """A batch of machines of one program; each entry has its own time."""
 
     @property
@@ -288,7 +288,7 @@ class Bank(Stateful, Protocol):
         """Forget every sample of the entries in the mask."""
 
 
-class ClockBank(Protocol):
+class ClockBatch(Protocol):
     """Clocks of temporal operators over the same parts, in batch entries with their own time.
 
     Attributes:
@@ -311,7 +311,7 @@ class ClockBank(Protocol):
     def restore(self, state: MachineState) -> None: ...
 
 
-class EpisodeBank(Bank, Protocol):
+class EpisodeBatch(MachineBatch, Protocol):
     """A batch of episode machines, with the attributes of `EpisodeMachine` for every entry.
 
     Attributes:

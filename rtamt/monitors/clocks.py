@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError
 from rtamt.inputs.arrays import Floats
-from rtamt.inputs.lanes import Lanes
+from rtamt.inputs.batch import Entries
 from rtamt.machines.backend import BACKENDS, Backend, choose
 from rtamt.machines.clocks import OperatorClock
 
@@ -75,9 +75,9 @@ class OperatorClocks:
         self._clocks, self._shape, self._backend = tuple(clocks), (parts, num), backend
         for clock in self._clocks:
             _check(clock, parts)
-        self._bank = BACKENDS[choose(backend)].clock_bank(self._clocks, parts, num)
+        self._batch = BACKENDS[choose(backend)].clock_batch(self._clocks, parts, num)
 
-    def feed(self, values: ArrayLike, mask: Lanes | None = None) -> None:
+    def feed(self, values: ArrayLike, mask: Entries | None = None) -> None:
         """Take a sample in the entries of the mask; None: in all.
 
         Args:
@@ -90,29 +90,29 @@ class OperatorClocks:
                 f"expected values of the shape {self._shape}, a row for each part, "
                 f"got {table.shape}"
             )
-        self._bank.feed(table, None if mask is None else self._mask(mask))
+        self._batch.feed(table, None if mask is None else self._mask(mask))
 
-    def reset(self, mask: Lanes | None = None) -> None:
+    def reset(self, mask: Entries | None = None) -> None:
         """Forget every sample of the entries in the mask; None: of all."""
-        self._bank.reset(None if mask is None else self._mask(mask))
+        self._batch.reset(None if mask is None else self._mask(mask))
 
     @property
     def samples(self) -> NDArray[np.int64]:
         """The number of samples of every entry since its reset; a fresh array."""
-        return self._bank.samples
+        return self._batch.samples
 
     @property
     def fractions(self) -> Floats:
         """A row for each clock: from 0 to 1 in every entry; a fresh array."""
-        return self._bank.fractions
+        return self._batch.fractions
 
     @property
     def margins(self) -> Floats:
         """A row for each operand of each clock: its newest value, 0 before it; a fresh array."""
-        return self._bank.margins
+        return self._batch.margins
 
-    def _mask(self, mask: Lanes) -> Lanes:
-        chosen: Lanes = np.ascontiguousarray(mask)
+    def _mask(self, mask: Entries) -> Entries:
+        chosen: Entries = np.ascontiguousarray(mask)
         if chosen.dtype != np.bool_ or chosen.shape != self._shape[1:]:
             raise InputError(
                 f"expected a mask of {self._shape[1]} booleans, one for each batch entry, got "
@@ -122,10 +122,10 @@ class OperatorClocks:
 
     def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], object]:
         make = partial(type(self), backend=self._backend)
-        return make, (self._clocks, *self._shape), self._bank.state()
+        return make, (self._clocks, *self._shape), self._batch.state()
 
-    def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - each bank has its own
-        self._bank.restore(state)
+    def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - each batch has its own
+        self._batch.restore(state)
 
     def __repr__(self) -> str:
         parts, num = self._shape

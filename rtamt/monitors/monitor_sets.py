@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.arrays import Floats
-from rtamt.inputs.lanes import LaneReader, Lanes
-from rtamt.machines.backend import BACKENDS, books_of
-from rtamt.machines.books import BankOutcomes, BookFunctions, LaneColumn, LaneValue
-from rtamt.machines.protocols import End, EpisodeBank
+from rtamt.inputs.batch import BatchReader, Entries
+from rtamt.machines.backend import BACKENDS, logs_of
+from rtamt.machines.protocols import End, EpisodeBatch
+from rtamt.machines.verdict_logs import BatchOutcomes, EntryColumn, EntryValue, VerdictLogFunctions
 from rtamt.monitors.monitor import EpisodeMonitor
 from rtamt.monitors.options import checked_end
 from rtamt.monitors.vector import VectorEpisodeMonitor
@@ -21,7 +21,7 @@ from rtamt.monitors.vector import VectorEpisodeMonitor
 _FLAGS = np.dtype(np.bool_)
 
 
-class VerdictBook:
+class VerdictLog:
     """The verdict log of several vector monitors of episodes.
 
     A row of an array is a monitor, a column a batch entry; arrays of shape (num,) are about
@@ -43,12 +43,12 @@ class VerdictBook:
 
     Example:
         >>> near, far = (VectorEpisodeMonitor(f"always(x < {k})", 2) for k in (1, 3))
-        >>> book = VerdictBook([far, near])
+        >>> log = VerdictLog([far, near])
         >>> for sample in ([[0], [0]], [[0], [2]]):
-        ...     _ = book.feed(np.array(sample, float), [(0,), (0,)])
-        >>> book.settled_at.tolist(), book.first.tolist(), book.violated_at.tolist()
+        ...     _ = log.feed(np.array(sample, float), [(0,), (0,)])
+        >>> log.settled_at.tolist(), log.first.tolist(), log.violated_at.tolist()
         ([[-1, -1], [-1, 1]], [-1, 1], [-1, 1])
-        >>> book.least("robustness")
+        >>> log.least("robustness")
         array([ 1., -1.])
     """
 
@@ -58,20 +58,20 @@ class VerdictBook:
             if not isinstance(monitor, VectorEpisodeMonitor):
                 msg = f"expected monitors of the class VectorEpisodeMonitor, got {monitor!r}"
                 raise InputTypeError(msg)
-        lanes = sorted({monitor.num for monitor in self.monitors})
-        if len(lanes) != 1:
-            got = f"monitors of {' and '.join(map(str, lanes))}" if lanes else "no monitor"
+        entries = sorted({monitor.num for monitor in self.monitors})
+        if len(entries) != 1:
+            got = f"monitors of {' and '.join(map(str, entries))}" if entries else "no monitor"
             raise InputError(f"expected one or more monitors with equal batch sizes, got {got}")
-        (self.num,) = lanes
+        (self.num,) = entries
         shape = len(self.monitors), self.num
         self.settled_at: NDArray[np.int64] = np.full(shape, -1, np.int64)
-        self.open_at_end: Lanes = np.zeros(shape, np.bool_)
-        self.violated: Lanes = np.zeros(shape, np.bool_)
-        self.failed: Lanes = np.zeros(shape, np.bool_)
+        self.open_at_end: Entries = np.zeros(shape, np.bool_)
+        self.violated: Entries = np.zeros(shape, np.bool_)
+        self.failed: Entries = np.zeros(shape, np.bool_)
         self.first: NDArray[np.int64] = np.full(self.num, -1, np.int64)
         self.violated_at: NDArray[np.int64] = np.full(self.num, -1, np.int64)
-        self._fails = False  # whether any lane may have failed
-        self._found = self._banks()
+        self._fails = False  # whether any entry may have failed
+        self._found = self._batches()
 
     @property
     def decided_at(self) -> NDArray[np.int64]:
@@ -93,24 +93,24 @@ class VerdictBook:
             RtamtError: As `VectorEpisodeMonitor.update` does; monitors before the one that refuses
                 its sample have taken theirs.
         """
-        banks, functions = self._found
-        functions.feed(banks, columns, table, self._mask(mask))
-        functions.note(banks, None, *self._arrays())
-        return functions.least(banks, "robustness", None)
+        batches, functions = self._found
+        functions.feed(batches, columns, table, self._mask(mask))
+        functions.note(batches, None, *self._arrays())
+        return functions.least(batches, "robustness", None)
 
     def note(self) -> None:
         """Record new decisions of the monitors, with the last sample of each batch entry."""
-        banks, functions = self._found
-        functions.note(banks, None, *self._arrays())
+        batches, functions = self._found
+        functions.note(batches, None, *self._arrays())
 
     def finish(self, mask: ArrayLike | None = None, *, end: End = "complete") -> None:
         """End the traces in the mask, as `VectorEpisodeMonitor.finish` does."""
-        banks, functions = self._found
+        batches, functions = self._found
         chosen = self._mask(mask)
-        functions.note(banks, None, *self._arrays())
+        functions.note(batches, None, *self._arrays())
         was_open = self.settled_at < 0
-        functions.finish(banks, chosen, checked_end(end))
-        functions.note(banks, chosen, *self._arrays())
+        functions.finish(batches, chosen, checked_end(end))
+        functions.note(batches, chosen, *self._arrays())
         self.open_at_end |= was_open if chosen is None else was_open & chosen
 
     def fail(self, mask: ArrayLike | None = None) -> None:
@@ -119,8 +119,8 @@ class VerdictBook:
         Monitors stay as they are.
         """
         chosen, begun = self._mask(mask), self.monitors[0].samples > 0
-        lanes = begun if chosen is None else begun & chosen
-        failed = lanes & (self.settled_at < 0)
+        entries = begun if chosen is None else begun & chosen
+        failed = entries & (self.settled_at < 0)
         self.failed |= failed
         self.open_at_end |= failed
         self._fails = True
@@ -129,54 +129,54 @@ class VerdictBook:
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Forget the batch entries in the mask, here and in the monitors; without a mask, all."""
         chosen = self._mask(mask)
-        banks, functions = self._found
-        functions.reset(banks, chosen)
+        batches, functions = self._found
+        functions.reset(batches, chosen)
         functions.forget(chosen, *self._arrays())
         self.open_at_end &= False if chosen is None else ~chosen
         self._fails = self._fails and chosen is not None
 
-    def least(self, value: LaneValue) -> Floats:
+    def least(self, value: EntryValue) -> Floats:
         """Return the minimum over the monitors of robustness, lower or upper bound.
 
         The upper bound of a failed verdict is -0.0.
         """
-        banks, functions = self._found
+        batches, functions = self._found
         return functions.least(
-            banks, value, self.failed if self._fails and value == "upper" else None
+            batches, value, self.failed if self._fails and value == "upper" else None
         )
 
-    def outcomes(self, lanes: NDArray[np.int64] | None = None) -> BankOutcomes:
+    def outcomes(self, entries: NDArray[np.int64] | None = None) -> BatchOutcomes:
         """Return the outcomes of the episodes so far in some batch entries; None: all."""
-        banks, functions = self._found
-        return functions.outcomes(banks, self._numbers(lanes), self.failed, self.settled_at)
+        batches, functions = self._found
+        return functions.outcomes(batches, self._numbers(entries), self.failed, self.settled_at)
 
-    def spread(self, columns: Sequence[LaneColumn], lanes: NDArray[np.int64]) -> None:
+    def spread(self, columns: Sequence[EntryColumn], entries: NDArray[np.int64]) -> None:
         """Write arrays of the batch, and masks, into dictionaries, from values of some entries.
 
         Args:
             columns: For each key ``(place, key, mask_key, values, there)``: the dictionary, or for
                 values of two dimensions a list of dictionaries; the keys of the array, 0 (None
                 among objects) where it has no element, and of the mask of its elements; the values,
-                whose last dimension is lanes; which of them exist, None: all.
-            lanes: The numbers of the lanes, each once.
+                whose last dimension is entries; which of them exist, None: all.
+            entries: The numbers of the entries, each once.
 
         Example:
-            >>> book = VerdictBook([VectorEpisodeMonitor("always(x < 1)", 4)])
+            >>> log = VerdictLog([VectorEpisodeMonitor("always(x < 1)", 4)])
             >>> info: dict[str, Any] = {}
             >>> known = np.array([True, False])
             >>> column = info, "at", "_at", np.array([7, 8]), known
-            >>> book.spread([column], np.array([1, 3]))
+            >>> log.spread([column], np.array([1, 3]))
             >>> info
             {'at': array([0, 7, 0, 0]), '_at': array([False,  True, False, False])}
         """
-        self._found[1].spread([*columns], self._numbers(lanes), self.num)
+        self._found[1].spread([*columns], self._numbers(entries), self.num)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_found"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._found = self._banks()
+        self._found = self._batches()
         # Unpickled arrays have copies of the dtypes, which machines do not know.
         for name in ("settled_at", "open_at_end", "violated", "failed", "first", "violated_at"):
             held = state[name]
@@ -186,26 +186,26 @@ class VerdictBook:
 
     def _arrays(
         self,
-    ) -> tuple[NDArray[np.int64], Lanes, Lanes, NDArray[np.int64], NDArray[np.int64]]:
+    ) -> tuple[NDArray[np.int64], Entries, Entries, NDArray[np.int64], NDArray[np.int64]]:
         return self.settled_at, self.violated, self.failed, self.first, self.violated_at
 
-    def _banks(self) -> tuple[tuple[EpisodeBank, ...], BookFunctions]:
+    def _batches(self) -> tuple[tuple[EpisodeBatch, ...], VerdictLogFunctions]:
         """Return the machines of the monitors, and the fastest functions that read them."""
-        banks = tuple([monitor._machine for monitor in self.monitors])  # noqa: SLF001 - as theirs
-        return banks, books_of(banks)
+        batches = tuple([monitor._machine for monitor in self.monitors])  # noqa: SLF001 - as theirs
+        return batches, logs_of(batches)
 
-    def _numbers(self, lanes: NDArray[np.int64] | None) -> NDArray[np.int64]:
-        if lanes is None:
+    def _numbers(self, entries: NDArray[np.int64] | None) -> NDArray[np.int64]:
+        if entries is None:
             return np.arange(self.num)
-        return np.ascontiguousarray(lanes, np.int64)
+        return np.ascontiguousarray(entries, np.int64)
 
-    def _mask(self, mask: ArrayLike | None) -> Lanes | None:
+    def _mask(self, mask: ArrayLike | None) -> Entries | None:
         if mask is None:
             return None
         if type(mask) is np.ndarray and mask.dtype == np.bool_ and mask.shape == (self.num,):
             # One that was pickled has a copy of the dtype, which machines do not know.
             return np.ascontiguousarray(mask if mask.dtype is _FLAGS else mask.astype(_FLAGS))
-        return LaneReader(self.monitors[0].program, self.num, "raise").mask(mask)
+        return BatchReader(self.monitors[0].program, self.num, "raise").mask(mask)
 
 
 JointRead = int | str | tuple[int, ...] | tuple[Floats, int] | Callable[..., float]
@@ -248,7 +248,7 @@ def joint_feed(
     seen: Called after that with the numbers of the sample, a new list.
     number: The class of the numbers that are returned: ``float`` or ``numpy.float64``.
     """
-    make = BACKENDS[monitors[0].backend].episode_panel if monitors else None
+    make = BACKENDS[monitors[0].backend].episode_monitor_set if monitors else None
     machines = [monitor.fed_machine for monitor in monitors]
     if make is None or None in machines:
         return None

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.arrays import kind_of
-from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.batch import BatchReader
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.protocols import Bank, End, EpisodeBank
+from rtamt.machines.protocols import End, EpisodeBatch, MachineBatch
 from rtamt.monitors.online import (
     DirectUpdate,
     EpisodeValues,
@@ -26,7 +26,7 @@ from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_s
 from rtamt.program.memory import intervals_fit, limit_discrete, limit_episode
 from rtamt.program.timing import Period
 
-_B = TypeVar("_B", bound=Bank)
+_B = TypeVar("_B", bound=MachineBatch)
 
 _UPDATE = """Update the batch entries in the mask with a sample; return the robustness of all.
 
@@ -57,11 +57,11 @@ _MEMORY = """
     SpecificationError: If samples that are not known would take more memory than
         `rtamt.limits.window_bytes`."""
 
-_MAX_LANES = 2**24
+_MAX_ENTRIES = 2**24
 """More entries would take gigabytes before their first sample."""
 
 
-class _Lockstep(DirectUpdate, Sampled[_B]):
+class _Batched(DirectUpdate, Sampled[_B]):
     """A monitor of many signals: a row of an array is the sample of a batch entry."""
 
     __slots__ = ("num",)
@@ -79,11 +79,11 @@ class _Lockstep(DirectUpdate, Sampled[_B]):
     ) -> None:
         self.num = _counted(num)
         self._compile(spec, period, options)
-        reader = LaneReader(self.program, self.num, self._nan, bounds=self._bounds)
+        reader = BatchReader(self.program, self.num, self._nan, bounds=self._bounds)
         self._machine = self._made(reader)
         self.update = self._machine.update
 
-    def _made(self, reader: LaneReader) -> _B:
+    def _made(self, reader: BatchReader) -> _B:
         raise NotImplementedError
 
     def _arguments(self) -> dict[str, Any]:
@@ -103,7 +103,7 @@ class _Lockstep(DirectUpdate, Sampled[_B]):
         self._machine.reset(mask)
 
 
-class VectorMonitor(Late, _Lockstep[Bank]):
+class VectorMonitor(Late, _Batched[MachineBatch]):
     """A `Monitor` of a batch: the robustness of ``num`` signals, late by the latency.
 
     Each batch entry has its own time: it behaves as a separate `Monitor`, also if masks leave out
@@ -138,9 +138,9 @@ class VectorMonitor(Late, _Lockstep[Bank]):
 
     __slots__ = {"update": _UPDATE.format(upper="", memory="")}
 
-    def _made(self, reader: LaneReader) -> Bank:
+    def _made(self, reader: BatchReader) -> MachineBatch:
         limit_discrete(self.program, self.num)
-        return BACKENDS[self.backend].discrete_bank(self.program, self.num, reader)
+        return BACKENDS[self.backend].discrete_batch(self.program, self.num, reader)
 
     def __repr__(self) -> str:
         phrase = f"{self.num} batch entries of {self.specification.formula}"
@@ -148,7 +148,7 @@ class VectorMonitor(Late, _Lockstep[Bank]):
 
 
 class VectorEpisodeMonitor(
-    EpisodeValues[NDArray[np.float64], NDArray[np.bool_]], _Lockstep[EpisodeBank]
+    EpisodeValues[NDArray[np.float64], NDArray[np.bool_]], _Batched[EpisodeBatch]
 ):
     """An `EpisodeMonitor` of a batch: robustness, bounds and verdicts of ``num`` signals.
 
@@ -187,10 +187,10 @@ class VectorEpisodeMonitor(
 
     _bounds: ClassVar = True
 
-    def _made(self, reader: LaneReader) -> EpisodeBank:
+    def _made(self, reader: BatchReader) -> EpisodeBatch:
         limit_episode(self.program, self.num, unknown=self._nan == "unknown")
         reader.intervals_fit = intervals_fit(self.program, self.num)
-        return BACKENDS[self.backend].episode_bank(self.program, self.num, reader)
+        return BACKENDS[self.backend].episode_batch(self.program, self.num, reader)
 
     verdict: MachineValue[NDArray[np.int8]] = machine_value(
         "verdict", "The verdict on each batch entry: -1 violated, 0 undecided, 1 satisfied."
@@ -239,9 +239,9 @@ def _counted(num: object) -> int:
             f"expected a whole number of batch entries, got {num!r}; the period is the third "
             "argument"
         )
-    lanes = operator.index(num)
-    if lanes < 1:
-        raise InputError(f"expected 1 or more batch entries, got {lanes}")
-    if lanes > _MAX_LANES:
-        raise InputError(f"expected at most {_MAX_LANES} batch entries, got {lanes}")
-    return lanes
+    entries = operator.index(num)
+    if entries < 1:
+        raise InputError(f"expected 1 or more batch entries, got {entries}")
+    if entries > _MAX_ENTRIES:
+        raise InputError(f"expected at most {_MAX_ENTRIES} batch entries, got {entries}")
+    return entries

@@ -19,21 +19,21 @@ _DOUBLE = 8
 _WORLDS = 3
 
 
-def limit_discrete(program: Program, lanes: int = 1) -> None:
+def limit_discrete(program: Program, entries: int = 1) -> None:
     """Refuse a program whose windows and delays, in all entries, exceed `limits.window_bytes`."""
-    _limit(program, _discrete_needs(program), lanes, _where(lanes))
+    _limit(program, _discrete_needs(program), entries, _where(entries))
 
 
-def limit_episode(program: Program, lanes: int = 1, *, unknown: bool = False) -> None:
+def limit_episode(program: Program, entries: int = 1, *, unknown: bool = False) -> None:
     """Refuse a program whose streams, in all entries, exceed `limits.window_bytes`."""
-    where = _where(lanes) + " with samples that are not known" * unknown
+    where = _where(entries) + " with samples that are not known" * unknown
     machines = _machines(program, unknown=unknown)
-    _limit(place(program).program, machines * _episode_needs(program), lanes, where)
+    _limit(place(program).program, machines * _episode_needs(program), entries, where)
 
 
-def intervals_fit(program: Program, lanes: int = 1) -> bool:
+def intervals_fit(program: Program, entries: int = 1) -> bool:
     """Return whether `limit_episode` allows uncertain values."""
-    needed = _machines(program, unknown=True) * _episode_needs(program) * lanes * _DOUBLE
+    needed = _machines(program, unknown=True) * _episode_needs(program) * entries * _DOUBLE
     return needed <= limits.window_bytes
 
 
@@ -128,8 +128,8 @@ def _machines(program: Program, *, unknown: bool) -> int:
     return 1 + program.neutral + unknown
 
 
-def _where(lanes: int) -> str:
-    return f" in {lanes} batch entries" if lanes > 1 else ""
+def _where(entries: int) -> str:
+    return f" in {entries} batch entries" if entries > 1 else ""
 
 
 def _checked_limit() -> float:
@@ -144,9 +144,9 @@ def _checked_limit() -> float:
     return cast("float", limit)
 
 
-def _limit(program: Program, numbers: int, lanes: int, where: str = "") -> None:
+def _limit(program: Program, numbers: int, entries: int, where: str = "") -> None:
     limit = _checked_limit()
-    needed = numbers * lanes * _DOUBLE
+    needed = numbers * entries * _DOUBLE
     if needed <= limit:
         return
     windows = [

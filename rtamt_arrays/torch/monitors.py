@@ -81,15 +81,15 @@ class OrderedFormulas(Generic[Machine]):
         if not torch.compiler.is_compiling():
             return None
         self._check(state)
-        o, lanes = self._operations, tuple(state.age.shape)
-        values = columns(self._program, self._reader, sample, lanes)
+        o, entries = self._operations, tuple(state.age.shape)
+        values = columns(self._program, self._reader, sample, entries)
         if differentiated(*values, *state):
             return None
         known, wrong = terms(self._program, o, self._reader.dtype, values)
         if wrong is not None:
             state = state._replace(nan=state.nan | wrong)
         tables = {n: _integers(x) for n in self._tables if len(x := getattr(state, n))}
-        integers = {str(r): _integers(o.broadcast(known[r], lanes)) for r in self._terms}
+        integers = {str(r): _integers(o.broadcast(known[r], entries)) for r in self._terms}
         following, *readings = step(self._machine, state._replace(**tables), integers)
         return self._floats(following, tables), *(
             self._floats(reading, _READ) for reading in readings
@@ -195,7 +195,7 @@ class _OrderedReader:
         """Nothing is refused here."""
 
     def mask(self, mask: object, like: Tensor) -> Tensor:  # noqa: ARG002
-        msg = "lanes are reset in floats"
+        msg = "entries are reset in floats"
         raise AssertionError(msg)
 
 

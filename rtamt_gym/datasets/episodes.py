@@ -21,7 +21,7 @@ from rtamt import InputError, InputTypeError, RtamtError
 from rtamt.errors import nearest
 from rtamt.typing import NanPolicy
 from rtamt_gym.checks.names import listing
-from rtamt_gym.signals.columns import Floats, Lanes, SignalColumns
+from rtamt_gym.signals.columns import Entries, Floats, SignalColumns
 from rtamt_gym.signals.signals import Batched, ParsedSignal, Step
 
 
@@ -46,8 +46,8 @@ class RecordedEpisode:
     observations: Any
     actions: Any
     rewards: NDArray[Any]
-    terminations: Lanes
-    truncations: Lanes
+    terminations: Entries
+    truncations: Entries
     infos: dict[str, Any]
     seed: int | None = None
     options: dict[str, Any] | None = None
@@ -258,14 +258,14 @@ class SignalReader:
         """Return the signals of a number of steps."""
         signals = [self._signals[index] for index in self._selected]
         observations, actions = self._spaces
-        lanes: Any = SimpleNamespace(
+        entries: Any = SimpleNamespace(
             num_envs=num,
             single_observation_space=observations,
             single_action_space=actions,
             observation_space=batch_space(observations, num),
             action_space=batch_space(actions, num),
         )
-        return SignalColumns(signals, lanes, same_step=False, compare=self._compare)
+        return SignalColumns(signals, entries, same_step=False, compare=self._compare)
 
     def _read(self, episode: RecordedEpisode, rewards: Floats) -> Floats:
         table = np.empty((len(episode) + 1, len(self._signals)))

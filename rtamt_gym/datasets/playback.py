@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 from rtamt_gym.datasets.episodes import RecordedEpisode
-from rtamt_gym.signals.columns import Batch, Floats, Lanes
+from rtamt_gym.signals.columns import Batch, Entries, Floats
 
 
 class Tape:
@@ -66,7 +66,7 @@ class Playback(VectorEnv[Any, Any, Any]):
         self.single_action_space = spaces.Discrete(1)
         self.rows: NDArray[np.intp] = np.zeros(num, np.intp)
         self._next = 0
-        self._ended: Lanes = np.zeros(num, np.bool_)
+        self._ended: Entries = np.zeros(num, np.bool_)
 
     def reset(self, **_: Any) -> tuple[Floats, dict[str, Any]]:  # noqa: ANN401
         """Rewind the tape."""
@@ -79,7 +79,7 @@ class Playback(VectorEnv[Any, Any, Any]):
     def step(
         self,
         actions: Any,  # noqa: ANN401, ARG002 - they were taken long ago
-    ) -> tuple[Floats, Floats, Lanes, Lanes, dict[str, Any]]:
+    ) -> tuple[Floats, Floats, Entries, Entries, dict[str, Any]]:
         """Show the next sample of every episode, or the first of the next one."""
         self._advance()
         tape, rows = self.tape, self.rows
@@ -97,8 +97,8 @@ class Playback(VectorEnv[Any, Any, Any]):
     def _advance(self) -> None:
         idle = self.tape.starts[-1]
         self.rows = np.where(self.rows == idle, idle, self.rows + 1)
-        for lane in np.flatnonzero(self._ended):
-            self.rows[lane] = self.tape.starts[self._next]
+        for entry in np.flatnonzero(self._ended):
+            self.rows[entry] = self.tape.starts[self._next]
             self._next = min(self._next + 1, len(self.tape.starts) - 1)
 
 
@@ -124,21 +124,21 @@ class JudgedTape:
         self.rewards[rows] = rewards
         _keep(self.columns, infos, rows, len(self.rewards))
 
-    def conclude(self, rows: NDArray[np.intp], ended: Lanes, infos: dict[str, Any]) -> None:
+    def conclude(self, rows: NDArray[np.intp], ended: Entries, infos: dict[str, Any]) -> None:
         """Store the outcomes of the episodes that a step ends."""
-        for lane in np.flatnonzero(ended):
-            row = int(rows[lane])
+        for entry in np.flatnonzero(ended):
+            row = int(rows[entry])
             self.outcomes[row] = {
                 name: {
-                    key: value[lane : lane + 1].tolist()[0]
+                    key: value[entry : entry + 1].tolist()[0]
                     for key, value in outcome.items()
-                    if not key.startswith("_") and outcome[f"_{key}"][lane]
+                    if not key.startswith("_") and outcome[f"_{key}"][entry]
                 }
                 for name, outcome in infos["stl_episode"].items()
                 if not name.startswith("_") or f"_{name}" in infos["stl_episode"]
             }
-            if "stl_violated_by" in infos and infos["_stl_violated_by"][lane]:
-                violation = infos["stl_violated_by"][lane], int(infos["stl_violated_at"][lane])
+            if "stl_violated_by" in infos and infos["_stl_violated_by"][entry]:
+                violation = infos["stl_violated_by"][entry], int(infos["stl_violated_at"][entry])
                 self.violations[row] = violation
 
 

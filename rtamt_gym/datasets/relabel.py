@@ -36,7 +36,7 @@ from rtamt_gym.wrappers.vector_reward import VectorStlReward
 KeepEpisodes = Literal["all", "satisfied"] | Callable[[RelabelledEpisode], bool]
 """Which episodes are kept."""
 
-LANES = 256
+ENTRIES = 256
 """How many episodes are played side by side at most."""
 
 SAMPLES, BYTES = 1 << 18, 1 << 28
@@ -166,7 +166,7 @@ def relabel(
             if reader is None or judges is None:
                 spaces = spaces_of(dataset, episodes[0])
                 reader = SignalReader(readings, *spaces, nan)
-                playback = Playback(min(LANES, len(episodes)), len(names))
+                playback = Playback(min(ENTRIES, len(episodes)), len(names))
                 judges = playback, _judge(playback, loaded, names, mode, options)
             relabelled = _judged(episodes, reader, *judges, shaped=mode is not None)
             chosen = [episode for episode in relabelled if _keeps(keep, episode)]

@@ -157,7 +157,7 @@ class Waveform:
 
 @lru_cache(maxsize=32)
 def _instants(period: Fraction, lead: int, count: int) -> Floats:
-    """The times that the first steps look at; the lanes of a batch share them."""
+    """The times that the first steps look at; the environments of a batch share them."""
     times: Floats = np.arange(lead, count + lead) * period.numerator / period.denominator
     times.setflags(write=False)
     return times

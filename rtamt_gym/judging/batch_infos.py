@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.infos import SpecRows, Where
-from rtamt_gym.signals.columns import Lanes
+from rtamt_gym.signals.columns import Entries
 
 _Place = dict[str, Any] | list[dict[str, Any]]
-_Column = tuple[_Place, str, str, NDArray[Any], Lanes | None]
-"""An argument of `VerdictBook.spread`: the place, two keys, the values and their mask."""
+_Column = tuple[_Place, str, str, NDArray[Any], Entries | None]
+"""An argument of `VerdictLog.spread`: the place, two keys, the values and their mask."""
 
 
-def put(infos: dict[str, Any], key: str, value: Any, lanes: Lanes | None, num: int) -> None:  # noqa: ANN401
+def put(infos: dict[str, Any], key: str, value: Any, entries: Entries | None, num: int) -> None:  # noqa: ANN401
     """Set a key for the environments in the mask; None: for all, without a copy of the array.
 
     ``value`` is an array with an element for every environment, or a dictionary of arrays.
@@ -35,22 +35,22 @@ def put(infos: dict[str, Any], key: str, value: Any, lanes: Lanes | None, num: i
     if isinstance(value, dict):
         group: dict[str, Any] = {}
         for name, part in value.items():
-            put(group, name, part, lanes, num)
+            put(group, name, part, entries, num)
         value = group
-    elif lanes is not None:
-        if np.count_nonzero(lanes) == 0:
+    elif entries is not None:
+        if np.count_nonzero(entries) == 0:
             return
         value = value.copy()
-        value[~lanes] = None if value.dtype == object else 0
-    infos[key], infos[f"_{key}"] = value, (_all(num) if lanes is None else lanes).copy()
+        value[~entries] = None if value.dtype == object else 0
+    infos[key], infos[f"_{key}"] = value, (_all(num) if entries is None else entries).copy()
 
 
 def put_last(
     infos: dict[str, Any],
     last: Mapping[str, Any],
     at: NDArray[np.int64],
-    mask: Lanes,
-    reported: Lanes | None,
+    mask: Entries,
+    reported: Entries | None,
     spread: Callable[[list[_Column], NDArray[np.int64]], None],
 ) -> None:
     """Set the keys of `last_info` for the environments in the mask, which have the numbers ``at``.
@@ -62,7 +62,7 @@ def put_last(
         at: The numbers of the environments.
         mask: Their mask.
         reported: Where the environment has its own ``is_success``, which stays; None: nowhere.
-        spread: Writes all at once, as `VerdictBook.spread` does.
+        spread: Writes all at once, as `VerdictLog.spread` does.
     """
     num, before = len(mask), infos.get("is_success")
     columns: list[_Column] = []
@@ -92,12 +92,12 @@ def _column(place: _Place, key: str, value: Any) -> _Column:  # noqa: ANN401
 
 
 @functools.cache
-def _all(num: int) -> Lanes:
+def _all(num: int) -> Entries:
     """Return a mask that is true everywhere, to copy: making one takes four times as long."""
     return np.ones(num, np.bool_)
 
 
-def key_mask(infos: Mapping[str, Any], key: str, num: int) -> Lanes:
+def key_mask(infos: Mapping[str, Any], key: str, num: int) -> Entries:
     """Return the mask of the environments that have a key: all if the infos have no mask for it."""
     mask = infos.get(f"_{key}")
     if mask is None:
@@ -109,7 +109,7 @@ def final_observations(
     space: spaces.Space[Any],
     obs: Any,  # noqa: ANN401
     infos: Mapping[str, Any],
-    ended: Lanes,
+    ended: Entries,
 ) -> Any:  # noqa: ANN401
     """Return the observations from before the resets in a step.
 
@@ -138,7 +138,7 @@ def _replaced(
     space: spaces.Space[Any],
     obs: Any,  # noqa: ANN401
     final: Any,  # noqa: ANN401
-    ended: Lanes,
+    ended: Entries,
 ) -> Any:  # noqa: ANN401
     """Replace the observations of the environments that ended.
 
@@ -166,7 +166,7 @@ def _replaced(
             return obs
 
 
-def final_infos(infos: dict[str, Any], ended: Lanes) -> dict[str, Any]:
+def final_infos(infos: dict[str, Any], ended: Entries) -> dict[str, Any]:
     """Return the infos from before the resets in a step: ``final_info`` where episodes ended."""
     before = {k: v for k, v in infos.items() if k not in _FINAL}
     return _merged(before, infos.get("final_info", {}), ended)
@@ -175,7 +175,7 @@ def final_infos(infos: dict[str, Any], ended: Lanes) -> dict[str, Any]:
 _FINAL = frozenset({"final_info", "_final_info", "final_obs", "_final_obs"})
 
 
-def _merged(infos: Mapping[str, Any], final: Mapping[str, Any], ended: Lanes) -> dict[str, Any]:
+def _merged(infos: Mapping[str, Any], final: Mapping[str, Any], ended: Entries) -> dict[str, Any]:
     merged: dict[str, Any] = {}
     keys = {**infos, **final}
     for key in keys:

@@ -45,7 +45,7 @@ from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
-    from rtamt_gym.signals.columns import Floats, Lanes
+    from rtamt_gym.signals.columns import Entries, Floats
 
 Cost = Literal["violation", "depth", "latched", "first"]
 """What ``info["cost"]`` measures."""
@@ -236,29 +236,29 @@ class VectorCostMeter(_Costs[VectorMonitor]):
         self._worst = np.zeros((len(specs), num))
         self._charged = np.zeros((len(specs), num), np.bool_)
 
-    def reset(self, lanes: Lanes | None) -> None:
+    def reset(self, entries: Entries | None) -> None:
         for monitor in self._monitors:
-            monitor.reset(lanes)
-        which = slice(None) if lanes is None else lanes
+            monitor.reset(entries)
+        which = slice(None) if entries is None else entries
         self._charged[:, which] = False
 
-    def feed(self, table: Floats, lanes: Lanes | None) -> None:
+    def feed(self, table: Floats, entries: Entries | None) -> None:
         """Measure a sample of the environments in the mask; None: of all."""
         self._worst[:] = 0.0
         for demand, monitor, pick in zip(self._demands, self._monitors, self._picks, strict=True):
-            value = monitor.update(table[:, pick], lanes)
+            value = monitor.update(table[:, pick], entries)
             instant = monitor.samples - 1 - monitor.latency
             charged = np.signbit(value) if self._exact else value < 0.0
             charged &= instant >= demand.first
             if demand.last is not None:
                 charged &= instant <= demand.last
-            if lanes is not None:
-                charged &= lanes
+            if entries is not None:
+                charged &= entries
             row = self._worst[demand.place]
             cost = np.ones_like(value) if self._kind == "violation" else -value
             np.maximum(row, cost, out=row, where=charged)
 
-    def take(self, violated: NDArray[np.bool_], stepped: Lanes | None) -> dict[str, Floats]:
+    def take(self, violated: NDArray[np.bool_], stepped: Entries | None) -> dict[str, Floats]:
         """Return the costs of a step, an array for each key, as `CostMeter.take` names them.
 
         Args:

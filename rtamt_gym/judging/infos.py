@@ -7,12 +7,12 @@ not every environment has gets a `Where`.
 To add a key, compute its value for one environment, for a batch and for arrays:
 
 - A key of every info that depends on the options is a row of `_OPTIONAL` and an attribute of that
-  name in `rtamt_gym.judging.panel`, `rtamt_gym.judging.vector_panel` and ``_Optional`` of
-  `rtamt_arrays.judging`, which is None where the key is absent.
+  name in `rtamt_gym.judging.monitor_set`, `rtamt_gym.judging.vector_monitor_set` and
+  ``_Optional`` of `rtamt_arrays.judging`, which is None where the key is absent.
 - Any other key of every info is an argument of `step_info`, with its callers: ``monitor``,
   ``vector_monitor`` and ``parallel`` in `rtamt_gym.wrappers`, and `rtamt_arrays.judging`.
 - A key of ``info["stl"]`` is an argument of `spec_state`, a key of ``info["stl_episode"]`` one of
-  `outcome`. Both panels call them; `rtamt_arrays.judging` calls `spec_state`.
+  `outcome`. Both monitor sets call them; `rtamt_arrays.judging` calls `spec_state`.
 - A key of the last info is an argument of `last_info`, which ``episode_monitoring`` and
   ``vector_monitor`` call. If it is a number or a truth value, add it to `end_info`, which
   `rtamt_arrays.judging` calls too.
@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 VERDICTS = np.array(["UNDECIDED", "SATISFIED", "VIOLATED"], dtype=object)
 """The names of verdicts: of 0, 1 and -1."""
 
-Lanewise = Any
+Entrywise = Any
 """A value of one environment, or an array with an element for each of a batch."""
 
 _OPTIONAL = {"stl_of_instant": "of_instant", "stl_progress": "least_progress"}
@@ -53,8 +53,8 @@ class HasOptionalKeys(Protocol):
 class Where(NamedTuple):
     """A value that exists only where ``there`` is true, which is a bool or an array of them."""
 
-    there: Lanewise
-    value: Lanewise
+    there: Entrywise
+    value: Entrywise
 
 
 class SpecRows(NamedTuple):
@@ -67,8 +67,8 @@ class SpecRows(NamedTuple):
     """
 
     names: Sequence[str]
-    found: Mapping[str, Lanewise]
-    more: Mapping[str, Mapping[str, Lanewise]]
+    found: Mapping[str, Entrywise]
+    more: Mapping[str, Mapping[str, Entrywise]]
 
     def by_name(self) -> dict[str, dict[str, Any]]:
         """Return the values of each specification."""
@@ -79,20 +79,20 @@ class SpecRows(NamedTuple):
         }
 
 
-def _row(value: Lanewise, k: int) -> Lanewise:
+def _row(value: Entrywise, k: int) -> Entrywise:
     return Where(value.there[k], value.value[k]) if isinstance(value, Where) else value[k]
 
 
 def step_info(
     info: Mapping[str, Any],
-    robustness: Lanewise,
-    lower: Lanewise,
-    upper: Lanewise,
-    violated: Lanewise,
+    robustness: Entrywise,
+    lower: Entrywise,
+    upper: Entrywise,
+    violated: Entrywise,
     monitors: HasOptionalKeys | None = None,
     states: Mapping[str, Any] | None = None,
-    costs: Mapping[str, Lanewise] | None = None,
-    period: Lanewise | None = None,
+    costs: Mapping[str, Entrywise] | None = None,
+    period: Entrywise | None = None,
 ) -> dict[str, Any]:
     """Return the info of a step with the keys that every info has.
 
@@ -132,12 +132,12 @@ def optional_keys(monitors: object) -> tuple[tuple[str, str], ...]:
 
 
 def spec_state(
-    robustness: Lanewise,
-    lower: Lanewise,
-    upper: Lanewise,
-    verdict: Lanewise,
-    of_instant: Lanewise | None = None,
-    progress: Lanewise | None = None,
+    robustness: Entrywise,
+    lower: Entrywise,
+    upper: Entrywise,
+    verdict: Entrywise,
+    of_instant: Entrywise | None = None,
+    progress: Entrywise | None = None,
 ) -> dict[str, Any]:
     """Return the state of one specification, an entry of ``info["stl"]``.
 
@@ -152,13 +152,13 @@ def spec_state(
 
 
 def outcome(
-    robustness: Lanewise,
-    verdict: Lanewise,
-    satisfied: Lanewise,
-    settled_at: Lanewise,
-    decided: Lanewise,
-    ended: Lanewise,
-    by_end: Lanewise,
+    robustness: Entrywise,
+    verdict: Entrywise,
+    satisfied: Entrywise,
+    settled_at: Entrywise,
+    decided: Entrywise,
+    ended: Entrywise,
+    by_end: Entrywise,
 ) -> dict[str, Any]:
     """Return the outcome of a specification, an entry of ``info["stl_episode"]``.
 
@@ -183,12 +183,12 @@ def outcome(
 
 def last_info(
     outcomes: Mapping[str, Any] | SpecRows,
-    violated: Lanewise,
-    violated_by: Lanewise,
-    violated_at: Lanewise,
-    success: Lanewise,
-    undecided: Lanewise,
-    reported: Lanewise,
+    violated: Entrywise,
+    violated_by: Entrywise,
+    violated_at: Entrywise,
+    success: Entrywise,
+    undecided: Entrywise,
+    reported: Entrywise,
 ) -> dict[str, Any]:
     """Return the keys that only the last info of an episode has.
 
@@ -214,7 +214,7 @@ def last_info(
 
 
 def end_info(
-    violated_at: Lanewise, success: Lanewise, undecided: Lanewise, is_success: Lanewise
+    violated_at: Entrywise, success: Entrywise, undecided: Entrywise, is_success: Entrywise
 ) -> dict[str, Any]:
     """Return the keys of the last info of an episode that are numbers or truth values."""
     return {
@@ -245,12 +245,12 @@ def present(info: Mapping[str, Any], *, deep: bool = True) -> dict[str, Any]:
 
 def record(
     outcomes: Mapping[str, Any] | SpecRows,
-    violated: Lanewise,
-    violated_by: Lanewise,
-    violated_at: Lanewise,
-    samples: Lanewise,
-    terminated: Lanewise,
-    truncated: Lanewise,
+    violated: Entrywise,
+    violated_by: Entrywise,
+    violated_at: Entrywise,
+    samples: Entrywise,
+    terminated: Entrywise,
+    truncated: Entrywise,
 ) -> dict[str, Any]:
     """Return an entry of ``stl_episodes``, or several; the arguments are those of `last_info`."""
     return {

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from rtamt import Specification, Verdict
 from rtamt.monitors import Evidence, Implications, TriggerCount
 from rtamt.typing import End
-from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.signals.signals import SignalLike
 
@@ -106,11 +106,11 @@ class Judge:
     Example:
         >>> import rtamt
         >>> judge = Judge({"near": rtamt.parse("always(x < 1)")}, EvaluationOptions())
-        >>> panel = judge.begin()
-        >>> panel.feeder(judge.variables)([2.0])
+        >>> monitor_set = judge.begin()
+        >>> monitor_set.feeder(judge.variables)([2.0])
         (-1.0, -inf, -1.0)
-        >>> judge.end(panel)
-        >>> judge.begin() is panel, panel.samples
+        >>> judge.end(monitor_set)
+        >>> judge.begin() is monitor_set, monitor_set.samples
         (True, 0)
     """
 
@@ -119,18 +119,18 @@ class Judge:
         self.variables = tuple(
             dict.fromkeys(name for spec in specs.values() for name in spec.variables)
         )
-        self._free = [Panel(specs, reading)]
+        self._free = [MonitorSet(specs, reading)]
         self.period: Fraction | None = self._free[0].period
         self.questions = Questions(specs, reading)
 
-    def begin(self) -> Panel:
+    def begin(self) -> MonitorSet:
         """Return monitors for a run: reused from a finished run, or new."""
         if not self._free:
-            return Panel(self.specs, self.reading)
-        panel = self._free.pop()
-        panel.reset()
-        return panel
+            return MonitorSet(self.specs, self.reading)
+        monitor_set = self._free.pop()
+        monitor_set.reset()
+        return monitor_set
 
-    def end(self, panel: Panel) -> None:
+    def end(self, monitor_set: MonitorSet) -> None:
         """Take back the monitors of a finished run, for another run."""
-        self._free.append(panel)
+        self._free.append(monitor_set)

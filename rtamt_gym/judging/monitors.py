@@ -31,8 +31,8 @@ from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.shaping import Numeric
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
-    from rtamt_gym.judging.infos import Lanewise
-    from rtamt_gym.signals.columns import Floats, Lanes
+    from rtamt_gym.judging.infos import Entrywise
+    from rtamt_gym.signals.columns import Entries, Floats
 
 EXACT: tuple[SemanticsName, ...] = ("standard", "boolean")
 """The semantics in which every predicate counts, so that the sign of a robustness decides."""
@@ -68,7 +68,7 @@ class MonitorValues(NamedTuple, Generic[Numeric]):
     lower: list[Numeric]
     upper: list[Numeric]
     verdicts: list[Numeric]
-    samples: Lanewise
+    samples: Entrywise
     owed: list[list[Owed]] | None = None
 
 
@@ -121,7 +121,7 @@ class VectorInstantMonitor:
         self.judge = VectorEpisodeMonitor(spec.always(), num, **options)
         self.robustness = np.full(num, np.nan)
 
-    def update(self, values: Floats, mask: Lanes | None = None) -> Floats:
+    def update(self, values: Floats, mask: Entries | None = None) -> Floats:
         """Take one sample of the environments in the mask; return the robustness."""
         robustness = self._instant.update(values, mask)
         self.judge.update(values, mask)
@@ -132,7 +132,7 @@ class VectorInstantMonitor:
         self.robustness = robustness
         return robustness
 
-    def reset(self, mask: Lanes | None = None) -> None:
+    def reset(self, mask: Entries | None = None) -> None:
         for monitor in (self._instant, self._sofar, self.judge):
             monitor.reset(mask)
 

@@ -32,7 +32,7 @@ the operand holds now (``historically``: fails) | longer ago than the window, or
 known robustness, 0 before the first.
 
 To add a clock or the place of an operator in a formula: the instants here, the clock in
-`rtamt.machines.clocks` and ``rtamt/native/lockstep/clocks.cpp``.
+`rtamt.machines.clocks` and ``rtamt/native/batch/clocks.cpp``.
 ``tests/support/obligations_oracle.py`` defines obligations again, and
 ``tests/rtamt_gym/judging/test_obligations.py`` lists the formulas that the oracle covers.
 """
@@ -54,7 +54,7 @@ from rtamt_gym.judging.monitors import Owed, bare, options_of_parts, pick, picke
 from rtamt_gym.options.evaluation import EvaluationOptions
 
 if TYPE_CHECKING:
-    from rtamt_gym.signals.columns import Floats, Lanes
+    from rtamt_gym.signals.columns import Entries, Floats
 
 _M = TypeVar("_M", Monitor, VectorMonitor)
 
@@ -302,16 +302,16 @@ class Obligations(_Obligations[VectorMonitor]):
         ]
         self._values: Floats = np.empty((len(self._monitors), num))
 
-    def reset(self, lanes: Lanes | None = None) -> None:
+    def reset(self, entries: Entries | None = None) -> None:
         for monitor in self._monitors:
-            monitor.reset(lanes)
-        self._clocks.reset(lanes)
+            monitor.reset(entries)
+        self._clocks.reset(entries)
 
-    def feed(self, table: Floats, lanes: Lanes | None = None) -> None:
+    def feed(self, table: Floats, entries: Entries | None = None) -> None:
         """Take a row of the table for each environment in the mask; None: for all."""
         for index, monitor in enumerate(self._monitors):
-            self._values[index] = monitor.update(table[:, self._picks[index]], lanes)
-        self._clocks.feed(self._values, lanes)
+            self._values[index] = monitor.update(table[:, self._picks[index]], entries)
+        self._clocks.feed(self._values, entries)
 
     def owed(self) -> list[list[Owed]]:
         """Return the state of every operator of each specification, in new arrays."""

@@ -42,12 +42,12 @@ from rtamt.patterns import in_order, named_stages, prefixes, stages
 from rtamt.typing import End
 from rtamt_gym.checks.arguments import check_known
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.infos import Lanewise
+from rtamt_gym.judging.infos import Entrywise
 from rtamt_gym.judging.monitors import bare, machine_state, options_of_parts, pick, picked
 from rtamt_gym.options.evaluation import EvaluationOptions
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
-    from rtamt_gym.signals.columns import Floats, Lanes
+    from rtamt_gym.signals.columns import Entries, Floats
 
 _M = TypeVar("_M", bound=EpisodeMonitor | VectorEpisodeMonitor)
 
@@ -255,11 +255,11 @@ def _monitors_of(
 def _place(
     reached: int,
     count: int,
-    height: Lanewise,
-    began: Lanewise,
-    least: Callable[..., Lanewise],
-    greatest: Callable[..., Lanewise],
-) -> Lanewise:
+    height: Entrywise,
+    began: Entrywise,
+    least: Callable[..., Entrywise],
+    greatest: Callable[..., Entrywise],
+) -> Entrywise:
     """Return the progress at a sample, without the progress before it.
 
     Args:
@@ -505,19 +505,19 @@ class VectorStageProgress:
         least: Floats = np.minimum.reduce([part.progress for part in self._parts.values()])
         return least
 
-    def reset(self, lanes: Lanes | None = None) -> None:
+    def reset(self, entries: Entries | None = None) -> None:
         for part in self._parts.values():
-            part.reset(lanes)
+            part.reset(entries)
 
-    def feed(self, table: Floats, lanes: Lanes | None = None) -> None:
+    def feed(self, table: Floats, entries: Entries | None = None) -> None:
         """Take a row of the table for each environment in the mask; None: for all."""
         for part in self._parts.values():
-            part.feed(table, lanes)
+            part.feed(table, entries)
 
-    def finish(self, lanes: Lanes, end: End) -> None:
+    def finish(self, entries: Entries, end: End) -> None:
         """End the traces of the environments in the mask, after the judges have."""
         for part in self._parts.values():
-            part.finish(lanes, end)
+            part.finish(entries, end)
 
 
 class _VectorRequirementProgress:
@@ -542,32 +542,32 @@ class _VectorRequirementProgress:
         self._reached = np.zeros(num, np.int64)
         self._held: Floats | None = np.full((num, len(columns)), np.nan) if hold else None
 
-    def reset(self, lanes: Lanes | None) -> None:
+    def reset(self, entries: Entries | None) -> None:
         for monitor in self._monitors.every:
-            monitor.reset(lanes)
-        which = slice(None) if lanes is None else lanes
+            monitor.reset(entries)
+        which = slice(None) if entries is None else entries
         self.progress[which] = 0.0
         self._began[which] = np.nan
         self._reached[which] = 0  # `_held` stays: the judge refuses a nan at the first sample
 
-    def feed(self, table: Floats, lanes: Lanes | None) -> None:
+    def feed(self, table: Floats, entries: Entries | None) -> None:
         if self._held is not None:
-            fed = ~np.isnan(table) if lanes is None else ~np.isnan(table) & lanes[:, None]
+            fed = ~np.isnan(table) if entries is None else ~np.isnan(table) & entries[:, None]
             np.copyto(self._held, table, where=fed)
             table = self._held
         deciders, singles = self._monitors.deciders, self._monitors.alone
         for stage, monitor in enumerate(deciders):
             needed = self._reached <= stage  # elsewhere the verdict is certain
-            if lanes is not None:
-                needed &= lanes
+            if entries is not None:
+                needed &= entries
             self._update(monitor, table, needed)
-        self._settle(lanes)
+        self._settle(entries)
         if deciders:
             self._decide()
         for stage, monitor in enumerate(singles):
             following = (self._reached == stage) & (self.progress < 1.0)
-            if lanes is not None:
-                following &= lanes
+            if entries is not None:
+                following &= entries
             heights = self._update(monitor, table, following)
             if heights is None:
                 continue
@@ -577,45 +577,47 @@ class _VectorRequirementProgress:
                 following &= ~over
             self._approach(following, heights[following], stage)
 
-    def _update(self, monitor: VectorEpisodeMonitor, table: Floats, lanes: Lanes) -> Floats | None:
+    def _update(
+        self, monitor: VectorEpisodeMonitor, table: Floats, entries: Entries
+    ) -> Floats | None:
         """Update the environments in the mask; return None if the mask is empty."""
-        count = np.count_nonzero(lanes)
+        count = np.count_nonzero(entries)
         if count == 0:
             return None
         rows = table[:, self._picks[monitor]]
-        return monitor.update(rows, None if count == len(lanes) else lanes)
+        return monitor.update(rows, None if count == len(entries) else entries)
 
-    def finish(self, lanes: Lanes, end: End) -> None:
+    def finish(self, entries: Entries, end: End) -> None:
         deciders = self._monitors.deciders
         for stage, monitor in enumerate(deciders):
-            monitor.finish(lanes & (self._reached <= stage), end=end)
+            monitor.finish(entries & (self._reached <= stage), end=end)
         if deciders:
             self._decide()
-        self._settle(lanes)
+        self._settle(entries)
 
-    def _settle(self, lanes: Lanes | None) -> None:
+    def _settle(self, entries: Entries | None) -> None:
         """Set the progress of satisfied requirements."""
         satisfied = self._monitors.judge.verdict > 0
-        self.progress[satisfied if lanes is None else satisfied & lanes] = 1.0
+        self.progress[satisfied if entries is None else satisfied & entries] = 1.0
 
     def _decide(self) -> None:
         """Count the decided stages; verdicts stay until the reset."""
         for stage, monitor in enumerate(self._monitors.deciders):
             self._reach((self._reached == stage) & (monitor.verdict > 0), stage + 1)
 
-    def _reach(self, lanes: Lanes, reached: int) -> None:
+    def _reach(self, entries: Entries, reached: int) -> None:
         """Set the number of decided stages."""
-        self._reached[lanes] = reached
-        self._began[lanes] = np.nan
+        self._reached[entries] = reached
+        self._began[entries] = np.nan
         least = min(reached / self._count, _ALMOST)
-        self.progress[lanes] = np.maximum(self.progress[lanes], least)
+        self.progress[entries] = np.maximum(self.progress[entries], least)
 
-    def _approach(self, lanes: Lanes, heights: Floats, reached: int) -> None:
+    def _approach(self, entries: Entries, heights: Floats, reached: int) -> None:
         """Take the robustness of the next stage, in environments that are at the same stage."""
-        began = self._began[lanes]
+        began = self._began[entries]
         first = np.isnan(began) & np.isfinite(heights)
         began = np.where(first, np.where(heights < 0, heights, _NO_WAY), began)
-        self._began[lanes] = began
+        self._began[entries] = began
         began = np.where(np.isnan(began), _NO_WAY, began)
         now = _place(reached, self._count, heights, began, np.minimum, np.maximum)
-        self.progress[lanes] = np.maximum(self.progress[lanes], now)
+        self.progress[entries] = np.maximum(self.progress[entries], now)

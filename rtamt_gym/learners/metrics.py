@@ -233,7 +233,7 @@ def ended_episodes(infos: Mapping[str, Any], ended: ArrayLike) -> list[Outcomes]
     if "stl_episode" not in last:
         raise InputError(no_outcomes(last))
     return [
-        {name: _lane(episode, int(i)) for name, episode in _named(last["stl_episode"])}
+        {name: _entry(episode, int(i)) for name, episode in _named(last["stl_episode"])}
         for i in index
     ]
 
@@ -253,7 +253,7 @@ def _named(held: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
     return [(name, episode) for name, episode in held.items() if isinstance(episode, Mapping)]
 
 
-def _lane(columns: Mapping[str, Any], i: int) -> Mapping[str, Any]:
+def _entry(columns: Mapping[str, Any], i: int) -> Mapping[str, Any]:
     """Return the outcome of environment i."""
     outcome = {key: columns[key][i] for key in ("robustness", "verdict", "satisfied")}
     for key in ("decided_at", "ended_at", "progress"):

@@ -16,11 +16,11 @@ from rtamt.renamed import OldName
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.judge import Judging
-from rtamt_gym.judging.panel import Assessment, Feed, Panel, SeeValues
+from rtamt_gym.judging.monitor_set import Assessment, Feed, MonitorSet, SeeValues
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.mujoco.callback import attached
 from rtamt_gym.mujoco.pictures import renderer
-from rtamt_gym.mujoco.values import PanelValues
+from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
@@ -37,7 +37,7 @@ OnStepViolation = Literal["stop", "report"]
 
 
 @documents_options("instants")
-class StepMonitor(PanelValues):
+class StepMonitor(MonitorSetValues):
     """Monitors a MuJoCo simulation against specifications, one sample for every ``mj_step``.
 
     Sample 0 is the state before the first step; every later sample is the state after a step.
@@ -113,7 +113,7 @@ class StepMonitor(PanelValues):
                     f"signal {signal.name!r}: {signal} can be read at sample 0 too, got a default "
                     f"{signal.default!r}; leave it out"
                 )
-        self.monitor_set = Panel(self.specs, self.reading)
+        self.monitor_set = MonitorSet(self.specs, self.reading)
         self.forward = forward
         if live is not None:
             self._show(live)
@@ -314,8 +314,8 @@ class StepMonitor(PanelValues):
 
         Restore the simulation too: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
         """
-        panel, clock, running, offers = state
-        self.monitor_set.restore(panel)
+        monitor_set, clock, running, offers = state
+        self.monitor_set.restore(monitor_set)
         self._clock, self._running, self._unchecked = replace(clock), running, 0
         self._pending, self._offered = offers
 

@@ -6,20 +6,20 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from rtamt import Verdict
-from rtamt_gym.judging.panel import Monitors, Panel
+from rtamt_gym.judging.monitor_set import Monitors, MonitorSet
 
 if TYPE_CHECKING:
     from rtamt_gym.live.track import Track
 
 
-class PanelValues:
-    """The values of a panel as read-only attributes.
+class MonitorSetValues:
+    """The values of a monitor set as read-only attributes.
 
     Attributes:
         monitor_set: The monitors of all specifications.
     """
 
-    monitor_set: Panel
+    monitor_set: MonitorSet
     _live: Track | None = None
 
     @property

@@ -19,8 +19,8 @@ from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.judge import Judging, Questions
-from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.vector_panel import VectorPanel
+from rtamt_gym.judging.monitor_set import MonitorSet
+from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
 from rtamt_gym.play.durations import step_limit
 from rtamt_gym.play.loop import PlayBatch, Played, Task, play
 from rtamt_gym.play.run_record import (
@@ -81,7 +81,7 @@ class NativeRollouts:
         self.end: RunEnd = "truncated" if self.steps == limit else "duration"
         self.size = max(1, min(batch, _NUMBERS // max(1, self.steps * len(self._actions))))
         self._env: VectorEnv[Any, Any, Any] | None = None
-        self._panel: VectorPanel | None = None
+        self._monitor_set: VectorMonitorSet | None = None
         self._defaults: dict[str, Floats] = {}
 
     @classmethod
@@ -108,8 +108,8 @@ class NativeRollouts:
         if judging.reading.period is None:
             reading = judging.reading.having(period=read_period(system))
             judging = judging._replace(reading=reading)
-        panel = Panel(judging.specs, judging.reading)
-        most = step_limit(duration, panel.period, spec.id)
+        monitor_set = MonitorSet(judging.specs, judging.reading)
+        most = step_limit(duration, monitor_set.period, spec.id)
         return cls(system, judging, elements, most, stop, batch)
 
     def kind(self, case: Case) -> str | None:
@@ -144,18 +144,18 @@ class NativeRollouts:
         """Close the vector environment."""
         if self._env is not None:
             self._env.close()
-            self._env = self._panel = None
+            self._env = self._monitor_set = None
 
-    def opened(self, count: int) -> tuple[VectorEnv[Any, Any, Any], VectorPanel]:
+    def opened(self, count: int) -> tuple[VectorEnv[Any, Any, Any], VectorMonitorSet]:
         """Return the environment and the monitors, with at least ``count`` places."""
-        if self._env is None or self._panel is None or self._env.num_envs < count:
+        if self._env is None or self._monitor_set is None or self._env.num_envs < count:
             self.close()
             self._env = gym.make_vec(self._spec, num_envs=count)
             simulation: Any = self._env.unwrapped
             self._defaults = simulation.parameters  # before an episode changes them
             specs, _, reading = self.judging
-            self._panel = VectorPanel(specs, count, reading, list(self.elements))
-        return self._env, self._panel
+            self._monitor_set = VectorMonitorSet(specs, count, reading, list(self.elements))
+        return self._env, self._monitor_set
 
     def reset(self, env: VectorEnv[Any, Any, Any], tasks: Sequence[Task]) -> Floats:
         """Start the episodes of tasks; return the observations of sample 0."""
@@ -210,13 +210,13 @@ class NativeBatch(PlayBatch):
     def start(self, tasks: Mapping[int, Task]) -> None:
         since, self._begun = time.perf_counter(), True
         listed = [*tasks.values()]
-        self._env, self._panel = self._rollouts.opened(self.size)
+        self._env, self._monitor_set = self._rollouts.opened(self.size)
         self._all = np.arange(self._env.num_envs)
         self._active = self._all < self.size
         self._wall = np.zeros(len(self._all))
-        self._panel.reset()
+        self._monitor_set.reset()
         first = self._rollouts.reset(self._env, listed)[None]
-        self._actions = self._rollouts.driven(listed, len(self._all), self._panel.period)
+        self._actions = self._rollouts.driven(listed, len(self._all), self._monitor_set.period)
         self._take(first, since)
 
     def begin(self, place: int, task: Task) -> _Place:
@@ -240,7 +240,9 @@ class NativeBatch(PlayBatch):
         """Return the samples of a run that is over, if they are needed."""
         if not self._traces:
             return None
-        return SimulatedTrace(self._signals(place, self._results[place].last), self._panel.period)
+        return SimulatedTrace(
+            self._signals(place, self._results[place].last), self._monitor_set.period
+        )
 
     def _signals(self, place: int, last: int) -> dict[str, Floats]:
         if not self._kept:
@@ -272,7 +274,7 @@ class NativeBatch(PlayBatch):
         """Feed samples to the monitors, and collect the runs that are over."""
         all_running = bool(self._active.all())
         for table in tables:
-            self._panel.feed(table.T, None if all_running else self._active)
+            self._monitor_set.feed(table.T, None if all_running else self._active)
             self._stop(ends)
             self._samples += 1
             if not self._active.any():
@@ -281,20 +283,20 @@ class NativeBatch(PlayBatch):
 
     def _stop(self, ends: dict[int, tuple[RunEnd, int]]) -> None:
         """End the runs that the last sample ends, in the order of `Simulation`."""
-        panel, stop = self._panel, self._rollouts.stop
+        monitor_set, stop = self._monitor_set, self._rollouts.stop
         last = self._samples == self._rollouts.steps
         if last and self._rollouts.end == "truncated":
-            panel.finish(self._active, self._at_end)
+            monitor_set.finish(self._active, self._at_end)
             self._over(self._active, "truncated", ends)
             return
         if stop in AT_VIOLATION:
-            self._over(panel.any_violated(), "violation", ends)
+            self._over(monitor_set.any_violated(), "violation", ends)
         if stop in AT_VERDICTS:
-            self._over(~np.logical_or.reduce(panel.undecided(self._all)), "decided", ends)
+            self._over(~np.logical_or.reduce(monitor_set.undecided(self._all)), "decided", ends)
         if stop == "known" and self._samples % KNOWN_EVERY == 0:
-            self._over(panel.knows(self._above or {}), "known", ends)
+            self._over(monitor_set.knows(self._above or {}), "known", ends)
         if last:
-            panel.finish(self._active, self._at_end)
+            monitor_set.finish(self._active, self._at_end)
             self._over(self._active, "duration", ends)
 
     def _over(
@@ -311,16 +313,16 @@ class NativeBatch(PlayBatch):
             for position, (why, last) in ends.items():
                 yield position, _Result(why, last, {})
             return
-        panel, places = self._panel, sorted(ends)
+        monitor_set, places = self._monitor_set, sorted(ends)
         columns: dict[str, list[NDArray[Any]]] = {
             name: [judge.robustness, judge.lower, judge.upper, judge.verdict]
-            for name, (_, judge) in panel.monitors.items()
+            for name, (_, judge) in monitor_set.monitors.items()
         }
         moments = {
             name: (each["decided_at"], each["ended_at"])
-            for name, each in panel.outcomes(np.array(places)).by_name().items()
+            for name, each in monitor_set.outcomes(np.array(places)).by_name().items()
         }
-        progress = panel.progress
+        progress = monitor_set.progress
         for row, position in enumerate(places):
             why, last = ends[position]
             verdicts = {
@@ -340,7 +342,7 @@ class NativeBatch(PlayBatch):
                     [values[position].item() for values in bounds],
                     verdicts[name],
                     decided,
-                    panel.period,
+                    monitor_set.period,
                     evidence[name],
                     progress[name][position].item() if name in progress else None,
                     ended=ended,
@@ -350,7 +352,7 @@ class NativeBatch(PlayBatch):
     def made(self, place: int, task: Task) -> Trial:
         """Return the trial of a run that is over."""
         why, last, outcomes = self._results[place]
-        simulated = float(last * (self._panel.period or 1))
+        simulated = float(last * (self._monitor_set.period or 1))
         wall = float(self._wall[place])
         return Trial(task.case, task.seed, outcomes, why, simulated, wall, reward=_REWARD)
 

@@ -13,8 +13,8 @@ import rtamt
 from rtamt import InputTypeError
 from rtamt.monitors import Evidence, TriggerCount
 from rtamt.typing import End, NanPolicy
+from rtamt_gym.judging.monitor_set import Assessment, Feed, MonitorSet
 from rtamt_gym.judging.monitors import EXACT
-from rtamt_gym.judging.panel import Assessment, Feed, Panel
 from rtamt_gym.options.evaluation import AtTermination
 from rtamt_gym.play.run_record import Floats, History
 from rtamt_gym.signals.signals import Read
@@ -27,14 +27,14 @@ class Recorder:
     """Update the monitors with samples, and record the values that a run needs.
 
     Attributes:
-        panel: The monitors.
+        monitor_set: The monitors.
         names: The names of the values of a sample: the variables, then further signals.
         first_sample: The number of the first sample in its episode.
     """
 
     def __init__(
         self,
-        panel: Panel,
+        monitor_set: MonitorSet,
         variables: Sequence[str],
         signals: Iterable[str] = (),
         nan: NanPolicy = "raise",
@@ -44,28 +44,28 @@ class Recorder:
         fed: bool = False,
         live: Track | None = None,
     ) -> None:
-        self.panel, self.first_sample = panel, 0
+        self.monitor_set, self.first_sample = monitor_set, 0
         self.names = list(dict.fromkeys([*variables, *signals]))
         self._variables, self._holds, self._fed = variables, nan == "hold", fed
         self._further = range(len(variables), len(self.names))
         # One monitor takes a sample completely or not at all, so nothing has to be undone.
-        single = len(panel.monitors) == 1 and not keeps
+        single = len(monitor_set.monitors) == 1 and not keeps
         self._samples: list[Sequence[float]] | None = None if single else []
         self._curves: dict[str, list[Assessment]] = (
-            {name: [] for name in panel.monitors} if curves or fed else {}
+            {name: [] for name in monitor_set.monitors} if curves or fed else {}
         )
-        self._state = panel.state() if fed else None
-        self._feed = panel.feeder(variables)
+        self._state = monitor_set.state() if fed else None
+        self._feed = monitor_set.feeder(variables)
         self._live = live
         if live is not None:
-            live.follow(panel.monitors)
+            live.follow(monitor_set.monitors)
             live.begin()
         self._reads: Sequence[Read] | None = None
         self._feed_step: Feed
 
     def __len__(self) -> int:
         """The number of samples."""
-        return self.panel.samples if self._samples is None else len(self._samples)
+        return self.monitor_set.samples if self._samples is None else len(self._samples)
 
     @property
     def plain(self) -> bool:
@@ -74,7 +74,7 @@ class Recorder:
 
     def reset(self) -> None:
         """Forget the samples, for another run."""
-        self.panel.reset()
+        self.monitor_set.reset()
         if self._samples is not None:
             self._samples.clear()
 
@@ -82,8 +82,8 @@ class Recorder:
         """Feed and keep a sample: the variables, then the further signals."""
         if self._fed:
             if not self._samples:
-                self.first_sample = self.panel.samples - 1
-                self._state = self.panel.state()
+                self.first_sample = self.monitor_set.samples - 1
+                self._state = self.monitor_set.state()
         else:
             self._feed(values)
         for index in self._further:  # values that no monitor reads, and so checks
@@ -101,7 +101,7 @@ class Recorder:
         """Return the function that feeds a step of an environment; made again for other reads."""
         if reads is not self._reads:
             keep = None if self._samples is None else self._samples.append
-            self._feed_step = self.panel.feeder(self._variables, reads, keep=keep)
+            self._feed_step = self.monitor_set.feeder(self._variables, reads, keep=keep)
             self._reads = reads
         return self._feed_step
 
@@ -117,9 +117,9 @@ class Recorder:
         for curve in self._curves.values():
             curve.clear()
         if self._state is None:
-            self.panel.reset()
+            self.monitor_set.reset()
         else:
-            self.panel.restore(self._state)
+            self.monitor_set.restore(self._state)
         for values in samples:
             if not self._fed or self._samples:
                 self._feed(values)
@@ -127,15 +127,15 @@ class Recorder:
 
     def finish(self, end: AtTermination | End) -> None:
         """End the trace for the monitors; the last values of curves are those after the end."""
-        self.panel.finish(end)
+        self.monitor_set.finish(end)
         if self._curves:
-            for name, state in self.panel.describe().items():
+            for name, state in self.monitor_set.describe().items():
                 self._curves[name][-1] = state["robustness"], state["lower"], state["upper"]
 
     def show_end(self) -> None:
         """End the episode in the live view, if there is one."""
         if self._live is not None:
-            self._live.end(self.panel.describe())
+            self._live.end(self.monitor_set.describe())
 
     def columns(self) -> dict[str, Floats]:
         """Return the values of every variable and further signal; samples must be kept."""
@@ -146,9 +146,9 @@ class Recorder:
                 np.copyto(values, previous, where=np.isnan(values))
         return dict(zip(self.names, np.ascontiguousarray(table.T), strict=True))
 
-    def replayed(self, panel: Panel, end: AtTermination | End | None) -> Recorder:
+    def replayed(self, monitor_set: MonitorSet, end: AtTermination | End | None) -> Recorder:
         """Feed the samples to further monitors, and keep the values of these at every sample."""
-        other = Recorder(panel, self._variables, self.names, curves=True)
+        other = Recorder(monitor_set, self._variables, self.names, curves=True)
         for values in self._samples or ():
             other.take(values)
         if end is not None:
@@ -161,9 +161,9 @@ class Recorder:
         evidence: Mapping[str, Evidence[TriggerCount]],
     ) -> dict[str, History]:
         """Return the course of every specification."""
-        outcomes = self.panel.outcomes()
+        outcomes = self.monitor_set.outcomes()
         courses = {}
-        for name, (_, judge) in self.panel.monitors.items():
+        for name, (_, judge) in self.monitor_set.monitors.items():
             robustness, lower, upper = np.ascontiguousarray(np.array(self._curves[name]).T)
             outcome = outcomes[name]
             courses[name] = History(
@@ -187,7 +187,7 @@ class Recorder:
 
     def _keep(self, values: Sequence[float]) -> None:
         for name, curve in self._curves.items():
-            source, judge = self.panel.monitors[name]
+            source, judge = self.monitor_set.monitors[name]
             curve.append((source.robustness, judge.lower, judge.upper))
         if self._samples is not None:
             self._samples.append(tuple(values))

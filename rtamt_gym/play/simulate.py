@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from rtamt import InputError
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.specs import SpecsLike
-from rtamt_gym.mujoco.values import PanelValues
+from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import Stop
@@ -96,7 +96,7 @@ def simulate(
     """
     options = checked_options(reading, simulate, "runs")
     specs, signals, options = with_own_monitor(monitor_of(system), specs, signals, options)
-    monitor = system if isinstance(system, PanelValues) else monitor_of(system)
+    monitor = system if isinstance(system, MonitorSetValues) else monitor_of(system)
     if live is not None and monitor is not None and monitor.shown_live:
         raise InputError(
             f"expected live= of simulate or of the {type(monitor).__name__}, got both; leave one "

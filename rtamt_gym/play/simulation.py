@@ -23,7 +23,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.end_warnings import assumed, warn_of_open_end
 from rtamt_gym.judging.judge import Judge, Questions
-from rtamt_gym.judging.panel import PanelResult
+from rtamt_gym.judging.monitor_set import MonitorSetResult
 from rtamt_gym.judging.specs import (
     SpecsLike,
     check_period,
@@ -31,7 +31,7 @@ from rtamt_gym.judging.specs import (
     own_requirements,
     with_unknown_start,
 )
-from rtamt_gym.mujoco.values import PanelValues
+from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.play.durations import step_limit
 from rtamt_gym.play.recorder import Recorder
@@ -105,7 +105,7 @@ class Simulator:
         self._plain = as_system(system, policy, start, substeps=reading.substeps)
         ran = self._plain if self._case is None else driven(self._plain, self._case)
         self.name, self.start = ran.name, start
-        self.monitor = cast("StepMonitor", system) if isinstance(system, PanelValues) else None
+        self.monitor = cast("StepMonitor", system) if isinstance(system, MonitorSetValues) else None
         if self.monitor is not None:
             _refuse_options({"specs": specs, "signals": signals})
             reading = reading.over(self.monitor.reading, "the StepMonitor", "leave it out")
@@ -262,9 +262,9 @@ class Simulation:
             self._record.reset()
         else:
             judge = bound.judge
-            panel = judge.begin() if judge else cast("StepMonitor", monitor).monitor_set
+            monitor_set = judge.begin() if judge else cast("StepMonitor", monitor).monitor_set
             self._record = Recorder(
-                panel,
+                monitor_set,
                 variables,
                 () if self._light else signals,
                 simulator.reading.nan,
@@ -272,7 +272,7 @@ class Simulation:
                 fed=monitor is not None,
                 live=None if live is None else self._track(live),
             )
-        self._panel = self._record.panel
+        self._monitor_set = self._record.monitor_set
         self._ended: RunEnd = "error"
         self._steps = 0  # plus one after sample 0
         self._samples = 0  # set at the end
@@ -337,9 +337,9 @@ class Simulation:
         """Seconds between samples; None if they have no time."""
         return self._bound.period
 
-    def results(self) -> list[PanelResult]:
+    def results(self) -> list[MonitorSetResult]:
         """Return the result of each specification so far, before the run is over."""
-        return self._panel.results()
+        return self._monitor_set.results()
 
     @property
     def trace(self) -> SimulatedTrace | None:
@@ -391,7 +391,7 @@ class Simulation:
         while not self.over:
             last = self._steps - 1
             pause = min(most, (last // KNOWN_EVERY + 1) * KNOWN_EVERY) if known else most
-            system.play(self._panel, feed, pause - last)
+            system.play(self._monitor_set, feed, pause - last)
             self._steps = len(record) - 1
             why = self._why()
             self._steps += 1
@@ -400,31 +400,33 @@ class Simulation:
 
     def _why(self) -> RunEnd | None:
         """Return why the last sample ends the run, if it does."""
-        panel, stop = self._panel, self._stop
+        monitor_set, stop = self._monitor_set, self._stop
         if self._system.ended:
             return self._system.ended
-        if stop in AT_VIOLATION and panel.violated_by is not None:
+        if stop in AT_VIOLATION and monitor_set.violated_by is not None:
             return "violation"
-        if stop in AT_VERDICTS and panel.all_decided:
+        if stop in AT_VERDICTS and monitor_set.all_decided:
             return "decided"
-        if stop == "known" and self._steps % KNOWN_EVERY == 0 and panel.knows(self._above):
+        if stop == "known" and self._steps % KNOWN_EVERY == 0 and monitor_set.knows(self._above):
             return "known"
         return "duration" if self._steps == self._most else None
 
     def _conclude(self, why: RunEnd) -> None:
         """Evaluate the end of the run, and close it."""
         self._ended = why
-        panel, end = self._panel, self._end
+        monitor_set, end = self._monitor_set, self._end
         default = (
             why == "terminated"
             and self._simulator.reading.at_termination is None
             and self._simulator.of_environment
         )
-        undecided, windows = (panel.undecided, panel.cut_windows()) if default else ([], ())
+        undecided, windows = (
+            (monitor_set.undecided, monitor_set.cut_windows()) if default else ([], ())
+        )
         if end is not None:
             self._record.finish(end)
         if default:
-            open_end = assumed([name for name in undecided if panel.satisfies(name)], windows)
+            open_end = assumed([name for name in undecided if monitor_set.satisfies(name)], windows)
             if open_end is not None:
                 warn_of_open_end(open_end[0], window=open_end[1])
         self._close()
@@ -459,19 +461,19 @@ class Simulation:
         if self._light:
             bound.free.append(record)
         elif bound.judge is not None:
-            bound.judge.end(self._panel)
+            bound.judge.end(self._monitor_set)
 
     def _evidence(self) -> Mapping[str, Evidence[TriggerCount]]:
         """Return how often the samples triggered implications; empty if samples are missing."""
         record, questions = self._record, self._bound.questions
         if record.first_sample:
             return {}
-        verdicts = {name: verdict for name, _, verdict, *_ in self._panel.results()}
+        verdicts = {name: verdict for name, _, verdict, *_ in self._monitor_set.results()}
         samples = record.columns() if questions else {}
         return questions.answers(samples, len(record), self._end, verdicts)
 
     def _found(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> dict[str, Outcome]:
-        period, progress = self._bound.period, self._panel.progress
+        period, progress = self._bound.period, self._monitor_set.progress
         return {
             name: Outcome.at(
                 bounds,
@@ -482,7 +484,7 @@ class Simulation:
                 progress.get(name),
                 ended=ended,
             )
-            for name, bounds, verdict, decided, ended in self._panel.results()
+            for name, bounds, verdict, decided, ended in self._monitor_set.results()
         }
 
     def _made(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> Run:
@@ -493,7 +495,7 @@ class Simulation:
             signals=self._record.columns(),
             histories=self._courses(evidence),
             ended=self._ended,
-            violated_by=self._panel.violated_by,
+            violated_by=self._monitor_set.violated_by,
             period=bound.period,
             view=simulator.reading.view,
             align=simulator.reading.align,
@@ -519,9 +521,9 @@ class Simulation:
             return record.histories(specs, evidence)
 
         def courses() -> dict[str, History]:
-            panel = judge.begin()
-            result = record.replayed(panel, end).histories(specs, evidence)
-            judge.end(panel)
+            monitor_set = judge.begin()
+            result = record.replayed(monitor_set, end).histories(specs, evidence)
+            judge.end(monitor_set)
             return result
 
         return CoursesOnDemand(tuple(specs), courses)

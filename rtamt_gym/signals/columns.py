@@ -27,10 +27,10 @@ from rtamt_gym.signals.spaces import fit
 
 Batch = VectorEnv[Any, Any, Any]
 Floats = NDArray[np.float64]
-Lanes = NDArray[np.bool_]
+Entries = NDArray[np.bool_]
 """A mask of environments."""
 
-_Read = Callable[[Step, Lanes], Any]
+_Read = Callable[[Step, Entries], Any]
 """Reads a column from a step of all environments; only numbers inside the mask are used."""
 
 _WRAP_EACH = "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor"
@@ -61,7 +61,7 @@ class SignalColumns:
         self._signals = signals
         played: Any = env  # recorded episodes have no environment
         self._env: Any = env if isinstance(played, VectorEnv) else None
-        self._all: Lanes = np.ones(env.num_envs, np.bool_)
+        self._all: Entries = np.ones(env.num_envs, np.bool_)
         self._singles = _Singles(env, same_step=same_step)
         self._reads = [
             _without_nan(signal, self._bind(signal, env, same_step=same_step, compare=compare))
@@ -78,13 +78,13 @@ class SignalColumns:
         actions: Any,
         rewards: Any,
         infos: dict[str, Any],
-        begun: Lanes | None = None,
+        begun: Entries | None = None,
     ) -> Floats:
         """Read the signals from a step: an array with a row for every environment.
 
         The step has reset the environments ``begun``: their rows hold first samples of episodes.
         """
-        lanes = self._all if begun is None else ~begun
+        entries = self._all if begun is None else ~begun
         step = Step(obs, actions, rewards, infos, self._env)
         reset = step if begun is None else Step(obs, None, None, infos, self._env)
         self._singles.forget()
@@ -92,20 +92,20 @@ class SignalColumns:
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
             same_at_reset = signal.default is None and signal.source not in {None, "info"}
             if begun is None or same_at_reset:
-                table[:, column] = read(step, lanes)
+                table[:, column] = read(step, entries)
                 continue
-            if lanes.any():
-                table[:, column] = read(step, lanes)
+            if entries.any():
+                table[:, column] = read(step, entries)
             table[begun, column] = _at_reset(signal, read, reset, begun)[begun]
         return table
 
-    def reset(self, obs: Any, infos: dict[str, Any], lanes: Lanes) -> Floats:
+    def reset(self, obs: Any, infos: dict[str, Any], entries: Entries) -> Floats:
         """Read the signals from a reset; rows of environments outside the mask mean nothing."""
         step = Step(obs, None, None, infos, self._env)
         self._singles.forget()
         table = self._table()
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
-            table[:, column] = _at_reset(signal, read, step, lanes)
+            table[:, column] = _at_reset(signal, read, step, entries)
         return table
 
     def _bind(self, signal: ParsedSignal, env: Batch, *, same_step: bool, compare: bool) -> _Read:
@@ -125,16 +125,16 @@ class SignalColumns:
                 pick = _picker(space, fit(signal, space, "the action space of one environment"))
                 return lambda step, _: pick(step.action)
             case "reward":
-                return lambda step, lanes: _from_rewards(signal, step.reward, len(lanes))
+                return lambda step, entries: _from_rewards(signal, step.reward, len(entries))
             case "info":
-                return lambda step, lanes: _from_infos(signal, step.info, lanes)
+                return lambda step, entries: _from_infos(signal, step.info, entries)
         return _bind_simulations(signal, env, same_step=same_step)
 
     def _table(self) -> Floats:
         """A new table in Fortran's order, because it is filled and read by columns."""
         return np.empty((len(self._signals), len(self._all))).T
 
-    def check_untouched(self, table: Floats, before: Floats, others: Lanes) -> None:
+    def check_untouched(self, table: Floats, before: Floats, others: Entries) -> None:
         """Refuse a reset that has changed the observations of environments outside its mask.
 
         Args:
@@ -156,18 +156,18 @@ class SignalColumns:
             )
 
 
-def _at_reset(signal: ParsedSignal, read: _Read, step: Step, lanes: Lanes) -> Any:
+def _at_reset(signal: ParsedSignal, read: _Read, step: Step, entries: Entries) -> Any:
     """Return the column of a reset: the numbers of the reset, or the default."""
     if signal.default is None:
         try:
-            return read(step, lanes)
+            return read(step, entries)
         except AbsentError as error:
             raise signal.absent(error) from None
         except RtamtError as error:
             raise signal.at_reset(error) from error.__cause__
-    column = np.full(len(lanes), signal.default)
+    column = np.full(len(entries), signal.default)
     if signal.maybe_at_reset:
-        there = _present(signal, step.info, lanes)
+        there = _present(signal, step.info, entries)
         if there.any():
             column[there] = read(step, there)[there]
     return column
@@ -177,9 +177,9 @@ def _without_nan(signal: ParsedSignal, read: _Read) -> _Read:
     if not signal.refuses_nan:
         return read
 
-    def read_numbers(step: Step, lanes: Lanes) -> Any:
-        column = np.asarray(read(step, lanes))
-        if np.isnan(column[lanes]).any():
+    def read_numbers(step: Step, entries: Entries) -> Any:
+        column = np.asarray(read(step, entries))
+        if np.isnan(column[entries]).any():
             raise signal.is_nan()
         return column
 
@@ -218,17 +218,17 @@ def _bind_simulations(signal: ParsedSignal, env: Batch, *, same_step: bool) -> _
     )
 
 
-def _present(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> Lanes:
+def _present(signal: ParsedSignal, infos: dict[str, Any], entries: Entries) -> Entries:
     """Return the environments of the mask whose info has all keys of the selector."""
     values: Any = infos
     for part in signal.path:
         if not isinstance(values, Mapping):
             break
         if part not in values:
-            return np.zeros_like(lanes)
-        lanes = lanes & np.asarray(values.get(f"_{part}", lanes), np.bool_)
+            return np.zeros_like(entries)
+        entries = entries & np.asarray(values.get(f"_{part}", entries), np.bool_)
         values = values[part]
-    return lanes
+    return entries
 
 
 def _from_rewards(signal: ParsedSignal, rewards: Any, num: int) -> Any:
@@ -244,7 +244,7 @@ def _from_rewards(signal: ParsedSignal, rewards: Any, num: int) -> Any:
         ) from None
 
 
-def _from_infos(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> Any:
+def _from_infos(signal: ParsedSignal, infos: dict[str, Any], entries: Entries) -> Any:
     values: Any = infos
     path = list(signal.path)
     while path and isinstance(values, Mapping):
@@ -254,7 +254,7 @@ def _from_infos(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> An
             raise AbsentError(
                 f"signal {signal.name!r}: the infos have no {signal}; their keys are {keys}"
             )
-        missing = lanes & ~np.asarray(values.get(f"_{part}", lanes), np.bool_)
+        missing = entries & ~np.asarray(values.get(f"_{part}", entries), np.bool_)
         if missing.any():
             raise AbsentError(
                 f"signal {signal.name!r}: the info of environment {np.flatnonzero(missing)[0]} "
@@ -264,16 +264,16 @@ def _from_infos(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> An
     column, where = np.asarray(values), tuple[Any, ...](path)
     try:
         if column.dtype == object:  # an object for each environment: a list, a tuple
-            numbers = np.zeros(len(lanes))
-            for lane in np.flatnonzero(lanes):
-                numbers[lane] = np.asarray(column[lane])[where]
+            numbers = np.zeros(len(entries))
+            for entry in np.flatnonzero(entries):
+                numbers[entry] = np.asarray(column[entry])[where]
             return numbers
         column = column[(slice(None), *where)]
     except (IndexError, TypeError, ValueError):
         raise InputError(
             f"signal {signal.name!r}: the infos have no number at {signal}; they have {values!r}"
         ) from None
-    return signal.numbers(column, len(lanes))
+    return signal.numbers(column, len(entries))
 
 
 class _Singles:
@@ -291,7 +291,7 @@ class _Singles:
             self._envs = [*base.envs]
         else:
             why = f"with {_RESET_EARLY}" if same_step else "its environments cannot be looked into"
-            self._envs = [_Hidden(env, lane, why) for lane in range(env.num_envs)]
+            self._envs = [_Hidden(env, entry, why) for entry in range(env.num_envs)]
         self._steps: dict[bool, list[Step]] = {}
 
     def forget(self) -> None:
@@ -317,11 +317,11 @@ class _Singles:
             self._steps[begins] = [Step(*row) for row in columns]
         return self._steps[begins]
 
-    def alone(self, step: Step, lane: int) -> Step:
+    def alone(self, step: Step, entry: int) -> Step:
         """Return the step of one environment as a batch of one."""
         observations = self._env.single_observation_space
         actions = self._env.single_action_space
-        return batch_of_one(self.steps(step)[lane], observations, actions, step.env)
+        return batch_of_one(self.steps(step)[entry], observations, actions, step.env)
 
 
 class _EachRead:
@@ -331,19 +331,19 @@ class _EachRead:
         self._signal, self._singles = signal, singles
         self._function: Any = signal.reads
 
-    def __call__(self, step: Step, lanes: Lanes) -> Floats:
+    def __call__(self, step: Step, entries: Entries) -> Floats:
         """Return the column; 0 outside of the mask."""
-        function, num = self._function, len(lanes)
+        function, num = self._function, len(entries)
         steps: Iterable[Step] = self._singles.steps(step)
-        if not lanes.all():
-            steps = compress(steps, lanes.tolist())
+        if not entries.all():
+            steps = compress(steps, entries.tolist())
         try:
             values = [function(single) for single in steps]
         except Exception as error:
             self._hint_at_batched(step, num, error)
             raise self._signal.raised(error) from error
         column = np.zeros(num)
-        column[lanes] = self._numbers(step, values, num)
+        column[entries] = self._numbers(step, values, num)
         return column
 
     def _numbers(self, step: Step, values: list[Any], num: int) -> Any:
@@ -386,54 +386,54 @@ class _BatchRead:
         self._signal, self._singles = signal, singles
         self._uncompared = {True, False} if compare else set()
 
-    def __call__(self, step: Step, lanes: Lanes) -> NDArray[Any]:
+    def __call__(self, step: Step, entries: Entries) -> NDArray[Any]:
         """Return the column."""
-        column = self._signal.numbers(self._signal.call(step), len(lanes))
+        column = self._signal.numbers(self._signal.call(step), len(entries))
         at_reset = step.action is None
         if at_reset in self._uncompared:
-            self._compare(step, column, lanes.nonzero()[0].tolist())
+            self._compare(step, column, entries.nonzero()[0].tolist())
             self._uncompared.discard(at_reset)
         return column
 
-    def _compare(self, step: Step, column: NDArray[Any], lanes: Iterable[int]) -> None:
+    def _compare(self, step: Step, column: NDArray[Any], entries: Iterable[int]) -> None:
         signal, num = self._signal, len(column)
 
-        def refuse(lane: int, what: str, cause: Exception | None = None) -> NoReturn:
+        def refuse(entry: int, what: str, cause: Exception | None = None) -> NoReturn:
             raise InputError(
-                f"signal {signal.name!r}: {signal} gives {column[lane]:.6g} for environment "
-                f"{lane} among all {num}, and {what}; a function of batches keeps environments "
+                f"signal {signal.name!r}: {signal} gives {column[entry]:.6g} for environment "
+                f"{entry} among all {num}, and {what}; a function of batches keeps environments "
                 "apart, as lambda step: step.obs[:, 0] does; leave batched out for a function of "
                 "one environment"
             ) from cause
 
-        for lane in lanes:
+        for entry in entries:
             try:
-                single = np.asarray(signal.call(self._singles.alone(step, lane)), np.float64)
+                single = np.asarray(signal.call(self._singles.alone(step, entry)), np.float64)
             except (RtamtError, TypeError, ValueError) as error:
                 what = str(error).removeprefix(f"signal {signal.name!r}: ")
-                refuse(lane, f"for it alone: {what}", error)
+                refuse(entry, f"for it alone: {what}", error)
             # A function that reads the vector environment itself still reads all of them.
             if single.shape == (num,) and num > 1:
-                single = single[lane : lane + 1]
+                single = single[entry : entry + 1]
             if single.shape != (1,):
-                refuse(lane, f"for it alone an array of shape {single.shape}")
+                refuse(entry, f"for it alone an array of shape {single.shape}")
             # Sums of a batch are rounded in another order than sums of one environment.
-            if not np.allclose(single, column[lane], rtol=1e-4, atol=1e-6, equal_nan=True):
-                refuse(lane, f"{single[0]:.6g} for it alone")
+            if not np.allclose(single, column[entry], rtol=1e-4, atol=1e-6, equal_nan=True):
+                refuse(entry, f"{single[0]:.6g} for it alone")
 
 
 class _Hidden:
     """Stands for an environment of a vector environment that cannot be looked into."""
 
-    def __init__(self, env: Any, lane: int, why: str) -> None:
-        self._hidden = env, lane, why
+    def __init__(self, env: Any, entry: int, why: str) -> None:
+        self._hidden = env, entry, why
 
     def __getattr__(self, name: str) -> NoReturn:
         if name.startswith("__"):  # a protocol asks for it
             raise AttributeError(name)
-        env, lane, why = self._hidden
+        env, entry, why = self._hidden
         raise InputError(
-            f"step.env.{name} of environment {lane} cannot be read from {env}: {why}; read "
+            f"step.env.{name} of environment {entry} cannot be read from {env}: {why}; read "
             f"step.obs or step.info, or wrap each environment: {_WRAP_EACH}"
         )
 
@@ -449,7 +449,7 @@ def _single_infos(infos: Mapping[str, Any], num: int) -> list[dict[str, Any]]:
             values = _single_infos(value, num)
         elif not hasattr(value, "__len__") or len(value) != num:  # one for all
             values = [value] * num
-        for lane in range(num):
-            if there is None or there[lane]:
-                singles[lane][key] = values[lane]
+        for entry in range(num):
+            if there is None or there[entry]:
+                singles[entry][key] = values[entry]
     return singles

@@ -178,22 +178,22 @@ class StepTimes:
             self._shared = make(env)
         self._compared: set[int] = set()
 
-    def begin(self, lanes: NDArray[Any]) -> None:
+    def begin(self, entries: NDArray[Any]) -> None:
         """Compare the environments of a mask after their reset."""
         if self._shared is not None:
             self._shared.begin()
         if self._times:
-            for lane in lanes.nonzero()[0].tolist():
-                self._times[lane].begin()
-                if self._times[lane].left:
-                    self._compared.add(lane)
+            for entry in entries.nonzero()[0].tolist():
+                self._times[entry].begin()
+                if self._times[entry].left:
+                    self._compared.add(entry)
 
     def step(self, again: NDArray[Any] | None) -> None:
         """Compare the step of all environments; ``again`` are those that it has reset."""
         if self._compared:
-            for lane in sorted(self._compared):
-                if again is None or not again[lane]:
-                    self._times[lane].step()
-            self._compared = {lane for lane in self._compared if self._times[lane].left}
+            for entry in sorted(self._compared):
+                if again is None or not again[entry]:
+                    self._times[entry].step()
+            self._compared = {entry for entry in self._compared if self._times[entry].left}
         if again is not None and again.any():
             self.begin(again)

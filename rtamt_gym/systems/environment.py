@@ -16,7 +16,7 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.judge import Judging
-from rtamt_gym.judging.panel import Feed, Panel
+from rtamt_gym.judging.monitor_set import Feed, MonitorSet
 from rtamt_gym.options.evaluation import EvaluationOptions, refuse_other
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
@@ -154,10 +154,10 @@ class Environment(System):
         """Whether a step is one sample, which the environment itself returns."""
         return not self._substeps and self._monitor is None and self._rescaler is None
 
-    def play(self, panel: Panel, feed: Feed, most: float) -> None:
+    def play(self, monitor_set: MonitorSet, feed: Feed, most: float) -> None:
         """Make steps and feed their samples until the system ends or a verdict is decided."""
         act, step, obs, watch = self._act, self._env.step, self.observation, self._watch
-        settled, steps = panel.settled, 0
+        settled, steps = monitor_set.settled, 0
         while steps < most:
             steps += 1
             try:
@@ -177,7 +177,7 @@ class Environment(System):
                 self.ended = "terminated" if terminated else "truncated"
                 self.reported = _reported(info)
                 return
-            if panel.settled != settled:
+            if monitor_set.settled != settled:
                 return
 
     def start(self) -> list[float]:

@@ -12,7 +12,7 @@ from gymnasium.vector import VectorEnv
 from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.mujoco.values import PanelValues
+from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.systems.environment import Environment
 from rtamt_gym.systems.samples import SampleSource
 from rtamt_gym.systems.system import Drivable, Policy, System
@@ -78,7 +78,7 @@ def _of_mujoco(
             "expected a system to run, got a Snapshot, which holds no model; "
             "write simulate(monitor, start=snapshot)"
         )
-    if isinstance(system, PanelValues):
+    if isinstance(system, MonitorSetValues):
         from rtamt_gym.systems.mujoco import Monitored
 
         return Monitored(cast("StepMonitor", system), policy, start)

@@ -8,7 +8,7 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, Final, Unpack
 
 from rtamt import InputError, Verdict
-from rtamt_gym.judging.panel import PanelResult
+from rtamt_gym.judging.monitor_set import MonitorSetResult
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options
 from rtamt_gym.play.run import Run
@@ -111,7 +111,7 @@ class RunScreen:
             self._screen.update((), (moment.sample or 0) + 1)
 
 
-def _line(result: PanelResult, moment: Moment, period: Fraction | None) -> Line:
+def _line(result: MonitorSetResult, moment: Moment, period: Fraction | None) -> Line:
     name, bounds, verdict, decided, _ = result
     at = None if decided is None else Moment.of(decided, period).time
     return Line(name, None, moment.seconds, moment.sample, verdict, *bounds, decided_at=at)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rtamt_gym.shaping import Shaping
-from rtamt_gym.signals.columns import Floats, Lanes
+from rtamt_gym.signals.columns import Entries, Floats
 
 EPISODES = 10
 """The number of episodes that are checked."""
@@ -38,13 +38,13 @@ class _Watch:
         """Whether ten episodes have ended."""
         return self._episodes >= EPISODES
 
-    def reset(self, values: Sequence[Any], lanes: Lanes | None = None) -> None:
+    def reset(self, values: Sequence[Any], entries: Entries | None = None) -> None:
         """Watch the first samples of the environments of the mask; None: of all.
 
         An episode that was running has ended without a last sample.
         """
         self._count_stored()
-        begun = self._all if lanes is None else lanes
+        begun = self._all if entries is None else entries
         self._episodes += int(np.count_nonzero(self._running & begun))
         if not self.finished:
             self._running = self._running | begun
@@ -57,13 +57,13 @@ class _Watch:
         if len(self._stored) >= self._most:
             self._count_stored()
 
-    def end(self, values: Sequence[Any], ended: Lanes | None = None) -> None:
+    def end(self, values: Sequence[Any], ended: Entries | None = None) -> None:
         """Watch the ends of the episodes of the mask in the newest step; None: of all."""
-        lanes = self._all if ended is None else ended
+        entries = self._all if ended is None else ended
         self._count_stored()
-        self._count([np.atleast_1d(column)[lanes] for column in values], last=True)
-        self._episodes += int(np.count_nonzero(lanes))
-        self._running = ~lanes
+        self._count([np.atleast_1d(column)[entries] for column in values], last=True)
+        self._episodes += int(np.count_nonzero(entries))
+        self._running = ~entries
 
     def _count_stored(self) -> None:
         if self._stored:

@@ -16,7 +16,7 @@ import gymnasium as gym
 import numpy as np
 
 from rtamt_gym.judging.batch_infos import key_mask
-from rtamt_gym.signals.columns import Floats, Lanes
+from rtamt_gym.signals.columns import Entries, Floats
 
 
 class EpisodeCounters:
@@ -53,7 +53,7 @@ class EpisodeCounters:
                 returns[-1] = paid
 
 
-def put_returns(infos: dict[str, Any], paid: Floats, ended: Lanes) -> None:
+def put_returns(infos: dict[str, Any], paid: Floats, ended: Entries) -> None:
     """Replace the returns of the environments that ended in their last infos."""
     episode = _statistics(infos)
     if episode is None:

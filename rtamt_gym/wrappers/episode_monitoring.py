@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, get_args
 from rtamt import Explanation, Specification, StateError
 from rtamt_gym.judging.end_warnings import assumed
 from rtamt_gym.judging.infos import last_info, present, record
+from rtamt_gym.judging.monitor_set import Assessment, Feed, Monitors, MonitorSet, SeeValues
 from rtamt_gym.judging.monitors import chosen, titled
-from rtamt_gym.judging.panel import Assessment, Feed, Monitors, Panel, SeeValues
 from rtamt_gym.signals.signals import Env, ParsedSignal, Read
 from rtamt_gym.signals.step_time import StepTime
 from rtamt_gym.signals.taps import Tap
@@ -27,7 +27,7 @@ class EpisodeMonitoring(Monitoring):
     """The base of `StlMonitor` and `ParallelStlMonitor`: one episode at a time."""
 
     stl_episodes: deque[dict[str, Any]]
-    _panel: Panel
+    _monitor_set: MonitorSet
     _history: bool
     _time: StepTime | None = None
     """Compares the period with the environment; None without a period."""
@@ -60,23 +60,23 @@ class EpisodeMonitoring(Monitoring):
     @property
     def bounds(self) -> tuple[float, float]:
         """The lower and the upper bound of the robustness of the episode."""
-        return self._panel.lower, self._panel.upper
+        return self._monitor_set.lower, self._monitor_set.upper
 
     @property
     def first_violation(self) -> tuple[str, int] | None:
         """The specification that was violated first, and the sample that showed it."""
-        name, sample = self._panel.violated_by, self._panel.violated_at
+        name, sample = self._monitor_set.violated_by, self._monitor_set.violated_at
         return None if name is None or sample is None else (name, sample)
 
     @property
     def samples(self) -> int:
         """The number of samples since :meth:`reset`, including the sample of the reset."""
-        return self._panel.samples
+        return self._monitor_set.samples
 
     @property
     def monitors(self) -> Monitors:
         """The monitors of each specification: ``(robustness source, judge)``."""
-        return dict(self._panel.monitors)
+        return dict(self._monitor_set.monitors)
 
     def explain(self, name: str | None = None) -> Explanation:
         """Return the sub-formulas and samples that decided the robustness of the episode so far.
@@ -111,21 +111,21 @@ class EpisodeMonitoring(Monitoring):
             0.12 s  -0.0227786  abs(theta) < 0.1
             0.12 s   -0.122779  theta
         """
-        pairs = self._panel.monitors
+        pairs = self._monitor_set.monitors
         robustness = {key: judge.robustness for key, (_, judge) in pairs.items()}
-        name = chosen(name, robustness, self._panel.violated_by)
+        name = chosen(name, robustness, self._monitor_set.violated_by)
         source, judge = pairs[name]
         root = judge.specification.formula
         formula = root if source is judge else root.args[0]  # the judge's is always(formula)
         return titled(judge.explain(), name, formula)
 
-    def _make_panel(self, specs: Mapping[str, Specification]) -> Panel:
-        return Panel(specs, self._of_monitors, self._cost, history=self._history)
+    def _make_monitor_set(self, specs: Mapping[str, Specification]) -> MonitorSet:
+        return MonitorSet(specs, self._of_monitors, self._cost, history=self._history)
 
     def _bind_signals(self) -> None:
         signals = self._readings()
         names = [signal.name for signal in signals]
-        tap, feeder, keep = self._beneath, self._panel.feeder, self._shown()
+        tap, feeder, keep = self._beneath, self._monitor_set.feeder, self._shown()
         env = self.env if tap is None else tap.env
         feed = feeder(names, [signal.bind(env) for signal in signals], keep=keep)
         feed_reset = feeder(names, [signal.bind_reset(env) for signal in signals], keep=keep)
@@ -141,7 +141,7 @@ class EpisodeMonitoring(Monitoring):
         period = None if self.period is None else float(self.period)
         if live.pictures is not None:
             check_pictures(self.env, "RerunView(pictures=)", lists=False)
-        self._live = track = live.track(self.signal_names, [*self._panel.monitors], period)
+        self._live = track = live.track(self.signal_names, [*self._monitor_set.monitors], period)
         if live.pictures is not None:
             track.draw(self.env.render, live.pictures)
 
@@ -149,17 +149,17 @@ class EpisodeMonitoring(Monitoring):
         """Return the function that shows the values of a sample in the live view, or None."""
         if self._live is None:
             return None
-        self._live.follow(self._panel.monitors)
+        self._live.follow(self._monitor_set.monitors)
         return self._live.sample
 
     def _compared(self, feed: Feed, *, substeps: bool = False) -> Feed:
         """Return a `Feed` that also compares the time in the first steps of an episode."""
-        time, panel = self._time, self._panel
+        time, monitor_set = self._time, self._monitor_set
         if time is None:
             return feed
 
         def compare_and_feed(*step: Any) -> Assessment:
-            time.step(panel.samples - 1 - time.samples if substeps else 1)
+            time.step(monitor_set.samples - 1 - time.samples if substeps else 1)
             if not time.left:
                 self._feed = feed
             return feed(*step)
@@ -200,39 +200,41 @@ class EpisodeMonitoring(Monitoring):
 
     def _how_to_end(self) -> str:
         """Return how verdicts that are certain before any end change the episode."""
-        panel = self._panel
-        if panel.violated_by is not None:
-            words = [self._on_violation[name] for name in panel.violated]
+        monitor_set = self._monitor_set
+        if monitor_set.violated_by is not None:
+            words = [self._on_violation[name] for name in monitor_set.violated]
             return min(words, key=get_args(OnViolation).index)
-        return self._on_satisfaction if panel.all_decided else "report"
+        return self._on_satisfaction if monitor_set.all_decided else "report"
 
     def _finish(self, terminated: bool) -> Assessment:  # noqa: FBT001 - as Gymnasium has it
         """Evaluate the environment's own end; return robustness and bounds after it."""
-        panel = self._panel
+        monitor_set = self._monitor_set
         if not terminated:
-            return panel.finish(self._at_truncation)
+            return monitor_set.finish(self._at_truncation)
         if not self._warns_of_open_end:
-            return panel.finish(self._at_termination)
-        undecided, windows = panel.undecided, panel.cut_windows()
-        assessment = panel.finish(self._at_termination)
-        self._assumed = assumed([name for name in undecided if panel.satisfies(name)], windows)
+            return monitor_set.finish(self._at_termination)
+        undecided, windows = monitor_set.undecided, monitor_set.cut_windows()
+        assessment = monitor_set.finish(self._at_termination)
+        self._assumed = assumed(
+            [name for name in undecided if monitor_set.satisfies(name)], windows
+        )
         return assessment
 
     def _conclude(self, infos: Sequence[dict[str, Any]], terminated: bool, truncated: bool) -> None:  # noqa: FBT001 - as Gymnasium has them
         """Add the keys of last infos, keep an own ``is_success``, and record the episode."""
-        panel, violation = self._panel, self._violation()
+        monitor_set, violation = self._monitor_set, self._violation()
         for info in infos:
             own = "is_success" in info
-            last = last_info(*violation, panel.success, not panel.all_decided, own)
+            last = last_info(*violation, monitor_set.success, not monitor_set.all_decided, own)
             info.update(present(last))
             self._seen_success |= own
         self._record(violation, terminated=terminated, truncated=truncated)
 
     def _violation(self) -> tuple[dict[str, Any], bool, str | None, int | None]:
         """Return outcomes, whether there is a violation, the first violated name, its sample."""
-        panel = self._panel
-        by = panel.violated_by
-        return panel.outcomes(), by is not None, by, panel.violated_at
+        monitor_set = self._monitor_set
+        by = monitor_set.violated_by
+        return monitor_set.outcomes(), by is not None, by, monitor_set.violated_at
 
     def _record(
         self,
@@ -241,17 +243,17 @@ class EpisodeMonitoring(Monitoring):
         terminated: bool,
         truncated: bool,
     ) -> None:
-        samples = self._panel.samples
+        samples = self._monitor_set.samples
         episode = record(*violation, samples, bool(terminated), bool(truncated))
         self.stl_episodes.append(present(episode, deep=False))  # the outcomes are its own
         if self._live is not None:
-            self._live.end(self._panel.describe())
+            self._live.end(self._monitor_set.describe())
 
     def _abandon(self) -> bool:
         """Record a running episode as truncated; return whether there was one."""
-        running, self._running = self._running and self._panel.samples > 1, False
+        running, self._running = self._running and self._monitor_set.samples > 1, False
         if running:
-            self._panel.finish(self._at_truncation)
+            self._monitor_set.finish(self._at_truncation)
             self._record(self._violation(), terminated=False, truncated=True)
         return running
 

@@ -17,7 +17,7 @@ from gymnasium.vector import VectorEnv
 from rtamt import InputError, InputTypeError, Specification, SpecificationError
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.infos import step_info
-from rtamt_gym.judging.panel import Feed, Panel
+from rtamt_gym.judging.monitor_set import Feed, MonitorSet
 from rtamt_gym.judging.specs import ConstantValue, SpecsLike, recordable
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.periods import read_period
@@ -162,17 +162,19 @@ class StlMonitor(
         self.stl_episodes = deque(maxlen=buffer_length)
         self._history = history
         try:
-            self._panel = panel = self._make_panel(loaded)
+            self._monitor_set = monitor_set = self._make_monitor_set(loaded)
         except SpecificationError as error:
             inner = None if read.substeps else read_substep_period(env)
             if inner is not None and read.period is None and fits(self._judging, inner, cost):
                 error.add_note(f"substeps=True takes samples {inner:g} s apart, which fits")
             raise
-        self._has_extras = details or panel.tells_more
-        self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
+        self._has_extras = details or monitor_set.tells_more
+        self._set_up_observations(
+            env, observe, clip, monitor_set.monitors, monitor_set.track_obligations
+        )
         self._substeps = read.substeps
-        if panel.period is not None:
-            self._time = self._step_time(env, float(panel.period))
+        if monitor_set.period is not None:
+            self._time = self._step_time(env, float(monitor_set.period))
         self._show(live)
         self._bind_signals()
         self._counters = EpisodeCounters(env)
@@ -195,15 +197,17 @@ class StlMonitor(
         obs, info = self.env.reset(seed=seed, options=options)
         self._apply(change)
         self._begin_times()
-        panel = self._panel
-        panel.reset()
+        monitor_set = self._monitor_set
+        monitor_set.reset()
         if self._live is not None:
             self._live.begin()
         assessed = self._feed_reset(obs, None, None, info)
-        panel.begin()
-        violated = panel.violated_by is not None
-        states = panel.describe() if self._details else None
-        info = step_info(info, *assessed, violated, panel, states, None, panel.period_number)
+        monitor_set.begin()
+        violated = monitor_set.violated_by is not None
+        states = monitor_set.describe() if self._details else None
+        info = step_info(
+            info, *assessed, violated, monitor_set, states, None, monitor_set.period_number
+        )
         self._running, self._lost = True, None
         if self._state is not None:
             values = self.values()
@@ -228,7 +232,10 @@ class StlMonitor(
         """
         if not self._running:
             self._resume()
-        panel, feed = self._panel, self._feed  # self._feed() would be looked up as a method first
+        monitor_set, feed = (
+            self._monitor_set,
+            self._feed,
+        )  # self._feed() would be looked up as a method first
         if self._substeps:
             self._running = False  # until it is sure that no sample is missing
             obs, reward, terminated, truncated, info = self._inside.step(action)
@@ -241,14 +248,14 @@ class StlMonitor(
             # A monitor that misses a sample would count wrong ever after.
             self._running = False
             raise
-        how = self._how_to_end() if panel.settled else "report"
+        how = self._how_to_end() if monitor_set.settled else "report"
         ended = terminated or truncated
         if ended:
             robustness, lower, upper = self._finish(terminated)
         if how != "report" and not terminated:
             terminated = how == "terminate"
             truncated = truncated or how == "truncate"
-        violated = panel.violated_by is not None
+        violated = monitor_set.violated_by is not None
         if self._has_extras:
             info = step_info(
                 info,
@@ -256,9 +263,9 @@ class StlMonitor(
                 lower,
                 upper,
                 violated,
-                panel,
-                panel.describe() if self._details else None,
-                panel.take_costs(),
+                monitor_set,
+                monitor_set.describe() if self._details else None,
+                monitor_set.take_costs(),
             )
         else:
             info = step_info(info, robustness, lower, upper, violated)
@@ -293,19 +300,21 @@ class StlMonitor(
         if self._substeps:
             self._inside.inside.env = env
 
-    def _make_panel(self, specs: Mapping[str, Specification]) -> Panel:
-        return Panel(specs, self._of_monitors, self._cost, history=self._history, number=np.float64)
+    def _make_monitor_set(self, specs: Mapping[str, Specification]) -> MonitorSet:
+        return MonitorSet(
+            specs, self._of_monitors, self._cost, history=self._history, number=np.float64
+        )
 
     def _apply(self, change: ChangedConstants | None) -> None:
         super()._apply(change)
-        self._has_extras = self._details or self._panel.tells_more
+        self._has_extras = self._details or self._monitor_set.tells_more
 
     def _bind_signals(self) -> None:
         if not self._substeps:
             super()._bind_signals()
             return
-        self._inside = SubSteps(self.env, self._readings(), self._panel, self._shown())
-        self._feed: Feed = self._compared(self._panel.read, substeps=True)
+        self._inside = SubSteps(self.env, self._readings(), self._monitor_set, self._shown())
+        self._feed: Feed = self._compared(self._monitor_set.read, substeps=True)
         self._feed_reset: Feed = self._inside.reset
 
 

@@ -29,9 +29,9 @@ from rtamt_gym.checks.callers import caller_level, wrappers_around
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.end_warnings import UnseenEndWarning, warn_of_open_end
 from rtamt_gym.judging.judge import Judging
+from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.judging.monitors import MonitorValues
 from rtamt_gym.judging.obligations import Obligation
-from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.specs import (
     Constants,
     ConstantValue,
@@ -41,7 +41,7 @@ from rtamt_gym.judging.specs import (
     own_requirements,
     with_unknown_start,
 )
-from rtamt_gym.judging.vector_panel import VectorPanel
+from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
 from rtamt_gym.options.evaluation import AtTermination, EvaluationKeywords, EvaluationOptions
 from rtamt_gym.signals.periods import (
     ask_another,
@@ -92,7 +92,7 @@ class ChangedConstants(NamedTuple):
     """New values of constants, and the monitors with them."""
 
     constants: Constants
-    panel: Any
+    monitor_set: Any
 
 
 class Monitoring(Observing):
@@ -102,7 +102,7 @@ class Monitoring(Observing):
     """Attributes that pickle cannot carry; `_bind_signals` makes them."""
 
     env: Any
-    _panel: Panel | VectorPanel
+    _monitor_set: MonitorSet | VectorMonitorSet
     _on_violation: dict[str, OnViolation]
     _beneath: Any
     """The tap below a rescaling wrapper that signals are read from; None: read the environment."""
@@ -201,9 +201,9 @@ class Monitoring(Observing):
             return self._next
         env = self.env.unwrapped
         check_period(after.specs, self._judging.reading.period, env, why_no_period(self.env))
-        panel = self._make_panel(after.specs)
-        if self._panel.tracks_obligations:
-            shown, now = self._panel.track_obligations(), panel.track_obligations()
+        monitor_set = self._make_monitor_set(after.specs)
+        if self._monitor_set.tracks_obligations:
+            shown, now = self._monitor_set.track_obligations(), monitor_set.track_obligations()
             if _sizes(shown) != _sizes(now):
                 raise InputError(
                     f"expected constants that leave the observation space as it is, got "
@@ -211,9 +211,9 @@ class Monitoring(Observing):
                     Argument("observe", "obligations"),
                     f" shows: from {_listed(shown)} to {_listed(now)}; make another environment",
                 )
-        return ChangedConstants(after, panel)
+        return ChangedConstants(after, monitor_set)
 
-    def _make_panel(self, specs: Mapping[str, Specification]) -> Any:
+    def _make_monitor_set(self, specs: Mapping[str, Specification]) -> Any:
         """Return monitors of the specifications."""
         raise NotImplementedError
 
@@ -265,10 +265,10 @@ class Monitoring(Observing):
         if change is None:
             return
         self._next = None
-        self._constants, self._panel = change
+        self._constants, self._monitor_set = change
         self._judging = self._judging._replace(specs=self._constants.specs)
         self.constant_changes += 1
-        self._follow_monitors(self._panel.monitors, self._panel.track_obligations)
+        self._follow_monitors(self._monitor_set.monitors, self._monitor_set.track_obligations)
         self._bind_signals()
 
     def _step_time(self, env: Any, period: float) -> StepTime:
@@ -333,7 +333,7 @@ class Monitoring(Observing):
 
     def values(self) -> MonitorValues[Any]:
         """Return robustness and bounds of each specification now: numbers, or arrays of many."""
-        return self._panel.values()
+        return self._monitor_set.values()
 
     def track_obligations(self) -> list[list[Obligation]]:
         """Track pending obligations from the next reset on; `values` includes them then.
@@ -341,16 +341,18 @@ class Monitoring(Observing):
         Returns:
             The temporal operators below the top of each specification.
         """
-        operators = self._panel.track_obligations()
+        operators = self._monitor_set.track_obligations()
         if self._next is not None:
-            self._next.panel.track_obligations()
+            self._next.monitor_set.track_obligations()
         self._bind_signals()  # the functions that update monitors do not track them
         return operators
 
     def __repr__(self) -> str:
         """The environment in its wrappers, with the time between two samples."""
-        panel = getattr(self, "_panel", None)  # an error in the constructor may print it
-        period = None if panel is None else panel.period
+        monitor_set = getattr(
+            self, "_monitor_set", None
+        )  # an error in the constructor may print it
+        period = None if monitor_set is None else monitor_set.period
         text = "no period" if period is None else f"period {float(period):g} s"
         return f"<{type(self).__name__}{self.env}, {text}>"
 
@@ -361,9 +363,9 @@ class Monitoring(Observing):
 
         The period is in seconds, and absent if it is unknown. A vector environment has arrays.
         """
-        period = self._panel.period
+        period = self._monitor_set.period
         extra = {} if period is None else {"period": float(period)}
-        return {name: {**state, **extra} for name, state in self._panel.describe().items()}
+        return {name: {**state, **extra} for name, state in self._monitor_set.describe().items()}
 
     @property
     def cost(self) -> Cost | None:
@@ -373,7 +375,7 @@ class Monitoring(Observing):
     @property
     def period(self) -> Fraction | None:
         """Seconds between samples; ``None`` if neither an argument nor the environment sets it."""
-        return self._panel.period
+        return self._monitor_set.period
 
     def __getstate__(self) -> dict[str, Any]:
         state = {

@@ -36,7 +36,7 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.monitors import MonitorValues, Owed
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.shaping import Numeric, scaled
-from rtamt_gym.signals.columns import Lanes
+from rtamt_gym.signals.columns import Entries
 from rtamt_gym.wrappers.clipping import ObservedWatch
 
 Observe = Literal["state", "obligations"]
@@ -143,10 +143,10 @@ class Observing:
         """Return the observation, or a batch of them, with the features."""
         return obs if self._state is None else append(obs, self._state.read(values))
 
-    def _watch_reset(self, values: MonitorValues[Any], lanes: Lanes | None = None) -> None:
+    def _watch_reset(self, values: MonitorValues[Any], entries: Entries | None = None) -> None:
         """Count the features of the reset of the environments of the mask; None: of all."""
         if self._observed_watch is not None:
-            self._observed_watch.reset(self._shown_robustness(values), lanes)
+            self._observed_watch.reset(self._shown_robustness(values), entries)
             self._warn_of_clip()
 
     def _watch_step(self, values: MonitorValues[Any], ended: Any) -> None:
@@ -173,7 +173,7 @@ class Observing:
                 warnings.warn(watch.report, UserWarning, stacklevel=caller_level())
 
     def _append_to_final(
-        self, infos: dict[str, Any], values: MonitorValues[Any] | None, ended: Lanes | None
+        self, infos: dict[str, Any], values: MonitorValues[Any] | None, ended: Entries | None
     ) -> None:
         """Append features to ``final_obs``, the observations from before the resets in a step.
 
@@ -187,8 +187,8 @@ class Observing:
             return
         # An object for each environment, as Gymnasium has them.
         shown = final.copy()
-        for lane in np.flatnonzero(ended):
-            shown[lane] = append(final[lane], numbers[lane])
+        for entry in np.flatnonzero(ended):
+            shown[entry] = append(final[entry], numbers[entry])
         infos["final_obs"] = shown
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from rtamt import Explanation, InputError, InputTypeError
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.infos import step_info
+from rtamt_gym.judging.monitor_set import Assessment
 from rtamt_gym.judging.monitors import MonitorValues
-from rtamt_gym.judging.panel import Assessment
 from rtamt_gym.judging.specs import ConstantValue, SpecsLike
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.shaping import Mode, Priority, least, outcome, settle
@@ -182,9 +182,9 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         loaded = self._set_up(env, specs, signals, read, options, sources=sources, agents=agents)
         self.stl_episodes = deque(maxlen=buffer_length)
         self._history = history
-        self._panel = self._make_panel(loaded)
-        if self._panel.period is not None:
-            self._time = self._step_time(env, float(self._panel.period))
+        self._monitor_set = self._make_monitor_set(loaded)
+        if self._monitor_set.period is not None:
+            self._time = self._step_time(env, float(self._monitor_set.period))
         self._bind_signals()
         self._over = False
 
@@ -211,10 +211,12 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         obs, infos = self.env.reset(seed=seed, options=options)
         self._apply(change)
         self._begin_times()
-        self._panel.reset()
+        self._monitor_set.reset()
         assessment = self._feed_reset(obs, None, None, infos)
-        self._panel.begin()
-        infos = self._report(self.env.agents, infos, assessment, period=self._panel.period_number)
+        self._monitor_set.begin()
+        infos = self._report(
+            self.env.agents, infos, assessment, period=self._monitor_set.period_number
+        )
         self._running, self._lost = True, None
         return obs, infos
 
@@ -229,7 +231,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         """
         if not self._running:
             self._resume()
-        panel, env = self._panel, self.env
+        monitor_set, env = self._monitor_set, self.env
         here = [*env.agents]
         obs, rewards, terminations, truncations, infos = env.step(actions)
         here += [agent for agent in env.agents if agent not in here]
@@ -239,7 +241,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
             # A monitor that misses a sample would count wrong ever after.
             self._running = False
             raise
-        how = self._how_to_end() if panel.settled else "report"
+        how = self._how_to_end() if monitor_set.settled else "report"
         ended = all(terminations.get(agent) or truncations.get(agent) for agent in env.agents)
         terminated = ended and any(terminations.get(agent) for agent in here)
         truncated = ended and (not terminated or any(truncations.get(agent) for agent in here))
@@ -253,7 +255,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
                 terminations = {**terminations, **ends}
             else:
                 truncations = {**truncations, **ends}
-        infos = self._report(here, infos, assessment, panel.take_costs())
+        infos = self._report(here, infos, assessment, monitor_set.take_costs())
         if terminated or truncated:
             self._running, self._over = False, True
             self._conclude([infos[agent] for agent in here], terminated, truncated)
@@ -274,7 +276,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         period: np.float64 | None = None,
     ) -> Infos:
         """Return the infos, with the keys of every info for these agents."""
-        panel = self._panel
+        monitor_set = self._monitor_set
         robustness, lower, upper = map(np.float64, assessment)
         reported = {}
         for agent in agents:
@@ -283,9 +285,9 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
                 robustness,
                 lower,
                 upper,
-                panel.violated_by is not None,
-                panel,
-                panel.describe() if self._details else None,
+                monitor_set.violated_by is not None,
+                monitor_set,
+                monitor_set.describe() if self._details else None,
                 costs,
                 period,
             )

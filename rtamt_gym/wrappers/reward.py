@@ -30,7 +30,7 @@ from rtamt_gym.shaping import (
     outcome,
     settle,
 )
-from rtamt_gym.signals.columns import Lanes
+from rtamt_gym.signals.columns import Entries
 from rtamt_gym.signals.signals import SignalLike, own_signals
 from rtamt_gym.wrappers.clipping import ClipWatch
 from rtamt_gym.wrappers.episode_counters import EpisodeCounters
@@ -94,7 +94,7 @@ class Rewarding(Observing):
         episodes: deque[dict[str, Any]] = self._monitor.stl_episodes
         return episodes
 
-    def _begin(self, begun: Lanes | None = None) -> None:
+    def _begin(self, begun: Entries | None = None) -> None:
         """Follow a change of constants, and refuse episodes with an unknown start.
 
         Args:
@@ -134,7 +134,7 @@ class Rewarding(Observing):
             return self._shaping.middle(values.lower, values.upper)
         return self._shaping.robustness(self._paying(values))
 
-    def _watch_start(self, paying: Sequence[Any], begun: Lanes | None = None) -> None:
+    def _watch_start(self, paying: Sequence[Any], begun: Entries | None = None) -> None:
         """Count the robustness at the start of episodes for the warning about the clip."""
         if self._clip_watch is not None:
             self._clip_watch.reset(paying, begun)

@@ -17,7 +17,7 @@ from rtamt import InputError, SpecificationError, StateError
 from rtamt.errors import Argument
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.judge import Judging
-from rtamt_gym.judging.panel import Assessment, Panel, SeeValues, Take
+from rtamt_gym.judging.monitor_set import Assessment, MonitorSet, SeeValues, Take
 from rtamt_gym.signals.signals import Env, MovingRead, ParsedSignal
 from rtamt_gym.signals.sources import STEP
 
@@ -72,12 +72,12 @@ class Inside:
 
 
 class SubSteps:
-    """Updates a panel after every step of the simulation that an environment makes.
+    """Updates a monitor set after every step of the simulation that an environment makes.
 
     Args:
         env: The environment.
         signals: The signals.
-        panel: The monitors.
+        monitor_set: The monitors.
         keep: Called with the values of every sample after all monitors took it.
 
     Raises:
@@ -88,18 +88,18 @@ class SubSteps:
         self,
         env: Env,
         signals: Sequence[ParsedSignal],
-        panel: Panel,
+        monitor_set: MonitorSet,
         keep: SeeValues | None = None,
     ) -> None:
         self.inside = Inside(env, signals)
         names = [signal.name for signal in signals]
         reads = self.inside.reads
-        self._make_take = partial(panel.taker, names, reads, keep)
+        self._make_take = partial(monitor_set.taker, names, reads, keep)
         self._moving = next((read for read in reads if isinstance(read, MovingRead)), None)
         self._home = None if self._moving is None else self._moving.home()
         self._take = self._make_take()
         first = [signal.bind_reset(env) for signal in signals]
-        self._feed_first = panel.feeder(names, first, keep=keep)
+        self._feed_first = monitor_set.feeder(names, first, keep=keep)
 
     def reset(self, *_: object) -> Assessment:
         """Take sample 0."""
@@ -223,7 +223,7 @@ def _follow_road(simulation: Any, take: Take, action: Any) -> _Undo:
 def fits(judging: Judging, period: float, cost: Cost | None) -> bool:
     """Return whether the specifications can be monitored with this period."""
     try:
-        Panel(judging.specs, judging.reading.having(period=period), cost)
+        MonitorSet(judging.specs, judging.reading.having(period=period), cost)
     except SpecificationError:
         return False
     return True

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError
-from rtamt_gym.judging.vector_panel import VectorPanel
-from rtamt_gym.signals.columns import Floats, Lanes
+from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
+from rtamt_gym.signals.columns import Entries, Floats
 
 if TYPE_CHECKING:
     from rtamt_gym.live.track import Track
@@ -54,30 +54,30 @@ class VectorTracks:
             for track in self._tracks.values():
                 track.draw(None, live.pictures)
 
-    def shows(self, lanes: Lanes) -> bool:
+    def shows(self, entries: Entries) -> bool:
         """Return whether an environment of the mask is shown."""
-        return any(lanes[index] for index in self._tracks)
+        return any(entries[index] for index in self._tracks)
 
-    def reset(self, table: Floats, panel: VectorPanel, lanes: Lanes | None) -> None:
+    def reset(self, table: Floats, monitor_set: VectorMonitorSet, entries: Entries | None) -> None:
         """Start episodes with sample 0 in the environments of the mask; None: in all."""
         for index, track in self._tracks.items():
-            if lanes is None or lanes[index]:
+            if entries is None or entries[index]:
                 track.begin()
-                self._add(index, table, panel)
-        self._draw([index for index in self._tracks if lanes is None or lanes[index]])
+                self._add(index, table, monitor_set)
+        self._draw([index for index in self._tracks if entries is None or entries[index]])
 
     def step(
         self,
         table: Floats,
-        panel: VectorPanel,
-        begun: Lanes | None,
-        resets: Lanes | None,
+        monitor_set: VectorMonitorSet,
+        begun: Entries | None,
+        resets: Entries | None,
     ) -> None:
         """Take a sample of every environment.
 
         Args:
             table: The values of the signals.
-            panel: The monitors.
+            monitor_set: The monitors.
             begun: The environments that the step has reset before; None: none.
             resets: The environments that the step has reset after the samples, and that render
                 other samples; None: none.
@@ -85,17 +85,17 @@ class VectorTracks:
         for index, track in self._tracks.items():
             if begun is not None and begun[index]:
                 track.begin()
-            self._add(index, table, panel)
+            self._add(index, table, monitor_set)
         self._draw([index for index in self._tracks if resets is None or not resets[index]])
 
-    def end(self, panel: VectorPanel, lanes: Lanes) -> None:
+    def end(self, monitor_set: VectorMonitorSet, entries: Entries) -> None:
         """End the episodes in the environments of the mask."""
         for index, track in self._tracks.items():
-            if lanes[index]:
-                track.finish(*panel.values_at(index))
+            if entries[index]:
+                track.finish(*monitor_set.values_at(index))
 
-    def _add(self, index: int, table: Floats, panel: VectorPanel) -> None:
-        self._tracks[index].add(table[index].tolist(), *panel.values_at(index))
+    def _add(self, index: int, table: Floats, monitor_set: VectorMonitorSet) -> None:
+        self._tracks[index].add(table[index].tolist(), *monitor_set.values_at(index))
 
     def _draw(self, indexes: Sequence[int]) -> None:
         """Take the pictures of environments whose sample has one."""

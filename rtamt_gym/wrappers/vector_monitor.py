@@ -27,9 +27,9 @@ from rtamt_gym.judging.end_warnings import assumed
 from rtamt_gym.judging.infos import EpisodeRecords, last_info, record, step_info
 from rtamt_gym.judging.monitors import MonitorValues
 from rtamt_gym.judging.specs import ConstantValue, SpecsLike, recordable
-from rtamt_gym.judging.vector_panel import VectorMonitors, VectorPanel
+from rtamt_gym.judging.vector_monitor_set import VectorMonitors, VectorMonitorSet
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
-from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
+from rtamt_gym.signals.columns import Batch, Entries, Floats, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.signals.step_time import StepTimes
 from rtamt_gym.signals.taps import StaysOpen
@@ -93,7 +93,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
     """
 
     _UNPICKLED = frozenset({"_columns", "_live"})
-    _panel: VectorPanel
+    _monitor_set: VectorMonitorSet
     _has_flags = False
     _live: VectorTracks | None = None
 
@@ -147,16 +147,18 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         loaded = self._set_up(env, specs, signals, read, options)
         self._autoreset = autoreset_mode(env)
         self._check_can_end(options)
-        self._panel = panel = self._make_panel(loaded)
-        self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
-        period = panel.period
+        self._monitor_set = monitor_set = self._make_monitor_set(loaded)
+        self._set_up_observations(
+            env, observe, clip, monitor_set.monitors, monitor_set.track_obligations
+        )
+        period = monitor_set.period
         make = None if period is None else partial(self._step_time, period=float(period))
         self._times = StepTimes(env, make)
         self._bind_signals()
         self._episodes = EpisodeRecords(buffer_length)
-        self._done: Lanes | None = None  # the environments that ended and are still to be reset
+        self._done: Entries | None = None  # the environments that ended and are still to be reset
         self._table = np.full((env.num_envs, len(self._signals)), np.nan)
-        self.begun: Lanes | None = None
+        self.begun: Entries | None = None
         self.terminal: MonitorValues[Floats] | None = None
         if live is not None:
             if live.pictures is not None:
@@ -164,7 +166,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             names = [signal.name for signal in self._signals]
             seconds = None if period is None else float(period)
             self._live = VectorTracks(
-                live, names, [*panel.monitors], seconds, env.num_envs, self.env.render
+                live, names, [*monitor_set.monitors], seconds, env.num_envs, self.env.render
             )
 
     def reset(
@@ -183,7 +185,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             StateError: If the environment has changed its period since construction, if it has
                 reset environments outside the mask, or if the first reset has a mask.
         """
-        mask: Lanes | None = None
+        mask: Entries | None = None
         if options is not None and "reset_mask" in options:
             mask = checked_mask(options["reset_mask"], self.num_envs)
             if not self._running:
@@ -202,23 +204,23 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
                 "reset of some: reset all, or wrap each environment with StlMonitor, which changes "
                 "constants when its episode ends"
             )
-        lanes = np.ones(self.num_envs, np.bool_) if mask is None else mask
-        self._warn_of_unseen_end(unended=self._abandon(lanes))
+        entries = np.ones(self.num_envs, np.bool_) if mask is None else mask
+        self._warn_of_unseen_end(unended=self._abandon(entries))
         obs, infos = self.env.reset(seed=seed, options=options)
         self._apply(change)
         if mask is None and "stl_violated" in infos:  # of environments that cannot be looked into
             refuse_monitored("StlMonitor", " around each of its environments")
-        self._times.begin(lanes)
+        self._times.begin(entries)
         first_obs, first_infos = (obs, infos) if self._beneath is None else self._beneath.shown
-        table = self._columns.reset(first_obs, first_infos, lanes)
+        table = self._columns.reset(first_obs, first_infos, entries)
         if mask is not None:
             self._columns.check_untouched(table, self._table, ~mask)
         infos = dict(infos)
         self._begin(table, mask)
         self._report(infos, mask)
-        self._report_period(infos, lanes)
+        self._report_period(infos, entries)
         if self._done is not None:
-            self._done = _some(self._done & ~lanes)
+            self._done = _some(self._done & ~entries)
         self._running, self._lost = True, None
         if self._state is not None:
             values = self.values()
@@ -258,7 +260,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             ended = _some(np.logical_or(terminated, truncated))
         infos = dict(infos)
         stepped = None if begun is None else ~begun
-        costs = self._panel.take_costs(stepped)
+        costs = self._monitor_set.take_costs(stepped)
         self.terminal = None
         if resets is not None:
             final = dict(infos.get("final_info", {}))
@@ -290,12 +292,12 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
     @property
     def samples(self) -> NDArray[np.int64]:
         """The number of samples since each environment's reset, including the reset's."""
-        return self._panel.samples
+        return self._monitor_set.samples
 
     @property
     def monitors(self) -> VectorMonitors:
         """The monitors of each specification: ``(robustness source, judge)``."""
-        return dict(self._panel.monitors)
+        return dict(self._monitor_set.monitors)
 
     @property
     def stl_episodes(self) -> deque[dict[str, Any]]:
@@ -333,16 +335,16 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
                 )
         self._has_flags = True
 
-    def _make_panel(self, specs: Mapping[str, Specification]) -> VectorPanel:
+    def _make_monitor_set(self, specs: Mapping[str, Specification]) -> VectorMonitorSet:
         names = [signal.name for signal in self._signals]
-        return VectorPanel(specs, self.num_envs, self._of_monitors, names, self._cost)
+        return VectorMonitorSet(specs, self.num_envs, self._of_monitors, names, self._cost)
 
     def _bind_signals(self) -> None:
         same_step = self._autoreset is AutoresetMode.SAME_STEP
         env = self.env if self._beneath is None else self._beneath.env
         self._columns = SignalColumns(self._signals, env, same_step=same_step)
 
-    def _resetting(self) -> Lanes | None:
+    def _resetting(self) -> Entries | None:
         """Return the environments that the next step resets; None if there are none."""
         if not self._running and not self._resumes():
             raise StateError("expected running episodes, got step() before reset(); call reset()")
@@ -360,8 +362,8 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         actions: Any,
         rewards: Any,
         infos: dict[str, Any],
-        begun: Lanes | None,
-        resets: Lanes | None,
+        begun: Entries | None,
+        resets: Entries | None,
     ) -> tuple[Floats, tuple[Any, Any]]:
         """Return the table from before the resets in a step, and observations and infos after."""
         env, tap = self.env, self._beneath
@@ -375,16 +377,16 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             last_infos = final_infos(infos, resets)
         return self._columns.step(last_obs, actions, rewards, last_infos, begun), (obs, infos)
 
-    def _begin(self, table: Floats, lanes: Lanes | None) -> None:
+    def _begin(self, table: Floats, entries: Entries | None) -> None:
         """Start episodes in the environments of the mask; None: in all."""
-        which = slice(None) if lanes is None else lanes
-        self._panel.reset(lanes)
-        self._panel.feed(table, lanes)
+        which = slice(None) if entries is None else entries
+        self._monitor_set.reset(entries)
+        self._monitor_set.feed(table, entries)
         self._table[which] = table[which]
-        if self._live is not None and (lanes is None or self._live.shows(lanes)):
-            self._live.reset(self._table, self._panel, lanes)
+        if self._live is not None and (entries is None or self._live.shows(entries)):
+            self._live.reset(self._table, self._monitor_set, entries)
 
-    def _update(self, begun: Lanes | None, resets: Lanes | None) -> None:
+    def _update(self, begun: Entries | None, resets: Entries | None) -> None:
         """Update the monitors with the samples of a step.
 
         Args:
@@ -392,116 +394,128 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             resets: The environments that the step has reset after these samples; None: none.
         """
         if begun is not None:
-            self._panel.reset(begun)
-        self._panel.feed(self._table)
+            self._monitor_set.reset(begun)
+        self._monitor_set.feed(self._table)
         if self._live is not None:
-            self._live.step(self._table, self._panel, begun, resets)
+            self._live.step(self._table, self._monitor_set, begun, resets)
 
-    def _certain(self) -> list[tuple[Lanes, str]]:
+    def _certain(self) -> list[tuple[Entries, str]]:
         """Return the environments whose episodes a certain verdict ends, the strongest first."""
-        panel = self._panel
-        certain: list[tuple[Lanes, str]] = []
+        monitor_set = self._monitor_set
+        certain: list[tuple[Entries, str]] = []
         for how in ("terminate", "truncate"):
             names = [name for name, word in self._on_violation.items() if word == how]
             if names:
-                certain.append((panel.violated(names), how))
+                certain.append((monitor_set.violated(names), how))
         if self._on_satisfaction != "report":
-            satisfied = panel.success(np.arange(self.num_envs))
+            satisfied = monitor_set.success(np.arange(self.num_envs))
             certain.append((satisfied, self._on_satisfaction))
         return certain
 
     def _report(
         self,
         infos: dict[str, Any],
-        lanes: Lanes | None,
+        entries: Entries | None,
         costs: dict[str, Floats] | None = None,
-        charged: Lanes | None = None,
+        charged: Entries | None = None,
     ) -> None:
-        """Add the keys of every info to the environments ``lanes``, and costs to ``charged``.
+        """Add the keys of every info to the environments ``entries``, and costs to ``charged``.
 
         None means all environments.
         """
-        panel = self._panel
-        states = panel.describe() if self._details else None
-        violated = panel.any_violated()
-        bounds = panel.robustness, panel.lower, panel.upper
-        for key, value in step_info({}, *bounds, violated, panel, states).items():
-            put(infos, key, value, lanes, self.num_envs)
+        monitor_set = self._monitor_set
+        states = monitor_set.describe() if self._details else None
+        violated = monitor_set.any_violated()
+        bounds = monitor_set.robustness, monitor_set.lower, monitor_set.upper
+        for key, value in step_info({}, *bounds, violated, monitor_set, states).items():
+            put(infos, key, value, entries, self.num_envs)
         for key, cost in (costs or {}).items():
             put(infos, key, cost, charged, self.num_envs)
 
-    def _report_period(self, infos: dict[str, Any], lanes: Lanes | None) -> None:
+    def _report_period(self, infos: dict[str, Any], entries: Entries | None) -> None:
         """Add the period to the environments of the mask, whose episodes begin; None: to none."""
-        period = self._panel.period
-        if period is not None and lanes is not None:
-            put(infos, "stl_period", np.full(self.num_envs, float(period)), lanes, self.num_envs)
+        period = self._monitor_set.period
+        if period is not None and entries is not None:
+            put(infos, "stl_period", np.full(self.num_envs, float(period)), entries, self.num_envs)
 
-    def _finish(self, terminated: Lanes, truncated: Lanes) -> None:
+    def _finish(self, terminated: Entries, truncated: Entries) -> None:
         """Evaluate the environments' own ends."""
-        panel, names = self._panel, list(self._panel.monitors)
+        monitor_set, names = self._monitor_set, list(self._monitor_set.monitors)
         index, undecided = terminated.nonzero()[0], None
         windows: frozenset[str] = frozenset()
         if self._warns_of_open_end and len(index):
-            undecided = panel.undecided(index)
+            undecided = monitor_set.undecided(index)
             if np.count_nonzero(undecided):
-                windows = panel.cut_windows(terminated)
+                windows = monitor_set.cut_windows(terminated)
             else:
                 undecided = None
-        panel.finish(terminated, self._at_termination)
+        monitor_set.finish(terminated, self._at_termination)
         if np.count_nonzero(truncated):
-            panel.finish(truncated & ~terminated, self._at_truncation)
+            monitor_set.finish(truncated & ~terminated, self._at_truncation)
         if undecided is not None:
-            held = np.flatnonzero((undecided & panel.satisfied(index)).any(axis=1))
+            held = np.flatnonzero((undecided & monitor_set.satisfied(index)).any(axis=1))
             self._assumed = assumed([names[position] for position in held], windows)
 
     def _conclude(
-        self, infos: dict[str, Any], ended: Lanes, terminated: Any, truncated: Any
+        self, infos: dict[str, Any], ended: Entries, terminated: Any, truncated: Any
     ) -> None:
         """Add the keys of last infos, and record the episodes."""
-        panel, index = self._panel, ended.nonzero()[0]
+        monitor_set, index = self._monitor_set, ended.nonzero()[0]
         if self._live is not None and self._live.shows(ended):
-            self._live.end(self._panel, ended)
-        outcomes, success, undecided = panel.ends(index)
-        violated = panel.any_violated(index)
-        violation = outcomes, violated, panel.violated_by(index), panel.violated_at.take(index)
-        own: Lanes | None = None
+            self._live.end(self._monitor_set, ended)
+        outcomes, success, undecided = monitor_set.ends(index)
+        violated = monitor_set.any_violated(index)
+        violation = (
+            outcomes,
+            violated,
+            monitor_set.violated_by(index),
+            monitor_set.violated_at.take(index),
+        )
+        own: Entries | None = None
         has_own = np.zeros(len(index), np.bool_)
         if "is_success" in infos:
             own = key_mask(infos, "is_success", self.num_envs)
             has_own = own.take(index)
             self._seen_success |= bool(has_own.any())
         last = last_info(*violation, success, undecided, has_own)
-        put_last(infos, last, index, ended, own, panel.spread)
+        put_last(infos, last, index, ended, own, monitor_set.spread)
         flags = np.asarray(terminated).take(index), np.asarray(truncated).take(index)
-        self._episodes.append(index, record(*violation, panel.samples.take(index), *flags))
+        self._episodes.append(index, record(*violation, monitor_set.samples.take(index), *flags))
 
-    def _abandon(self, lanes: Lanes) -> bool:
+    def _abandon(self, entries: Entries) -> bool:
         """Record running episodes in these environments as truncated; return if there are any."""
         running, self._running = self._running, False
         if not running:
             return False
-        panel = self._panel
-        cut = lanes & (panel.samples > 1)
+        monitor_set = self._monitor_set
+        cut = entries & (monitor_set.samples > 1)
         if self._done is not None:
             cut &= ~self._done
         index = cut.nonzero()[0]
         if len(index) == 0:
             return False
-        panel.finish(cut, self._at_truncation)
+        monitor_set.finish(cut, self._at_truncation)
         if self._live is not None:
-            self._live.end(self._panel, cut)
-        violated = panel.any_violated(index)
-        ends = panel.outcomes(index), violated, panel.violated_by(index), panel.violated_at[index]
-        self._episodes.append(index, record(*ends, panel.samples[index], ~cut[index], cut[index]))
+            self._live.end(self._monitor_set, cut)
+        violated = monitor_set.any_violated(index)
+        ends = (
+            monitor_set.outcomes(index),
+            violated,
+            monitor_set.violated_by(index),
+            monitor_set.violated_at[index],
+        )
+        self._episodes.append(
+            index, record(*ends, monitor_set.samples[index], ~cut[index], cut[index])
+        )
         return True
 
 
 def _with_ends(
-    certain: list[tuple[Lanes, str]], terminated: Any, truncated: Any
+    certain: list[tuple[Entries, str]], terminated: Any, truncated: Any
 ) -> tuple[Any, Any]:
     """Return the flags with the ends that certain verdicts make, where none has terminated."""
-    for lanes, how in certain:
-        running = lanes & ~np.asarray(terminated)
+    for entries, how in certain:
+        running = entries & ~np.asarray(terminated)
         if how == "terminate":
             terminated = np.logical_or(terminated, running)
         else:
@@ -509,6 +523,6 @@ def _with_ends(
     return terminated, truncated
 
 
-def _some(lanes: Lanes) -> Lanes | None:
+def _some(entries: Entries) -> Entries | None:
     """Return the mask; None if it is true nowhere."""
-    return lanes if np.count_nonzero(lanes) else None
+    return entries if np.count_nonzero(entries) else None

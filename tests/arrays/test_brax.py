@@ -19,7 +19,7 @@ from rtamt import InputError, VectorEpisodeMonitor
 from rtamt_arrays.jax import brax as wrappers
 from rtamt_arrays.jax.brax import StlWrapper, training_wrapper
 
-LANES = 5
+ENTRIES = 5
 
 
 pytestmark = pytest.mark.usefixtures("doubles")
@@ -51,8 +51,8 @@ def wrapped(specs: Any, signals: Any, length: int = 7, repeat: int = 1, **option
 
 def rollout(env: Any, steps: int = 40) -> tuple[Any, Any, Any]:  # noqa: ANN401
     """The state of the reset, and the states and actions of a scanned rollout, under one jit."""
-    actions = jax.random.normal(jax.random.PRNGKey(1), (steps, LANES, 1)) * 0.7
-    keys = jax.random.split(jax.random.PRNGKey(0), LANES)
+    actions = jax.random.normal(jax.random.PRNGKey(1), (steps, ENTRIES, 1)) * 0.7
+    keys = jax.random.split(jax.random.PRNGKey(0), ENTRIES)
 
     def run(actions: Any) -> Any:  # noqa: ANN401
         def step(state: Any, action: Any) -> Any:  # noqa: ANN401
@@ -84,15 +84,15 @@ def test_scanned_rollout_equals_recorded_signals(
     info, done = states.info, np.asarray(states.done) > 0
     # What a bare environment does with these actions from each reset on, by hand.
     where = np.array(first.obs)
-    monitor = VectorEpisodeMonitor(spec, LANES, period="100ms")
-    beginning = np.ones(LANES, bool)
-    steps, ended, open_ends = np.zeros(LANES), 0, 0
+    monitor = VectorEpisodeMonitor(spec, ENTRIES, period="100ms")
+    beginning = np.ones(ENTRIES, bool)
+    steps, ended, open_ends = np.zeros(ENTRIES), 0, 0
     start = where.copy()
     for t, action in enumerate(np.asarray(actions)):
         if beginning.any():
             monitor.reset(beginning)
             where[beginning], steps[beginning] = start[beginning], 0
-            monitor.update(_table(monitor, where, np.full(LANES, 0.5)), beginning)
+            monitor.update(_table(monitor, where, np.full(ENTRIES, 0.5)), beginning)
         where = where + np.array([1.0, -0.5]) * action
         steps += 1
         monitor.update(_table(monitor, where, action[:, 0]))
@@ -112,7 +112,7 @@ def test_scanned_rollout_equals_recorded_signals(
         open_ends += ((monitor.verdict == 0) & truncated).sum()
         beginning = expected
         ended += expected.sum()
-    assert ended > LANES  # resets in the middle
+    assert ended > ENTRIES  # resets in the middle
     assert open_ends  # windows that reach past an end
 
 
@@ -140,7 +140,7 @@ def test_metrics_follow_episode_ends() -> None:
     np.testing.assert_array_equal(
         np.asarray(states.metrics["is_success"]) > 0, states.info["stl_success"]
     )
-    total = np.zeros(LANES)
+    total = np.zeros(ENTRIES)
     sums = np.asarray(states.info["episode_metrics"]["sum_reward"])
     for t in range(len(done)):
         total += np.asarray(states.reward)[t]
@@ -161,16 +161,16 @@ def test_verdicts_alone_are_paid_once_an_episode() -> None:
 
 
 class FullReset(Wrapper):  # type: ignore[misc]  # Brax is untyped
-    """Resets all arrays whose first axis is as long as there are lanes, as Playground's does."""
+    """Resets all arrays whose first axis is as long as there are entries, as Playground's does."""
 
     def step(self, state: State, action: Any) -> State:  # noqa: ANN401
         steps = jnp.where(state.done, 0.0, state.info["steps"])
         info = {**state.info, "steps": steps}
-        after = self.env.step(state.replace(info=info, done=jnp.zeros(LANES)), action)
-        fresh = self.env.reset(jax.random.split(jax.random.PRNGKey(0), LANES))
+        after = self.env.step(state.replace(info=info, done=jnp.zeros(ENTRIES)), action)
+        fresh = self.env.reset(jax.random.split(jax.random.PRNGKey(0), ENTRIES))
 
         def where_done(x: Any, y: Any) -> Any:  # noqa: ANN401
-            if x.shape[:1] != (LANES,):
+            if x.shape[:1] != (ENTRIES,):
                 return y
             return jnp.where(after.done.reshape(-1, *[1] * (x.ndim - 1)) > 0, x, y)
 
@@ -187,7 +187,7 @@ KEPT = ("steps", "robustness", "stl_lower", "stl_upper", "stl_violated")
 
 
 def test_info_resets_keep_other_environments() -> None:
-    assert arrays.episode(SPEC, 0.1).init(LANES).rows.shape[0] == LANES
+    assert arrays.episode(SPEC, 0.1).init(ENTRIES).rows.shape[0] == ENTRIES
     counted = EpisodeWrapper(VmapWrapper(Drift()), 7, 1)
     _, found, _ = rollout(FullReset(StlWrapper(counted, SPEC, SIGNALS, cost="depth")))
     _, expected, _ = rollout(wrapped(SPEC, SIGNALS, cost="depth"))
@@ -210,7 +210,7 @@ def test_observed_state_is_hidden_from_the_environment() -> None:
     env = wrapped("always(x < 0.8)", {"x": "obs[0]"}, observe="state")
     first, states, _ = rollout(env)
     assert env.observation_size == 7
-    assert states.obs.shape == (40, LANES, 7)
+    assert states.obs.shape == (40, ENTRIES, 7)
     plain, bare, _ = rollout(wrapped("always(x < 0.8)", {"x": "obs[0]"}))
     np.testing.assert_array_equal(states.obs[..., :2], bare.obs)
     robustness = 0.8 - np.asarray(plain.obs)[:, 0]

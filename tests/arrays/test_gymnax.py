@@ -24,7 +24,7 @@ from rtamt_arrays.judging import StepJudge
 from rtamt_arrays.monitor_set import ArrayLibrary
 from rtamt_arrays.operations import Tensor
 
-LANES = 6
+ENTRIES = 6
 SPEC = "always(abs(theta) < 0.15 and (x > -0.04 or eventually[0:0.2](v > -0.5)))"
 SIGNALS = {"x": "obs[0]", "v": "obs[1]", "theta": "obs[2]"}
 OPEN: dict[str, Any] = {"at_truncation": "complete", "dtype": jnp.float64}
@@ -59,21 +59,21 @@ def test_scanned_rollout_equals_recorded_signals(on_violation: str) -> None:
     steps = 60
 
     def run(key: Any) -> Any:  # noqa: ANN401
-        keys = jax.random.split(key, LANES)
+        keys = jax.random.split(key, ENTRIES)
         obs, state = jax.vmap(env.reset, in_axes=(0, None))(keys, params)
 
         def step(carried: Any, key: Any) -> Any:  # noqa: ANN401
-            keys = jax.random.split(key, LANES)
-            actions = jax.random.randint(key, (LANES,), 0, 2)
+            keys = jax.random.split(key, ENTRIES)
+            actions = jax.random.randint(key, (ENTRIES,), 0, 2)
             result = jax.vmap(env.step, in_axes=(0, 0, 0, None))(keys, carried, actions, params)
             return result[1], (result[0], *result[2:])
 
         return obs, jax.lax.scan(step, state, jax.random.split(key, steps))[1]
 
     first, (obs, _reward, terminated, truncated, info) = jax.jit(run)(jax.random.key(3))
-    monitor = VectorEpisodeMonitor(SPEC, LANES, period=0.02)
+    monitor = VectorEpisodeMonitor(SPEC, ENTRIES, period=0.02)
     monitor.update(_table(monitor, first))
-    count, ends = np.zeros(LANES), 0
+    count, ends = np.zeros(ENTRIES), 0
     for t in range(steps):
         last = np.asarray(info["final_observation"][t])
         monitor.update(_table(monitor, last))
@@ -99,7 +99,7 @@ def test_scanned_rollout_equals_recorded_signals(on_violation: str) -> None:
             monitor.update(_table(monitor, np.asarray(obs[t])), over)
             count[over] = 0
             ends += over.sum()
-    assert ends > LANES
+    assert ends > ENTRIES
 
 
 def _table(monitor: VectorEpisodeMonitor, obs: Any) -> Any:  # noqa: ANN401
@@ -147,21 +147,21 @@ def test_functional_environment_under_scan() -> None:
 
 
 def test_functional_vector_environment() -> None:
-    """A lane's samples are the observations that it shows, whatever the others do."""
+    """An entry's samples are the observations that it shows, whatever the others do."""
     jax.config.update("jax_enable_x64", False)  # noqa: FBT003 - these mix kinds of floats else
     spec = "always(abs(theta) < 0.12)"
     made = StlFuncEnv(CartPoleFunctional(), spec, {"theta": "obs[2]"})
-    env: Any = FunctionalJaxVectorEnv(made, LANES, max_episode_steps=12)
+    env: Any = FunctionalJaxVectorEnv(made, ENTRIES, max_episode_steps=12)
     env.func_env.transform(jax.jit)
-    monitor = VectorEpisodeMonitor(spec, LANES)
+    monitor = VectorEpisodeMonitor(spec, ENTRIES)
     obs, info = env.reset(seed=0)
     monitor.update(_table(monitor, obs))
     np.testing.assert_allclose(info["robustness"], monitor.robustness, rtol=0, atol=1e-7)
-    begins, judged, violated = np.zeros(LANES, dtype=bool), 0, 0
-    for action in (np.random.default_rng(3).random((60, LANES)) < 0.8).astype(int):
+    begins, judged, violated = np.zeros(ENTRIES, dtype=bool), 0, 0
+    for action in (np.random.default_rng(3).random((60, ENTRIES)) < 0.8).astype(int):
         before = np.asarray(obs)
         obs, _, terminated, truncated, info = env.step(action)
-        # Where it begins another lane, Gymnasium leaves a lane in the state in which it was.
+        # Where it begins another entry, Gymnasium leaves an entry in the state in which it was.
         went_on = ~begins & (np.asarray(obs) != before).any(axis=1)
         monitor.reset(begins)
         monitor.update(_table(monitor, obs), went_on | begins)
@@ -175,8 +175,8 @@ def test_functional_vector_environment() -> None:
         )
         judged, violated = judged + went_on.sum(), violated + np.asarray(terminated).sum()
         begins = np.asarray(terminated | truncated)
-    assert judged > 30 * LANES
-    assert violated > LANES
+    assert judged > 30 * ENTRIES
+    assert violated > ENTRIES
     jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - as before
 
 

@@ -65,21 +65,21 @@ def test_observation_at_the_time_limit(example: ModuleType) -> None:
 
 def test_advantages_are_sums_of_errors_until_an_end(example: ModuleType) -> None:
     generator = np.random.default_rng(0)
-    steps, lanes = 12, 5
-    value = generator.normal(size=(steps + 1, lanes))
-    reward = generator.normal(size=(steps, lanes))
-    over = generator.random((steps, lanes)) < 0.25
+    steps, entries = 12, 5
+    value = generator.normal(size=(steps + 1, entries))
+    reward = generator.normal(size=(steps, entries))
+    over = generator.random((steps, entries)) < 0.25
     seen: dict[str, Any] = dict.fromkeys(example.Transition._fields)
     seen |= {"value": value[:-1], "reward": reward, "over": over}
     found = example.advantages(example.Transition(**seen), value[-1])
-    expected = np.zeros((steps, lanes))
-    for lane in range(lanes):
+    expected = np.zeros((steps, entries))
+    for entry in range(entries):
         for start in range(steps):
             for t in range(start, steps):
-                following = 0.0 if over[t, lane] else value[t + 1, lane]
-                error = reward[t, lane] + 0.99 * following - value[t, lane]
-                expected[start, lane] += (0.99 * 0.95) ** (t - start) * error
-                if over[t, lane]:
+                following = 0.0 if over[t, entry] else value[t + 1, entry]
+                error = reward[t, entry] + 0.99 * following - value[t, entry]
+                expected[start, entry] += (0.99 * 0.95) ** (t - start) * error
+                if over[t, entry]:
                     break
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
 

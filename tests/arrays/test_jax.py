@@ -97,7 +97,7 @@ class TestOffline(OfflineContract):
     library = Jax()
 
 
-def test_steps_are_vectorized_by_vmap_as_lanes_are() -> None:
+def test_steps_are_vectorized_by_vmap_as_entries_are() -> None:
     monitor = arrays.online("historically[0:2](x > y)")
     samples = jnp.asarray(np.random.default_rng(0).normal(size=(5, 4, 3, 2)))
     states = jax.vmap(lambda _: monitor.init(3))(jnp.arange(4))
@@ -215,22 +215,22 @@ resets = np.random.default_rng(9).random((12, 8)) < 0.1
 step = lambda state, given: monitor.update(monitor.reset(state, given[1]), given[0])
 run = lambda state, samples, resets: jax.lax.scan(step, state, (samples, resets))
 
-# Lanes are the last axis of what has lanes; the places of delays have none.
+# Entries are the last axis of what has entries; the places of delays have none.
 state = monitor.init(8)
-lanes = lambda x, axes: PartitionSpec(*[None] * (axes - 1), "lanes")
+entries = lambda x, axes: PartitionSpec(*[None] * (axes - 1), "entries")
 states = type(state)(
     *(
-        PartitionSpec() if name == "place" else lanes(x, x.ndim)
+        PartitionSpec() if name == "place" else entries(x, x.ndim)
         for name, x in state._asdict().items()
     )
 )
 _, reading = jax.eval_shape(run, state, samples, resets)
-mesh = jax.sharding.Mesh(jax.devices(), ("lanes",))
+mesh = jax.sharding.Mesh(jax.devices(), ("entries",))
 sharded = jax.shard_map(
     run,
     mesh=mesh,
-    in_specs=(states, PartitionSpec(None, "lanes"), PartitionSpec(None, "lanes")),
-    out_specs=(states, jax.tree.map(lambda x: lanes(x, x.ndim), reading)),
+    in_specs=(states, PartitionSpec(None, "entries"), PartitionSpec(None, "entries")),
+    out_specs=(states, jax.tree.map(lambda x: entries(x, x.ndim), reading)),
 )
 compiled = jax.jit(sharded).lower(state, samples, resets).compile()
 for word in ("all-reduce", "all-gather", "collective-permute", "all-to-all"):

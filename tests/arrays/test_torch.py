@@ -148,11 +148,11 @@ MONITORS = [
 ]
 
 
-def played(lanes: int = 3) -> tuple[Tensor, Tensor]:
+def played(entries: int = 3) -> tuple[Tensor, Tensor]:
     """Samples of two variables, with zeros of either sign, and resets in the middle."""
     random = np.random.default_rng(5)
-    samples = random.choice(np.array(s.QUARTERS), (12, lanes, 2))
-    return torch.from_numpy(samples), torch.from_numpy(random.random((12, lanes)) < 0.1)
+    samples = random.choice(np.array(s.QUARTERS), (12, entries, 2))
+    return torch.from_numpy(samples), torch.from_numpy(random.random((12, entries)) < 0.1)
 
 
 @pytest.mark.parametrize("backend", ["eager", "aot_eager"])
@@ -405,7 +405,7 @@ WRONG: list[tuple[Callable[..., object], str]] = [
     (lambda m, s, _: m.update(s, torch.ones(4, 2)), "expected shape (3,) of 'x', got (4,)"),
     (lambda m, s, _: m.update(s, {"x": [1.0, 2.0, 3.0]}), "expected the variable 'y', got x"),
     (lambda m, s, _: m.update(s, [[1.0] * 2] * 3), "got list; torch.asarray makes them"),
-    (lambda m, s, x: m.update((s, x), x), "State, got tuple; init(lanes) returns"),
+    (lambda m, s, x: m.update((s, x), x), "State, got tuple; init(batch_size) returns"),
     (lambda m, s, _: m.update_(s, torch.ones(3, 2, dtype=torch.complex64)), "real numbers"),
     (lambda m, s, _: m.reset_(s, torch.ones(3)), "expected a mask of booleans"),
     (lambda m, s, x: m.update_(s, x), "expected a state and a sample that require no gradient"),
@@ -464,7 +464,7 @@ def test_a_state_that_was_saved_goes_on_where_it_was(
         assert bits(x.numpy()) == bits(y.numpy())
 
 
-def test_steps_are_vectorized_by_vmap_as_lanes_are() -> None:
+def test_steps_are_vectorized_by_vmap_as_entries_are() -> None:
     monitor = arrays.online("historically[0:2](x > y)")
     samples = torch.from_numpy(np.random.default_rng(0).normal(size=(5, 4, 3, 2)))
     states = type(monitor.init(3))(*(torch.stack([x] * 4) for x in monitor.init(3)))

@@ -25,7 +25,7 @@ from rtamt_arrays.torch import episode, isaaclab, online
 from rtamt_arrays.torch.isaaclab import Violated, first_sample, monitor_state, shaped_reward
 from rtamt_arrays.torch.operations import TorchOperations
 
-LANES = 7
+ENTRIES = 7
 SPEC = "always(x > -1.2 and (abs(u) < 1.4 or eventually[0:0.2](x > 0)))"
 
 
@@ -74,7 +74,7 @@ def made(device: str = "cpu", computes: int = 1) -> StandInEnv:
         "options": {"period": "100ms", "mode": "add", "cost": "latched"},
     }
     return StandInEnv(
-        LANES,
+        ENTRIES,
         {"violated": TermCfg(Violated, params)},
         {"shaped": TermCfg(shaped_reward)},
         {"monitors": TermCfg(monitor_state)},
@@ -88,12 +88,12 @@ def test_terms_equal_recorded_signals(computes: int) -> None:
     torch.set_default_dtype(torch.float64)
     env = made(computes=computes)
     env.reset()
-    monitor = VectorEpisodeMonitor(SPEC, LANES, period=0.1)
-    x = torch.full((LANES,), 0.1)
+    monitor = VectorEpisodeMonitor(SPEC, ENTRIES, period=0.1)
+    x = torch.full((ENTRIES,), 0.1)
     monitor.update(_table(monitor, x, x * 0))
     generator, ends, open_ends = torch.Generator().manual_seed(0), 0, 0
     for _ in range(60):
-        action = torch.randn(LANES, generator=generator)
+        action = torch.randn(ENTRIES, generator=generator)
         obs, reward, over = env.step(action)
         x = x + action
         monitor.update(_table(monitor, x, action))
@@ -117,7 +117,7 @@ def test_terms_equal_recorded_signals(computes: int) -> None:
         np.testing.assert_allclose(
             obs[:, 1].numpy(), np.clip(monitor.robustness, -1, 1), atol=1e-12
         )
-    assert ends > LANES
+    assert ends > ENTRIES
     assert open_ends  # windows that reach past an end
     torch.set_default_dtype(torch.float32)
 
@@ -182,8 +182,8 @@ def differences(
         episodes += over.sum().item()
         short += (over.numpy() & (ages == 1)).sum()
         x = env.points.x.numpy()
-        for lane in np.flatnonzero(over):
-            truth[lane] = [x[lane]] if at_reset else []
+        for entry in np.flatnonzero(over):
+            truth[entry] = [x[entry]] if at_reset else []
     return wrong, episodes, short
 
 
@@ -272,14 +272,14 @@ def test_repeated_terms_change_nothing() -> None:
     env = made()
     env.reset()
     for _ in range(3):
-        _, reward, _ = env.step(torch.full((LANES,), -0.1))
+        _, reward, _ = env.step(torch.full((ENTRIES,), -0.1))
         info = {key: value.clone() for key, value in env.extras["stl"].items()}
         again = env.reward_manager.values()["shaped"]
         assert torch.equal(again, reward)
         env.observation_manager.compute()
         for key, value in info.items():
             assert torch.equal(env.extras["stl"][key], value)
-    assert env.extras["stl"]["robustness"].tolist() == pytest.approx([1.0] * LANES)
+    assert env.extras["stl"]["robustness"].tolist() == pytest.approx([1.0] * ENTRIES)
 
 
 @pytest.mark.parametrize("time_out", [False, True])
@@ -344,7 +344,7 @@ def test_base_without_isaac_lab(
 def test_an_environment_is_freed() -> None:
     env = made()
     env.reset()
-    env.step(torch.zeros(LANES))
+    env.step(torch.zeros(ENTRIES))
     reference = weakref.ref(env)
     del env
     gc.collect()
@@ -355,11 +355,11 @@ def test_no_step_asks_a_tensor_for_a_number() -> None:
     with torch.device("meta"):
         env = made("meta")
         env.reset()
-        obs, reward, _ = env.step(torch.zeros(LANES))
+        obs, reward, _ = env.step(torch.zeros(ENTRIES))
         env.termination_manager.reset(torch.zeros(2, dtype=torch.int64))
-        env.step(torch.zeros(LANES))
-    assert obs.shape == (LANES, 6)
-    assert reward.shape == (LANES,)
+        env.step(torch.zeros(ENTRIES))
+    assert obs.shape == (ENTRIES, 6)
+    assert reward.shape == (ENTRIES,)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ its own units, which is what its users give them; all get the same spaces.
     python tests/bench/falsification.py run portfolio random cma  # what is not in the file yet
     python tests/bench/falsification.py run portfolio --seeds 100:120 --into tuned.csv
     python tests/bench/falsification.py table
-    python tests/bench/falsification.py speed  # milliseconds a run in lanes
+    python tests/bench/falsification.py speed  # milliseconds a run in entries
 
 Results stand in ``results/falsification.csv``, a line for each search; a search that has one there
 is not run again. Needs the extra ``search``, psy-taliro for its two columns and Optuna for ``tpe``.
@@ -132,7 +132,7 @@ ONE_BY_ONE = {"dual_annealing", "tpe", "psy annealing"}
 def search(requirement: str, optimizer: str, seed: int) -> Search:
     """Runs one search.
 
-    In a lane alone, monitors take fifty times the simulation. Runs of optimizers that ask for one
+    In an entry alone, monitors take fifty times the simulation. Runs of optimizers that ask for one
     point at a time are therefore judged at their end: the same robustness, and no run is stopped.
     """
     system, budget, _ = ROWS[requirement]
@@ -232,21 +232,23 @@ def line(requirement: str, optimizer: str, own: Sequence[Search]) -> str:
     )
 
 
-def speed(rows: Sequence[str], lanes: int = 100) -> None:
-    """Prints milliseconds of the processor a run of random inputs, in lanes and with monitors."""
-    print(f"{'':5} {'ms a run':>9}   to the violation or the end, {lanes} lanes")
+def speed(rows: Sequence[str], entries: int = 100) -> None:
+    """Prints milliseconds of the processor a run of random inputs, in entries and with monitors."""
+    print(f"{'':5} {'ms a run':>9}   to the violation or the end, {entries} entries")
     for requirement in rows:
-        with Runner(ROWS[requirement].system, requirement, stop="violation", batch=lanes) as runner:
+        with Runner(
+            ROWS[requirement].system, requirement, stop="violation", batch=entries
+        ) as runner:
             space = Space(runner.inputs, duration=ROWS[requirement].whole)
-            points = np.random.default_rng(0).random((lanes, space.dimension))
+            points = np.random.default_rng(0).random((entries, space.dimension))
             cases = [space.case(point) for point in points]
-            dict(runner.run(cases, range(lanes)))  # compiles the model
+            dict(runner.run(cases, range(entries)))  # compiles the model
             took = []
             for _ in range(3):
                 begin = time.process_time()
-                dict(runner.run(cases, range(lanes)))
+                dict(runner.run(cases, range(entries)))
                 took.append(time.process_time() - begin)
-        print(f"{requirement:5} {1000 * min(took) / lanes:9.2f}", flush=True)
+        print(f"{requirement:5} {1000 * min(took) / entries:9.2f}", flush=True)
 
 
 def main() -> None:

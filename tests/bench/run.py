@@ -25,7 +25,7 @@ import rtamt
 
 SECTIONS = (
     "update",
-    "lockstep",
+    "batches",
     "worst",
     "memory",
     "offline",

@@ -22,7 +22,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 from rtamt_gym import StlMonitor, VectorStlMonitor
 
-EPISODES, LANES = 40, 4
+EPISODES, ENTRIES = 40, 4
 SPEC, SIGNALS = "always(abs(x) < 1)", {"x": "obs[0]"}
 
 Env = gym.Env[Any, Any]
@@ -96,19 +96,19 @@ def in_eval_callback(policy: Policy, options: dict[str, Any]) -> float:
     return float(np.sum(callback._is_success_buffer))
 
 
-def lanes(policy: Policy) -> list[Callable[[], Env]]:
-    seeds = [list(range(lane, EPISODES, LANES)) for lane in range(LANES)]
+def entries(policy: Policy) -> list[Callable[[], Env]]:
+    seeds = [list(range(entry, EPISODES, ENTRIES)) for entry in range(ENTRIES)]
     return [lambda own=own: Driven(policy, own) for own in seeds]  # type: ignore[misc]
 
 
 def in_infos(envs: gym.vector.VectorEnv[Any, Any, Any]) -> int:
-    """Successes of the first episodes of each lane, as many as the hand counts."""
+    """Successes of the first episodes of each entry, as many as the hand counts."""
     envs.reset()
-    ended = np.zeros(LANES, int)
+    ended = np.zeros(ENTRIES, int)
     successes = 0
-    while ended.min() < EPISODES // LANES:
-        *_, terminated, truncated, infos = envs.step(np.zeros(LANES, int))
-        last = (terminated | truncated) & (ended < EPISODES // LANES)
+    while ended.min() < EPISODES // ENTRIES:
+        *_, terminated, truncated, infos = envs.step(np.zeros(ENTRIES, int))
+        last = (terminated | truncated) & (ended < EPISODES // ENTRIES)
         if last.any():
             successes += int(infos["is_success"][last].sum())
         ended += terminated | truncated
@@ -127,7 +127,7 @@ def main() -> None:
             options = {"at_termination": ending, "at_truncation": cut}
             monitored = [
                 lambda make=make: StlMonitor(make(), SPEC, SIGNALS, **options)  # noqa: B023
-                for make in lanes(policy)
+                for make in entries(policy)
             ]
             counts = (
                 by_hand(found, ending, cut),
@@ -135,7 +135,7 @@ def main() -> None:
                 in_infos(gym.vector.SyncVectorEnv(monitored)),
                 in_infos(
                     VectorStlMonitor(
-                        gym.vector.SyncVectorEnv(lanes(policy)), SPEC, SIGNALS, **options
+                        gym.vector.SyncVectorEnv(entries(policy)), SPEC, SIGNALS, **options
                     )
                 ),
             )

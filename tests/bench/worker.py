@@ -163,23 +163,23 @@ def calls(run: Callable[[], Sequence[float]], count: int) -> Measure:
     return measure
 
 
-def lockstep(
+def batch(
     case: Case,
     step: Callable[[Any], object],
     inputs: Callable[[Any], Any] = lambda rows: rows,
 ) -> Measure:
-    """Nanoseconds for each lane of a step of many lanes.
+    """Nanoseconds for each entry of a step of many entries.
 
     Args:
-        case: ``kind`` of the trace, ``num`` lanes, steps to ``fill``, ``seconds`` for a measure.
-        step: Takes a sample in every lane.
+        case: ``kind`` of the trace, ``num`` entries, steps to ``fill``, ``seconds`` for a measure.
+        step: Takes a sample in every entry.
         inputs: Makes what it takes of an array of shape (num, variables).
     """
     import numpy as np
 
     num, steps = case["num"], 64
     trace = np.stack(list(traces.columns(case["kind"], 0, num * steps).values()), axis=1)
-    # each lane has a stretch of the trace of its own
+    # each entry has a stretch of the trace of its own
     data = [inputs(rows) for rows in trace.reshape(num, steps, -1).transpose(1, 0, 2).copy()]
 
     def timed(n: int) -> float:

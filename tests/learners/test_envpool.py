@@ -52,18 +52,18 @@ def rides_of(shown: list[Any]) -> list[Ride]:
     """The episodes that ended, in the order of their ends: told by ``elapsed_step`` alone."""
     (obs, info), *steps = shown
     num = len(obs)
-    rides = [Ride(lane, [float(obs[lane, 0])]) for lane in range(num)]
+    rides = [Ride(entry, [float(obs[entry, 0])]) for entry in range(num)]
     assert info["elapsed_step"].tolist() == [0] * num
     ended = []
     for at, (obs, _, terminated, truncated, info) in enumerate(steps):
-        for lane in range(num):
-            if info["elapsed_step"][lane] == 0:
-                rides[lane] = Ride(lane, [])
-            rides[lane].positions.append(float(obs[lane, 0]))
-            if terminated[lane] or truncated[lane]:
-                rides[lane].fell = bool(terminated[lane])
-                rides[lane].last_step = at
-                ended.append(rides[lane])
+        for entry in range(num):
+            if info["elapsed_step"][entry] == 0:
+                rides[entry] = Ride(entry, [])
+            rides[entry].positions.append(float(obs[entry, 0]))
+            if terminated[entry] or truncated[entry]:
+                rides[entry].fell = bool(terminated[entry])
+                rides[entry].last_step = at
+                ended.append(rides[entry])
     return ended
 
 
@@ -98,9 +98,9 @@ def test_outcomes_are_those_of_episodes_that_elapsed_steps_tell_apart() -> None:
             assert all(a is b for a, b in zip(result[:4], shown[-1][:4], strict=True))
             infos, done = result[-1], result[2] | result[3]
             assert (infos["elapsed_step"] + 1).tolist() == envs.samples.tolist()
-            for lane in np.flatnonzero(done):
+            for entry in np.flatnonzero(done):
                 outcome = infos["stl_episode"]["spec"]
-                found.append((outcome["robustness"][lane], bool(infos["is_success"][lane])))
+                found.append((outcome["robustness"][entry], bool(infos["is_success"][entry])))
         envs.close()
     rides = rides_of(shown)
     lows, successes = zip(*found, strict=True)

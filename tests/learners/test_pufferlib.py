@@ -147,13 +147,13 @@ def test_native_environments_hold_the_observation_before_the_last() -> None:
     samples: list[list[tuple[float, float]]] = [[(0.0, 0.0)] for _ in range(4)]
     expected = []
     for (before, *_), (obs, paid, ended) in zip(native.shown, native.shown[1:], strict=False):
-        for lane in range(4):
-            seen = before if ended[lane] else obs
-            samples[lane].append((float(paid[lane]), float(seen[lane, 0])))
-            if ended[lane]:
-                least = [min(column) for column in zip(*samples[lane], strict=True)]
-                expected.append((lane, least[0] + 2, least[1] + 1.5))
-                samples[lane] = [(0.0, 0.0)]
+        for entry in range(4):
+            seen = before if ended[entry] else obs
+            samples[entry].append((float(paid[entry]), float(seen[entry, 0])))
+            if ended[entry]:
+                least = [min(column) for column in zip(*samples[entry], strict=True)]
+                expected.append((entry, least[0] + 2, least[1] + 1.5))
+                samples[entry] = [(0.0, 0.0)]
     found = [
         (each["env"], *(spec["robustness"] for spec in each["specs"].values()))
         for each in envs.stl_episodes

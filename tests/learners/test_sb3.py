@@ -57,7 +57,7 @@ def test_what_the_program_of_the_page_evaluates_is_a_hand_count(tmp_path: Path) 
     trained = rides.ended(early=True, within=program["envs"])
     model, callback = program["model"], program["callback"]
     assert list(model.ep_success_buffer) == [ride.success for ride in trained][-100:]
-    assert [book["l"] for book in model.ep_info_buffer] == [ride.steps for ride in trained][-100:]
+    assert [log["l"] for log in model.ep_info_buffer] == [ride.steps for ride in trained][-100:]
     metrics = {**shares_of(trained[-100:]), **counts_of(trained), **cost_of(trained[-100:])}
     assert callback.training.metrics() == pytest.approx(metrics)
     own = {ride.env for ride in trained}
@@ -114,12 +114,12 @@ def test_every_episode_is_counted_once_with_the_reward_of_the_learner(
         )
     assert len(trained) > 80
     assert any(ride.outside for ride in trained)
-    books = list(model.ep_info_buffer)
+    logs = list(model.ep_info_buffer)
     expected = [
         ride.steps + (robustness_reward(ride) if wrapper is StlReward else 0) for ride in trained
     ]
-    assert [book["l"] for book in books] == [ride.steps for ride in trained]
-    assert [book["r"] for book in books] == pytest.approx(expected, abs=2e-6)
+    assert [log["l"] for log in logs] == [ride.steps for ride in trained]
+    assert [log["r"] for log in logs] == pytest.approx(expected, abs=2e-6)
     assert list(model.ep_success_buffer) == [ride.success for ride in trained]
     assert (len(rewards), len(lengths)) == (30, 30)
 
@@ -154,12 +154,12 @@ def test_processes_of_their_own_give_the_same_infos() -> None:
     assert logged[0].training.metrics()["spec/first_violation"] < 0.4  # seconds
 
 
-def test_normalized_rewards_leave_the_books_as_they_are() -> None:
+def test_normalized_rewards_leave_the_logs_as_they_are() -> None:
     with watched() as rides:
         inner = monitored(2, seed=1)
         model = learner(VecNormalize(inner))
         model.learn(600)
     trained = rides.ended(early=True, within=inner)
-    assert [book["r"] for book in model.ep_info_buffer] == [ride.steps for ride in trained]
+    assert [log["r"] for log in model.ep_info_buffer] == [ride.steps for ride in trained]
     assert list(model.ep_success_buffer) == [ride.success for ride in trained]
     assert 0 < sum(model.ep_success_buffer) < len(trained)

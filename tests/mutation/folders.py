@@ -112,9 +112,9 @@ _RUNNING: Final = Covering(
             *("dense", "dense_episode", "dense_errors", "dense_judgement", "dense_monitor"),
             *("dense_signs", "dense_unknown", "ends", "episode", "evaluate_batch", "holds"),
             *("judge", "monitor_sets", "monitor_state", "neutral", "operator_clocks"),
-            *("properties", "triggers", "unknown", "unknown_lanes", "vector"),
+            *("properties", "triggers", "unknown", "unknown_entries", "vector"),
         ),
-        *_files("tests/rtamt/native", "native", "native_banks"),
+        *_files("tests/rtamt/native", "native", "native_batches"),
         "rtamt/machines",
     )
 )
@@ -125,7 +125,7 @@ _ANSWERS: Final = Covering(
             *("circumstances", "dense_errors", "dense_judgement", "dense_origins"),
             *("evaluate_batch", "explain", "explain_dense", "explain_dense_edges", "holds"),
             *("judge", "limits", "monitor_sets", "monitor_state", "operator_clocks", "options"),
-            *("properties", "triggers", "unknown_lanes", "vector", "vector_errors"),
+            *("properties", "triggers", "unknown_entries", "vector", "vector_errors"),
         ),
         "tests/rtamt/language/test_table.py",  # it explains operators made of operators
         "tests/rtamt/program/test_align.py",  # it explains bounds that were rounded
@@ -206,7 +206,7 @@ FOLDERS: Final = {
         ),
         *(
             Folder(f"rtamt/native/{room}", (f"rtamt/native/{room}",), _NATIVE, ())
-            for room in ("core", "discrete", "episode", "lockstep", "dense")
+            for room in ("core", "discrete", "episode", "batch", "dense")
         ),
         Folder("rtamt_gym/judging", ("rtamt_gym/judging",), _JUDGING, ("tests/rtamt_gym/judging",)),
         Folder(

@@ -262,7 +262,7 @@ def test_what_does_not_compile_is_named_by_its_number(tmp_path: Path) -> None:
     assert set(native_code._refused(said, tmp_path)) == {4}
 
 
-@pytest.mark.parametrize("name", ["rtamt/program", "rtamt/native/lockstep"])
+@pytest.mark.parametrize("name", ["rtamt/program", "rtamt/native/batch"])
 def test_a_seed_draws_the_same_sample_again(name: str) -> None:
     first, again, other = (run.drawn(folders.FOLDERS[name], ROOT, seed) for seed in (1, 1, 2))
     assert first == again != other

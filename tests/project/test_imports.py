@@ -72,7 +72,13 @@ FLOORS = {
     ),
     "rtamt_envs": (
         ("compiled", "scenario"),
-        ("crossings", "pictures", "lanes", "aircraft_elevator_modes", "aircraft_elevator_plant"),
+        (
+            "crossings",
+            "pictures",
+            "scenario_batch",
+            "aircraft_elevator_modes",
+            "aircraft_elevator_plant",
+        ),
         tuple(module for module, _ in SCENARIOS.values()),
         ("environment",),
         ("vector",),

@@ -60,7 +60,7 @@ def test_old_attribute(path: str, old: str, new: str) -> None:
 
 
 def test_old_keyword() -> None:
-    assert KEYWORDS == {"mutants": {"most": "limit"}}
+    assert KEYWORDS == {"init": {"lanes": "batch_size"}, "mutants": {"most": "limit"}}
     with pytest.warns(DeprecationWarning, match=r"^mutants\(most=\) is now mutants\(limit=\)"):
         few = mutants("always(x > 1)", most=2)  # type: ignore[call-arg]
     assert few == mutants("always(x > 1)", limit=2)

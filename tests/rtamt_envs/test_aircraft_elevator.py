@@ -20,9 +20,9 @@ _INNER = [OFF, ACTIVE, ACTIVE, STANDBY]
 _NAMES = [observation.name for observation in SCENARIO.observations]
 
 
-def _fly(lanes: int = 1, /, **options: Any) -> Floats:  # noqa: ANN401 - options of reset
-    """The observations under the baseline, shape (1001, lanes, 10)."""
-    env = gym.make_vec(_ID, num_envs=lanes).unwrapped
+def _fly(entries: int = 1, /, **options: Any) -> Floats:  # noqa: ANN401 - options of reset
+    """The observations under the baseline, shape (1001, environments, 10)."""
+    env = gym.make_vec(_ID, num_envs=entries).unwrapped
     first = env.reset(seed=0, options=options)[0]
     return np.concatenate([first[None], env.rollout(1000)])  # type: ignore[attr-defined]
 
@@ -119,17 +119,17 @@ FAULTS = ("LO", "LI", "RI", "RO", "H1", "H2", "H3")
 def test_no_single_fault_leaves_an_elevator_undriven(fault: str) -> None:
     times = np.linspace(0.0, 10.0, 12)
     seen = _fly(12, **{fault: times})
-    for lane, time in enumerate(times):
-        assert not _violated(seen[:, lane]), time
+    for entry, time in enumerate(times):
+        assert not _violated(seen[:, entry]), time
         begun = int(np.ceil(time * 100 - 1e-9))
-        np.testing.assert_array_equal(seen[:begun, lane], _fly()[:begun, 0])
-        modes = dict(zip(("LO", "LI", "RI", "RO"), seen[begun, lane, 3:7], strict=True))
+        np.testing.assert_array_equal(seen[:begun, entry], _fly()[:begun, 0])
+        modes = dict(zip(("LO", "LI", "RI", "RO"), seen[begun, entry, 3:7], strict=True))
         if fault in modes:
             assert modes[fault] == ISOLATED
         else:
             lost = {"H1": ("LO",), "H2": ("LI", "RI"), "H3": ("RO",)}[fault]
             assert all(modes[each] == OFF for each in lost)
-            assert seen[begun, lane, 6 + int(fault[1])] == 0.0
+            assert seen[begun, entry, 6 + int(fault[1])] == 0.0
 
 
 def test_pairs_of_faults_isolate_a_side_only_where_both_its_actuators_fail() -> None:

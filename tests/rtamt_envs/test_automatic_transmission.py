@@ -16,7 +16,7 @@ _STEPS = 3500
 
 
 def _drive(actions: Floats, **options: float) -> Floats:
-    """The observations of one lane for each of many courses of actions, shape (k + 1, n, 3)."""
+    """The observations of an environment for each course of actions, shape (k + 1, n, 3)."""
     cars = gym.make_vec(_ID, num_envs=actions.shape[1]).unwrapped
     first = cars.reset(options=options)[0]
     return np.concatenate([first[None], cars.rollout(actions)])  # type: ignore[attr-defined]
@@ -125,9 +125,9 @@ def test_speeds_are_compared_every_four_steps_with_the_throttle_of_the_step() ->
     actions = _pieces(40, 1)
     courses = _drive(actions)
     assert {-1.0, 1.0} <= set(np.diff(courses[..., 2], axis=0).ravel())
-    for lane in range(actions.shape[1]):
-        gears = _gears(actions[::4, lane, 0], courses[:-1:4, lane, 0])
-        np.testing.assert_array_equal(courses[1:, lane, 2], np.repeat(gears, 4))
+    for entry in range(actions.shape[1]):
+        gears = _gears(actions[::4, entry, 0], courses[:-1:4, entry, 0])
+        np.testing.assert_array_equal(courses[1:, entry, 2], np.repeat(gears, 4))
 
 
 def test_the_engine_stays_within_its_limits() -> None:
@@ -157,14 +157,14 @@ def test_parameters_slow_the_car_down() -> None:
     assert again[-1, 0, 0] == plain
 
 
-def test_a_division_by_zero_gives_nan_alone_and_in_lanes() -> None:
+def test_a_division_by_zero_gives_nan_alone_and_in_environments() -> None:
     env = gym.make(_ID)
     env.reset(options={"inertia": 0.0})
     with np.errstate(all="ignore"):
         alone = env.step(np.array([50.0, 0.0]))[0]
-        lanes = _drive(_held(50.0, 0.0, 1), inertia=0.0)[1, 0]
+        entries = _drive(_held(50.0, 0.0, 1), inertia=0.0)[1, 0]
     np.testing.assert_array_equal(np.isnan(alone), [True, True, False])
-    np.testing.assert_array_equal(lanes, alone)
+    np.testing.assert_array_equal(entries, alone)
 
 
 def test_the_baseline_drives_at_half_throttle() -> None:

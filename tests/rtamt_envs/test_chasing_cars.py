@@ -18,7 +18,7 @@ TIMES = np.arange(2001) * PERIOD
 
 
 def runs(actions: Floats, **options: float) -> Floats:
-    """The positions of lanes: (k + 1, lanes, 5) under actions (k, lanes, 2)."""
+    """The positions of environments: (k + 1, n, 5) under actions (k, n, 2)."""
     env = gym.make_vec("rtamt/ChasingCars-v0", actions.shape[1])
     assert isinstance(env, ScenarioVectorEnv)
     first, _ = env.reset(seed=0, options=options)
@@ -32,12 +32,12 @@ def run(throttle: Floats | float, brake: Floats | float, steps: int = 2000, **ga
     return runs(actions, **gap)[:, 0]
 
 
-def random_inputs(lanes: int, seed: int) -> Floats:
+def random_inputs(entries: int, seed: int) -> Floats:
     """Inputs of instance 1: 10 control points each, joined by lines."""
     rng = np.random.default_rng(seed)
     points = np.linspace(0, 100, 10)
-    columns = [np.interp(TIMES[1:], points, row) for row in rng.random((2 * lanes, 10))]
-    return np.stack(columns, axis=1).reshape(2000, lanes, 2)
+    columns = [np.interp(TIMES[1:], points, row) for row in rng.random((2 * entries, 10))]
+    return np.stack(columns, axis=1).reshape(2000, entries, 2)
 
 
 def begun(speeds: list[float], modes: list[float], gap: float) -> tuple[Floats, Floats]:
@@ -143,10 +143,12 @@ def test_many_guards_are_met_in_one_period() -> None:
 
 
 def least(name: str, y: Floats) -> list[float]:
-    """The robustness of a requirement in each lane."""
+    """The robustness of a requirement in each environment."""
     spec = SCENARIO.specifications[name]
-    lanes = [{f"y{car + 1}": row for car, row in enumerate(lane)} for lane in y.transpose(1, 2, 0)]
-    return [float(rtamt.evaluate(spec, lane, PERIOD)[0]) for lane in lanes]
+    entries = [
+        {f"y{car + 1}": row for car, row in enumerate(entry)} for entry in y.transpose(1, 2, 0)
+    ]
+    return [float(rtamt.evaluate(spec, entry, PERIOD)[0]) for entry in entries]
 
 
 def test_the_baseline_meets_every_requirement() -> None:
@@ -159,9 +161,9 @@ def test_the_baseline_meets_every_requirement() -> None:
 
 def _euler(actions: Floats, step: float) -> Floats:
     """The positions by the forward Euler method, guards checked before each step."""
-    lanes = actions.shape[1]
-    y, v = np.tile(10.0 * np.arange(5), (lanes, 1)), np.zeros((lanes, 5))
-    chasing, keeping = np.ones((lanes, 4), bool), np.zeros((lanes, 4), bool)
+    entries = actions.shape[1]
+    y, v = np.tile(10.0 * np.arange(5), (entries, 1)), np.zeros((entries, 5))
+    chasing, keeping = np.ones((entries, 4), bool), np.zeros((entries, 4), bool)
     rows = [y]
     for action in actions:
         for _ in range(round(PERIOD / step)):

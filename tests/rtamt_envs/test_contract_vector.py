@@ -15,41 +15,41 @@ from scenario_courses import random_actions, read_signals
 import rtamt
 from rtamt_gym import StlMonitor, VectorStlMonitor
 
-LANES = 3
+ENTRIES = 3
 
 each_scenario = pytest.mark.parametrize("name", SCENARIOS)
 
 
 def many(name: str, **options: Any) -> ScenarioVectorEnv:  # noqa: ANN401 - as gym.make_vec
-    env = gym.make_vec(f"rtamt/{name}-v0", LANES, **options)
+    env = gym.make_vec(f"rtamt/{name}-v0", ENTRIES, **options)
     assert isinstance(env, ScenarioVectorEnv)
     return env
 
 
 def one_by_one(name: str, mode: AutoresetMode, steps: int) -> SyncVectorEnv:
     return SyncVectorEnv(
-        [lambda: gym.make(f"rtamt/{name}-v0", max_episode_steps=steps)] * LANES,
+        [lambda: gym.make(f"rtamt/{name}-v0", max_episode_steps=steps)] * ENTRIES,
         autoreset_mode=mode,
     )
 
 
 def options_of(name: str) -> Iterator[dict[str, Any]]:
-    """Parameters of lanes, for scenarios that have some."""
+    """Parameters of environments, for scenarios that have some."""
     yield {}
     yield {
-        parameter.name: np.linspace(parameter.low, parameter.high, LANES + 2)[1:-1]
+        parameter.name: np.linspace(parameter.low, parameter.high, ENTRIES + 2)[1:-1]
         for parameter in scenario_of(name).parameters
     }
 
 
 @each_scenario
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_lanes_equal_environments_to_the_bit(name: str, mode: AutoresetMode) -> None:
-    lanes = many(name, max_episode_steps=7, autoreset_mode=mode)
+def test_environments_equal_environments_to_the_bit(name: str, mode: AutoresetMode) -> None:
+    entries = many(name, max_episode_steps=7, autoreset_mode=mode)
     alone = one_by_one(name, mode, 7)
-    np.testing.assert_array_equal(lanes.reset(seed=3)[0], alone.reset(seed=3)[0])
-    for actions in random_actions(scenario_of(name), (20, LANES), 0):
-        made, expected = lanes.step(actions), alone.step(actions)
+    np.testing.assert_array_equal(entries.reset(seed=3)[0], alone.reset(seed=3)[0])
+    for actions in random_actions(scenario_of(name), (20, ENTRIES), 0):
+        made, expected = entries.step(actions), alone.step(actions)
         for got, wanted in zip(made[:4], expected[:4], strict=True):
             np.testing.assert_array_equal(got, wanted)
             assert got.dtype == wanted.dtype
@@ -62,15 +62,15 @@ def test_lanes_equal_environments_to_the_bit(name: str, mode: AutoresetMode) -> 
 
 @each_scenario
 def test_rollout_equals_steps_and_takes_parameters(name: str) -> None:
-    actions = random_actions(scenario_of(name), (60, LANES), 1)
+    actions = random_actions(scenario_of(name), (60, ENTRIES), 1)
     for options in options_of(name):
-        lanes, rolled, alone = many(name), many(name), one_by_one(name, "Disabled", 10**6)  # type: ignore[arg-type]
+        entries, rolled, alone = many(name), many(name), one_by_one(name, "Disabled", 10**6)  # type: ignore[arg-type]
         np.testing.assert_array_equal(
-            lanes.reset(seed=8, options=options)[0], rolled.reset(seed=8, options=options)[0]
+            entries.reset(seed=8, options=options)[0], rolled.reset(seed=8, options=options)[0]
         )
         for i, env in enumerate(alone.envs):
             env.reset(seed=8 + i, options={key: row[i] for key, row in options.items()})
-        expected = np.array([lanes.step(each)[0] for each in actions])
+        expected = np.array([entries.step(each)[0] for each in actions])
         scalar = [
             np.array([env.step(action)[0] for env, action in zip(alone.envs, row, strict=True)])
             for row in actions
@@ -80,32 +80,32 @@ def test_rollout_equals_steps_and_takes_parameters(name: str) -> None:
         parts = [rolled.rollout(actions[a:b]) for a, b in pairwise(cuts)]
         np.testing.assert_array_equal(np.concatenate(parts), expected)
         for key, row in options.items():
-            np.testing.assert_array_equal(lanes.parameters[key], row)
+            np.testing.assert_array_equal(entries.parameters[key], row)
 
 
 @each_scenario
-def test_lanes_that_are_not_active_stand_still(name: str) -> None:
-    actions = random_actions(scenario_of(name), (10, LANES), 2)
-    lanes, others = many(name), many(name)
-    lanes.reset(seed=0)
+def test_environments_that_are_not_active_stand_still(name: str) -> None:
+    actions = random_actions(scenario_of(name), (10, ENTRIES), 2)
+    entries, others = many(name), many(name)
+    entries.reset(seed=0)
     others.reset(seed=0)
     active = np.array([True, False, True])
-    seen = lanes.rollout(actions, active)
+    seen = entries.rollout(actions, active)
     np.testing.assert_array_equal(seen[:, active], others.rollout(actions)[:, active])
     assert np.isnan(seen[:, 1]).all()
     late = many(name)
     late.reset(seed=0)
     np.testing.assert_array_equal(
-        lanes.rollout(actions, ~active)[:, 1], late.rollout(actions)[:, 1]
+        entries.rollout(actions, ~active)[:, 1], late.rollout(actions)[:, 1]
     )
 
 
 @each_scenario
-def test_the_baseline_acts_in_every_lane(name: str) -> None:
-    lanes, rolled = many(name), many(name)
-    lanes.reset(seed=1)
+def test_the_baseline_acts_in_every_environment(name: str) -> None:
+    entries, rolled = many(name), many(name)
+    entries.reset(seed=1)
     rolled.reset(seed=1)
-    expected = np.array([lanes.step(lanes.baseline())[0] for _ in range(40)])
+    expected = np.array([entries.step(entries.baseline())[0] for _ in range(40)])
     np.testing.assert_array_equal(
         np.concatenate([rolled.rollout(15), rolled.rollout(25)]), expected
     )
@@ -116,74 +116,74 @@ def test_the_baseline_acts_in_every_lane(name: str) -> None:
 
 
 @each_scenario
-def test_lanes_begin_anew_where_a_mask_says(name: str) -> None:
-    lanes = many(name, max_episode_steps=5, autoreset_mode="Disabled")
-    first, _ = lanes.reset(seed=4)
-    actions = random_actions(scenario_of(name), (5, LANES), 3)
+def test_environments_begin_anew_where_a_mask_says(name: str) -> None:
+    entries = many(name, max_episode_steps=5, autoreset_mode="Disabled")
+    first, _ = entries.reset(seed=4)
+    actions = random_actions(scenario_of(name), (5, ENTRIES), 3)
     for row in actions:
-        _, _, _, truncated, _ = lanes.step(row)
+        _, _, _, truncated, _ = entries.step(row)
     assert truncated.all()
     with pytest.raises(rtamt.InputError, match="environment 0 has ended; reset it"):
-        lanes.step(actions[0])
+        entries.step(actions[0])
     mask = np.array([False, True, False])
-    again, _ = lanes.reset(seed=4, options={"reset_mask": mask})
+    again, _ = entries.reset(seed=4, options={"reset_mask": mask})
     np.testing.assert_array_equal(again[1], first[1])
     with pytest.raises(rtamt.InputError, match="environment 0 has ended"):
-        lanes.step(actions[0])
+        entries.step(actions[0])
 
 
 @each_scenario
 def test_episodes_begin_with_reset(name: str) -> None:
-    lanes = many(name)
-    actions = random_actions(scenario_of(name), (4, LANES), 5)
-    calls = (lambda: lanes.step(actions[0]), lambda: lanes.rollout(actions), lanes.baseline)
-    for call in (*calls, lambda: lanes.rollout(2)):
+    entries = many(name)
+    actions = random_actions(scenario_of(name), (4, ENTRIES), 5)
+    calls = (lambda: entries.step(actions[0]), lambda: entries.rollout(actions), entries.baseline)
+    for call in (*calls, lambda: entries.rollout(2)):
         with pytest.raises(rtamt.StateError, match="runs in environment 0; call reset"):
             call()
-    lanes.reset(options={"reset_mask": np.array([True, False, True])})
+    entries.reset(options={"reset_mask": np.array([True, False, True])})
     with pytest.raises(rtamt.StateError, match="runs in environment 1; call reset"):
-        lanes.step(actions[0])
-    lanes.rollout(actions, [True, False, True])
+        entries.step(actions[0])
+    entries.rollout(actions, [True, False, True])
 
 
 @each_scenario
 def test_wrong_calls_change_nothing(name: str) -> None:
-    lanes, others = many(name), many(name)
-    lanes.reset(seed=0)
+    entries, others = many(name), many(name)
+    entries.reset(seed=0)
     others.reset(seed=0)
-    actions = random_actions(scenario_of(name), (4, LANES), 4)
+    actions = random_actions(scenario_of(name), (4, ENTRIES), 4)
     wrong = actions.copy()
     wrong[2, 1, 0] = np.nan
-    action = lanes.action_names[0]
+    action = entries.action_names[0]
     with pytest.raises(
         rtamt.InputError, match=f"a number as action '{action}' of step 2 in environment 1, got nan"
     ):
-        lanes.rollout(wrong)
+        entries.rollout(wrong)
     with pytest.raises(rtamt.InputError, match="of shape"):
-        lanes.step(actions)
+        entries.step(actions)
     with pytest.raises(rtamt.InputError, match="expected active as 3 booleans"):
-        lanes.rollout(actions, [True])
+        entries.rollout(actions, [True])
     with pytest.raises(rtamt.InputError, match="expected a seed for each of 3 environments, got 2"):
-        lanes.reset(seed=[1, 2])
+        entries.reset(seed=[1, 2])
     with pytest.raises(rtamt.InputError, match="has no parameter 'colour'"):
-        lanes.reset(seed=9, options={"colour": 1.0})
+        entries.reset(seed=9, options={"colour": 1.0})
     with pytest.raises(rtamt.InputTypeError, match="as a mapping from names to numbers, got 3"):
-        lanes.reset(options=3)  # type: ignore[arg-type]
+        entries.reset(options=3)  # type: ignore[arg-type]
     with pytest.raises(rtamt.InputError, match="a number of steps of 0 or more, got -1"):
-        lanes.rollout(-1)
+        entries.rollout(-1)
     with pytest.raises(rtamt.InputError, match="expected num_envs of 1 or more, got 0"):
         gym.make_vec(f"rtamt/{name}-v0", num_envs=0)
     with pytest.raises(rtamt.InputError, match="expected render_mode None"):
         many(name, render_mode="rgb_array")
-    np.testing.assert_array_equal(lanes.rollout(actions), others.rollout(actions))
+    np.testing.assert_array_equal(entries.rollout(actions), others.rollout(actions))
 
 
 @each_scenario
-def test_requirements_are_monitored_in_every_lane(name: str) -> None:
-    lanes = many(name)
-    signals = read_signals(lanes.scenario)
-    many_monitored = VectorStlMonitor(lanes, lanes.requirements, signals)
-    one = StlMonitor(gym.make(f"rtamt/{name}-v0"), lanes.requirements, signals)
+def test_requirements_are_monitored_in_every_environment(name: str) -> None:
+    entries = many(name)
+    signals = read_signals(entries.scenario)
+    many_monitored = VectorStlMonitor(entries, entries.requirements, signals)
+    one = StlMonitor(gym.make(f"rtamt/{name}-v0"), entries.requirements, signals)
     _, infos = many_monitored.reset(seed=0)
     _, info = one.reset(seed=1)
     for _ in range(30):
@@ -191,5 +191,5 @@ def test_requirements_are_monitored_in_every_lane(name: str) -> None:
             assert infos[key][1] == info[key]
         if info["stl_violated"]:
             break
-        _, _, _, _, infos = many_monitored.step(lanes.baseline())
+        _, _, _, _, infos = many_monitored.step(entries.baseline())
         _, _, _, _, info = one.step(one.unwrapped.baseline())  # type: ignore[attr-defined]

@@ -17,7 +17,7 @@ START = np.array([90.0, 80.0, 90.0, 107.8880952381, 0, 0, 0, 0, 0, 0])
 
 
 def runs(steam: Floats, **options: float) -> Floats:
-    """The observations of lanes: (k + 1, lanes, 6) under flows of steam (k, lanes)."""
+    """The observations of environments: (k + 1, n, 6) under flows of steam (k, n)."""
     env = gym.make_vec("rtamt/SteamCondenser-v0", steam.shape[1])
     assert isinstance(env, ScenarioVectorEnv)
     first, _ = env.reset(seed=0, options=options)

@@ -17,10 +17,10 @@ pytestmark = pytest.mark.slow
 Floats = NDArray[np.float64]
 
 
-def commands(name: str, lanes: int, pieces: int, each: int, seed: int = 0) -> Floats:
-    """Random commands within their bounds, held for some samples: (lanes, steps, actions)."""
+def commands(name: str, entries: int, pieces: int, each: int, seed: int = 0) -> Floats:
+    """Random commands in their bounds, held for some samples: (environments, steps, actions)."""
     low, high = np.transpose([(a.low, a.high) for a in scenario_of(name).actions])
-    drawn = np.random.default_rng(seed).uniform(low, high, (lanes, pieces, len(low)))
+    drawn = np.random.default_rng(seed).uniform(low, high, (entries, pieces, len(low)))
     return drawn.repeat(each, axis=1)
 
 

@@ -1,7 +1,7 @@
 """Runs monitors for long: memory stays flat, and sampled stretches equal the definition.
 
 Three parts, each with a number of its own: updates of a mixed set of native monitors (a sample of a
-signal, of a lane, or an event, is one), wrappers of Gymnasium made and dropped, and snapshots.
+signal, of an entry, or an event, is one), wrappers of Gymnasium made and dropped, and snapshots.
 Sampled stretches are run again by the Python machines, and compared bit by bit. The resident memory
 after a tenth of a part is compared with that at its end.
 
@@ -28,10 +28,10 @@ import rtamt
 from rtamt_gym import StlMonitor
 
 TEXT = "always[0:5](x > 0 implies eventually[0:20](y > 1)) and once[3:40](x + y > 0)"
-LANES = 1_000
-BLOCK, LANE_SAMPLES, SAMPLES, EVENTS = 40_000, 100, 4_000, 1_000  # of a round
+ENTRIES = 1_000
+BLOCK, ENTRY_SAMPLES, SAMPLES, EVENTS = 40_000, 100, 4_000, 1_000  # of a round
 WRAPPED = "always[0:100ms](abs(angle) < 0.2) and once[0:40ms](cart < 1)"
-ROUND = BLOCK + 2 * LANES * LANE_SAMPLES + 2 * SAMPLES + 2 * EVENTS
+ROUND = BLOCK + 2 * ENTRIES * ENTRY_SAMPLES + 2 * SAMPLES + 2 * EVENTS
 CHECKS = 5  # sampled stretches of a part
 FLAT = 4 << 20  # bytes by which the allocator's pages may differ
 
@@ -45,14 +45,14 @@ class Rounds:
     Args:
         backend: What runs them.
         seed: Of the samples.
-        lanes: The lanes that are run.
+        entries: The entries that are run.
         first: The first round.
     """
 
     def __init__(
-        self, backend: Backend, seed: int, lanes: Sequence[int] = range(LANES), first: int = 0
+        self, backend: Backend, seed: int, entries: Sequence[int] = range(ENTRIES), first: int = 0
     ) -> None:
-        self._next, self._seed, self._lanes, number = first, seed, lanes, len(lanes)
+        self._next, self._seed, self._entries, number = first, seed, entries, len(entries)
         self._block = rtamt.Monitor(TEXT, backend=backend)
         self._single = rtamt.Monitor(TEXT, backend=backend)
         self._episode = rtamt.EpisodeMonitor(TEXT, backend=backend)
@@ -64,7 +64,7 @@ class Rounds:
         """What the monitors give in the next round."""
         random = np.random.default_rng((self._seed, self._next))
         block = random.normal(size=(BLOCK, 2))
-        lanes = random.normal(size=(LANE_SAMPLES, LANES, 2))[:, list(self._lanes)]
+        entries = random.normal(size=(ENTRY_SAMPLES, ENTRIES, 2))[:, list(self._entries)]
         samples = random.normal(size=(SAMPLES, 2)).tolist()
         events = random.normal(size=(EVENTS, 2)).tolist()
         found: Found = [self._block.update_many(block)]
@@ -73,7 +73,7 @@ class Rounds:
         found += [self._episode.update(x, y) for x, y in samples]
         found += [self._episode.lower, self._episode.upper, self._episode.finish("cut")]
         self._episodes.reset()
-        for values in lanes:
+        for values in entries:
             found += [self._late.update(values), self._episodes.update(values)]
         for i, (x, y) in enumerate(events):
             time = (self._next * EVENTS + i) * 0.5
@@ -99,12 +99,12 @@ def updates(number: int, seed: int) -> None:
 
 
 def defined_round(i: int, seed: int, found: Found) -> None:
-    """Compare what a round gave, some of its lanes, with the definition."""
-    some = [0, LANES // 2, LANES - 1]
+    """Compare what a round gave, some of its entries, with the definition."""
+    some = [0, ENTRIES // 2, ENTRIES - 1]
     defined = Rounds("python", seed, some, max(i - 1, 0))
     if i > 0:
         defined.run()
-    thin = [each[some] if np.shape(each) == (LANES,) else each for each in found]
+    thin = [each[some] if np.shape(each) == (ENTRIES,) else each for each in found]
     require_same(thin, defined.run(), f"of round {i}")
 
 

@@ -23,7 +23,7 @@ from rtamt_arrays.operations import Tensor
 Floats = NDArray[np.float64]
 
 BATCH = 8
-LANES = 3
+ENTRIES = 3
 SAMPLES = 14
 
 ROUNDED = {"exp", "ln", "log", "pow"}
@@ -38,7 +38,7 @@ few = settings(
 
 
 class Case(NamedTuple):
-    """Formulas, and samples and resets of lanes."""
+    """Formulas, and samples and resets of entries."""
 
     formulas: list[Formula]
     samples: Floats
@@ -46,7 +46,7 @@ class Case(NamedTuple):
 
     def online(self, formula: Formula) -> Floats:
         """What `rtamt.VectorMonitor` gives, a row for each sample."""
-        monitor = VectorMonitor(formula, LANES)
+        monitor = VectorMonitor(formula, ENTRIES)
         places = [s.VARIABLES.index(name) for name in monitor.variables]
         rows = []
         for sample, mask in zip(self.samples, self.resets, strict=True):
@@ -61,7 +61,7 @@ class Case(NamedTuple):
 
         With ``cut`` they are those of traces that are cut after each sample.
         """
-        monitor = VectorEpisodeMonitor(formula, LANES)
+        monitor = VectorEpisodeMonitor(formula, ENTRIES)
         places = [s.VARIABLES.index(name) for name in monitor.variables]
         rows: list[list[Floats]] = [[] for _ in names]
         for sample, mask in zip(self.samples, self.resets, strict=True):
@@ -75,18 +75,18 @@ class Case(NamedTuple):
         return [np.array(values) for values in rows]
 
     def offline(self, formula: Formula) -> Floats:
-        """What `rtamt.evaluate` gives, a row for each lane."""
+        """What `rtamt.evaluate` gives, a row for each entry."""
         signals = columns(formula, self.samples)
         return np.array(
             [
-                evaluate(formula, {name: values[lane] for name, values in signals.items()})
-                for lane in range(LANES)
+                evaluate(formula, {name: values[entry] for name, values in signals.items()})
+                for entry in range(ENTRIES)
             ]
         )
 
 
 def columns(formula: Node, samples: Tensor) -> dict[str, Tensor]:
-    """The signals of a formula, of shape (lanes, samples), in an array of either library."""
+    """The signals of a formula, of shape (entries, samples), in an array of either library."""
     return {name: samples[:, :, s.VARIABLES.index(name)].T for name in formula.variables}
 
 
@@ -115,15 +115,15 @@ def cases(draw: s.Draw, *, endless: bool = False, outermost: bool = True) -> Cas
     seed = draw(st.integers(0, 2**32 - 1))
     random = np.random.default_rng(seed)
     values = draw(st.sampled_from([s.QUARTERS, s.INTEGERS]))
-    samples = random.choice(np.array(values), (SAMPLES, LANES, len(s.VARIABLES)))
-    resets = random.random((SAMPLES, LANES)) < 0.1
+    samples = random.choice(np.array(values), (SAMPLES, ENTRIES, len(s.VARIABLES)))
+    resets = random.random((SAMPLES, ENTRIES)) < 0.1
     return Case(formulas, samples, resets)
 
 
 def _fits(formula: Formula) -> bool:
     """Whether an episode has few enough operators without an end inside others."""
     try:
-        VectorEpisodeMonitor(formula, LANES)
+        VectorEpisodeMonitor(formula, ENTRIES)
     except SpecificationError:
         return False
     return True

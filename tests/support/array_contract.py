@@ -59,7 +59,7 @@ class ArrayLibrary(Protocol):
         samples: NDArray[np.float64],
         resets: NDArray[np.bool_],
     ) -> list[Mapping[str, NDArray[np.float64]]]:
-        """What each monitor says after each sample, by name; its lanes are reset before."""
+        """What each monitor says after each sample, by name; its entries are reset before."""
 
     def evaluated(
         self, evaluations: Sequence[Callable[[Tensor], Tensor]], samples: NDArray[np.float64]
@@ -75,7 +75,7 @@ class ArrayLibrary(Protocol):
         """The sum of the values that are finite."""
 
     def robustness_sum(self, monitor: ArrayMonitor, samples: Tensor) -> Tensor:
-        """The sum of the robustness over all steps but the first ``latency`` ones, and lanes."""
+        """The sum of the robustness over all steps but the first ``latency`` ones, and entries."""
 
 
 def places(names: Sequence[str]) -> list[int]:
@@ -88,7 +88,7 @@ def begins_alone(
     monitor: ArrayMonitor,
     expected: rtamt.VectorMonitor | rtamt.VectorEpisodeMonitor,
 ) -> None:
-    """Three lanes begin in turns, and take samples together between."""
+    """Three entries begin in turns, and take samples together between."""
     random, state = np.random.default_rng(7), monitor.init(3)
     for _ in range(20):
         mask, first, sample = random.random(3) < 0.4, random.normal(size=3), random.normal(size=3)
@@ -146,7 +146,7 @@ class OnlineContract:
         assert reading.robustness.tolist() == [2.0, 2.0]
 
     @pytest.mark.parametrize("text", ["historically[0:3](x > 0) and once(x > 1)", "x > 0"])
-    def test_lanes_begin_while_the_others_take_no_sample(self, text: str) -> None:
+    def test_entries_begin_while_the_others_take_no_sample(self, text: str) -> None:
         begins_alone(self.library, self.library.arrays.online(text), rtamt.VectorMonitor(text, 3))
 
     def test_integers_and_booleans_are_numbers(self) -> None:
@@ -175,15 +175,15 @@ class OnlineContract:
             (
                 lambda m, s, t: m.update((s,), {"x": t([1.0] * 2)}),
                 InputTypeError,
-                "init(lanes) makes",
+                "init(batch_size) returns",
             ),
             (lambda m, s, t: m.reset(s, t([1.0] * 2)), InputTypeError, "mask of booleans"),
             (lambda m, s, _: m.reset(s, [True] * 2), InputTypeError, "of shape (2,), got "),
-            (lambda m, s, t: m.reset(s, t([0, 1])), InputTypeError, ".arange(2), lanes) makes"),
+            (lambda m, s, t: m.reset(s, t([0, 1])), InputTypeError, ".arange(2), indices) makes"),
             (lambda m, s, t: m.reset(s, t([True] * 3)), InputError, "mask of shape (2,)"),
             (lambda m, s, t: m.reset(s._replace(nan=t([1, 0]))), InputTypeError, "as 'nan', got"),
             (lambda m, s, _: m.reset(s._replace(age=[0, 0])), InputTypeError, "'age', got list"),
-            (lambda m, s, _: m.reset(s._replace(ring=m.init(3).ring)), InputError, "other lanes"),
+            (lambda m, s, _: m.reset(s._replace(ring=m.init(3).ring)), InputError, "other entries"),
             (lambda m, *_: m.init(0), InputError, "expected 1 or more batch entries, got 0"),
             (lambda m, *_: m.init(2.0), InputTypeError, "number of batch entries, got 2.0"),
             (lambda m, *_: m.init(True), InputTypeError, "number of batch entries, got True"),  # noqa: FBT003
@@ -197,8 +197,11 @@ class OnlineContract:
             self.library.traced(lambda: call(monitor, monitor.init(2), self.library.tensor))
         assert message in str(refused.value)
 
-    def test_lanes_may_be_a_whole_number_of_any_kind(self) -> None:
-        assert self.library.arrays.online("x > 0").init(np.int64(3)).age.shape == (3,)
+    def test_entries_may_be_a_whole_number_of_any_kind(self) -> None:
+        monitor = self.library.arrays.online("x > 0")
+        assert monitor.init(np.int64(3)).age.shape == (3,)
+        with pytest.warns(DeprecationWarning, match=r"init\(lanes=\) is now init\(batch_size=\)"):
+            assert monitor.init(lanes=2).age.shape == (2,)
 
     @pytest.mark.parametrize("made", ["online", "episode"])
     def test_states_of_other_kinds_of_numbers_are_refused(self, made: str) -> None:
@@ -279,7 +282,7 @@ class EpisodeContract:
     )
     def test_one_sample_window_reads_known_and_open_values(self, text: str) -> None:
         formula, random = rtamt.parse(text).formula, np.random.default_rng(11)
-        samples = random.normal(size=(cases.SAMPLES, cases.LANES, len(s.VARIABLES)))
+        samples = random.normal(size=(cases.SAMPLES, cases.ENTRIES, len(s.VARIABLES)))
         resets = random.random(samples.shape[:2]) < 0.1
         case = cases.Case([formula], samples, resets)
         monitor = self.library.arrays.episode(formula)
@@ -289,7 +292,7 @@ class EpisodeContract:
                 assert bits(np.ravel(reading[name])) == bits(np.ravel(expected)), name
 
     @pytest.mark.parametrize("text", ["always[0:3](x > 0) or eventually(x > 1)", "x > 0"])
-    def test_lanes_begin_while_the_others_take_no_sample(self, text: str) -> None:
+    def test_entries_begin_while_the_others_take_no_sample(self, text: str) -> None:
         expected = rtamt.VectorEpisodeMonitor(text, 3)
         begins_alone(self.library, self.library.arrays.episode(text), expected)
 

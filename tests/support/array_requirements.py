@@ -25,7 +25,7 @@ from rtamt_gym.shaping import Mode
 
 __all__ = ["RequirementContract", "RequirementLibrary"]
 
-LANES, STEPS = 5, 40
+ENTRIES, STEPS = 5, 40
 QUARTERS = np.arange(-12, 13) / 4.0
 
 
@@ -50,15 +50,17 @@ class Recorded(gym.vector.VectorEnv[Any, Any, Any]):
 
     def __init__(self, seed: int, *, holes: bool) -> None:
         self.metadata = {"autoreset_mode": AutoresetMode.DISABLED}
-        self.num_envs = LANES
-        self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, LANES)
-        self.action_space = gym.vector.utils.batch_space(self.single_action_space, LANES)
+        self.num_envs = ENTRIES
+        self.observation_space = gym.vector.utils.batch_space(
+            self.single_observation_space, ENTRIES
+        )
+        self.action_space = gym.vector.utils.batch_space(self.single_action_space, ENTRIES)
         random = np.random.default_rng(seed)
-        self.samples = random.choice(QUARTERS, (STEPS, 2, LANES, 2))  # of a step, and of a reset
+        self.samples = random.choice(QUARTERS, (STEPS, 2, ENTRIES, 2))  # of a step, and of a reset
         if holes:
-            self.samples[:, 0][random.random((STEPS, LANES, 2)) < 0.2] = np.nan
-        self.rewards = random.normal(size=(STEPS, LANES))
-        self.terminated, self.truncated = random.random((2, STEPS, LANES)) < 0.08
+            self.samples[:, 0][random.random((STEPS, ENTRIES, 2)) < 0.2] = np.nan
+        self.rewards = random.normal(size=(STEPS, ENTRIES))
+        self.terminated, self.truncated = random.random((2, STEPS, ENTRIES)) < 0.08
         self.at, self.obs = 0, self.samples[0, 1]
 
     def reset(
@@ -67,7 +69,7 @@ class Recorded(gym.vector.VectorEnv[Any, Any, Any]):
         seed: Any = None,  # noqa: ANN401, ARG002
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        mask = np.ones(LANES, bool) if options is None else options["reset_mask"]
+        mask = np.ones(ENTRIES, bool) if options is None else options["reset_mask"]
         self.obs = np.where(mask[:, None], self.samples[self.at, 1], self.obs)
         return self.obs, {}
 
@@ -137,12 +139,12 @@ class RequirementContract:
             return {name: tensor(columns[name]) for name in judge.variables}
 
         obs, infos = envs.reset()
-        state, judged = begin(judge.init(LANES), sample(recorded.obs), tensor([True] * LANES))
+        state, judged = begin(judge.init(ENTRIES), sample(recorded.obs), tensor([True] * ENTRIES))
         assert judged.info.keys() == judge.keys - {"stl"}
-        self.compare(judged, obs, infos, np.zeros(LANES, bool))
+        self.compare(judged, obs, infos, np.zeros(ENTRIES, bool))
         ended = 0
         for t in range(1, STEPS):
-            obs, reward, terminated, truncated, infos = envs.step(np.zeros((LANES, 1)))
+            obs, reward, terminated, truncated, infos = envs.step(np.zeros((ENTRIES, 1)))
             ends = tensor(recorded.terminated[t]), tensor(recorded.truncated[t])
             state, judged = step(state, sample(recorded.obs), tensor(recorded.rewards[t]), *ends)
             over = terminated | truncated
@@ -153,9 +155,9 @@ class RequirementContract:
             if over.any():
                 obs, infos = envs.reset(options={"reset_mask": over})
                 state, judged = begin(state, sample(recorded.obs), tensor(over))
-                self.compare(judged, obs, infos, np.zeros(LANES, bool), of=over)
+                self.compare(judged, obs, infos, np.zeros(ENTRIES, bool), of=over)
             ended += over.sum()
-        assert ended > LANES
+        assert ended > ENTRIES
 
     @pytest.mark.parametrize(("specs", "options"), CASES[2::3])  # one of them has nan="hold"
     def test_step_after_reset_takes_sample_0(
@@ -167,19 +169,19 @@ class RequirementContract:
         step, begin = self.library.compiled(judge.step), self.library.compiled(judge.begin)
         reset = self.library.compiled(judge.reset)
         random, tensor = np.random.default_rng(1), self.library.tensor
-        signals = random.choice(QUARTERS, (12, 2, LANES))
+        signals = random.choice(QUARTERS, (12, 2, ENTRIES))
         if "nan" in options:
             signals[random.random(signals.shape) < 0.2] = np.nan
         samples = [
             {name: tensor(row["xy".index(name)]) for name in judge.variables} for row in signals
         ]
-        zero, never = tensor(np.zeros(LANES)), tensor(np.zeros(LANES, bool))
-        init = judge.init(LANES)
+        zero, never = tensor(np.zeros(ENTRIES)), tensor(np.zeros(ENTRIES, bool))
+        init = judge.init(ENTRIES)
         state = init
         for sample in samples[:6]:
             state, _ = step(state, sample, zero, never, never)
-        some = random.random(LANES) < 0.5
-        for before, mask in [(init, np.ones(LANES, bool)), (state, some)]:
+        some = random.random(ENTRIES) < 0.5
+        for before, mask in [(init, np.ones(ENTRIES, bool)), (state, some)]:
             begun, expected = begin(before, samples[6], tensor(mask))
             _, others = step(before, samples[6], zero, never, never)
             after, stepped = step(reset(before, tensor(mask)), samples[6], zero, never, never)
@@ -195,17 +197,17 @@ class RequirementContract:
     def test_nan_ends_with_its_episode(self) -> None:
         options = {"period": 1, "mode": "add", "bonus": 5.0, "penalty": 2.0}
         judge, tensor = self.library.judge("eventually(x > 1)", options), self.library.tensor
-        zero, never = tensor(np.zeros(LANES)), tensor(np.zeros(LANES, bool))
+        zero, never = tensor(np.zeros(ENTRIES)), tensor(np.zeros(ENTRIES, bool))
         rewards = []
         for before in (0.0, np.nan):
-            state, sample = judge.init(LANES), {"x": tensor(np.full(LANES, before))}
+            state, sample = judge.init(ENTRIES), {"x": tensor(np.full(ENTRIES, before))}
             state, _ = judge.begin(state, sample, ~never)
             state, _ = judge.step(state, sample, zero, never, never)
             state, _ = judge.begin(state, {"x": zero}, ~never)
             state, judged = judge.step(state, {"x": zero + 2.0}, zero, never, never)
             rewards.append(np.asarray(judged.reward))
         assert np.array_equal(rewards[0], rewards[1])
-        assert np.array_equal(rewards[0], np.full(LANES, 6.0))
+        assert np.array_equal(rewards[0], np.full(ENTRIES, 6.0))
 
     def compare_infos(self, judged: Any, expected: Any, mask: NDArray[np.bool_]) -> None:  # noqa: ANN401
         """Compare verdicts in the environments of a mask; costs of a reset are 0 and left out."""
@@ -225,12 +227,12 @@ class RequirementContract:
     ) -> None:
         """Compare what was judged with infos and observations, in the environments of a mask."""
         found = {key: np.asarray(value) for key, value in judged.info.items()}
-        mask = np.ones(LANES, bool) if of is None else of
+        mask = np.ones(ENTRIES, bool) if of is None else of
         assert ("stl_of_instant" in found) == ("stl_of_instant" in infos)
         for key in found.keys() - end_info(0, 0, 0, 0).keys():
             # The infos of Gymnasium's resets have no reward and no cost, these have 0.
             assert key in infos or key == "reward" or key.startswith("cost"), key
-            expected = infos.get(key, np.zeros(LANES))
+            expected = infos.get(key, np.zeros(ENTRIES))
             assert bits(found[key][mask]) == bits(expected[mask]), key
         shown = np.asarray(judged.features)[mask]
         np.testing.assert_allclose(shown, obs[mask, 2:], rtol=1e-6, atol=1e-7)
@@ -238,6 +240,6 @@ class RequirementContract:
             expected = infos[key] & over if over.any() else over
             assert np.array_equal(found[key][mask], expected[mask]), key
         if over.any():
-            there = infos.get("_stl_violated_at", np.zeros(LANES, bool))
+            there = infos.get("_stl_violated_at", np.zeros(ENTRIES, bool))
             at = np.where(there, infos.get("stl_violated_at", -1), -1)
             assert np.array_equal(found["stl_violated_at"][over], at[over])

@@ -111,7 +111,7 @@ def _interval(choose: random.Random) -> str:
 
 
 def column_formula(choose: random.Random) -> str:
-    """A formula of the form that lanes run as columns, with constants and guards."""
+    """A formula of the form that entries run as columns, with constants and guards."""
 
     def part(depth: int) -> str:
         if depth == 0:
@@ -188,8 +188,8 @@ def monitors(backend: Backend) -> Machine:
     return run
 
 
-def lanes(backend: Backend) -> Machine:
-    """The second of three lanes of `VectorEpisodeMonitor`."""
+def entries(backend: Backend) -> Machine:
+    """The second of three entries of `VectorEpisodeMonitor`."""
 
     def run(text: str, trace: Trace) -> Told:
         told, vector = Told([], [], []), VectorEpisodeMonitor(text, 3, backend=backend)
@@ -325,9 +325,9 @@ MACHINES: Mapping[str, tuple[Machine, Draw]] = {
     "Python": (monitors("python"), any_formula),
     "C++": (monitors("native"), any_formula),
     "responses": (monitors("native"), response_formula),
-    "lanes": (lanes("native"), any_formula),
-    "columns": (lanes("native"), column_formula),
-    "lanes in Python": (lanes("python"), column_formula),
+    "entries": (entries("native"), any_formula),
+    "columns": (entries("native"), column_formula),
+    "entries in Python": (entries("python"), column_formula),
     "judge": (judgements("native"), any_formula),
     "judge in Python": (judgements("python"), any_formula),
     "FMU": (exported, any_formula),

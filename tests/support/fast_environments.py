@@ -129,7 +129,7 @@ class SharedEnvironments(Shared):
 
 
 class NativeCounters(Shared):
-    """Native environments: lane i counts from i, and is reset in the step in which it gets to 4."""
+    """Native environments: entry i counts from i, and is reset in the step that gets it to 4."""
 
     emulated = False
     single_observation_space = spaces.Box(-9, 9, (1,))

@@ -17,7 +17,7 @@ class Fresh(Replay):
 
 
 class Monitor(gym.Wrapper[Any, Any, Any, Any]):
-    """Keeps the books of Stable-Baselines3's `Monitor`, in its attributes."""
+    """Keeps the verdict logs of Stable-Baselines3's `Monitor`, in its attributes."""
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         super().__init__(env)

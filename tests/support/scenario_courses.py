@@ -55,17 +55,17 @@ def courses(name: str) -> list[str]:
     changing = course(env, random_actions(env.scenario, (150,), 6))
     actions = random_actions(env.scenario, (3,), 7).repeat(100, axis=0)
     held = course(env, actions, options=middle(env.scenario))
-    lanes: Any = gym.make_vec(f"rtamt/{name}-v0", 2).unwrapped
+    entries: Any = gym.make_vec(f"rtamt/{name}-v0", 2).unwrapped
     ends = {each.name: [each.low, each.high] for each in env.scenario.parameters}
-    first, _ = lanes.reset(seed=8, options=ends)
-    low, high = lanes.single_action_space.low, lanes.single_action_space.high
+    first, _ = entries.reset(seed=8, options=ends)
+    low, high = entries.single_action_space.low, entries.single_action_space.high
     chosen = random_actions(env.scenario, (12, 2), 9).repeat(50, axis=0)
-    extreme = lanes.rollout(np.where(chosen < 0.5 * (low + high), low, high))
-    lanes.reset(seed=10, options=ends)
+    extreme = entries.rollout(np.where(chosen < 0.5 * (low + high), low, high))
+    entries.reset(seed=10, options=ends)
     one = np.array([np.append(low[:-1], high[-1:]), np.append(high[:-1], low[-1:])])
-    opposite = lanes.rollout(np.array([one, one[::-1]]).repeat(200, axis=0))
-    lanes.reset(seed=11)
-    baseline = lanes.rollout(600)
+    opposite = entries.rollout(np.array([one, one[::-1]]).repeat(200, axis=0))
+    entries.reset(seed=11)
+    baseline = entries.rollout(600)
     seen = (changing, held, first, extreme, opposite, baseline)
     return [float(value).hex() for value in np.concatenate([each.ravel() for each in seen])]
 

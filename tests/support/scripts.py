@@ -105,7 +105,7 @@ class Case:
 
     specs: dict[str, Formula]
     options: Options
-    lanes: list[list[Script]]
+    entries: list[list[Script]]
 
 
 @functools.cache
@@ -166,9 +166,9 @@ def cases(draw: st.DrawFn, costs: tuple[str | None, ...], num: int = 1) -> Case:
         semantics="boolean" if cost != "depth" and draw(_seldom) else "standard",
     )
     drawn = draw(st.lists(_wanted(view), min_size=1, max_size=3))
-    lane = st.lists(scripts(), min_size=1, max_size=3)
-    lanes = draw(st.lists(lane, min_size=num, max_size=num))
-    return Case({f"r{i}": f for i, f in enumerate(drawn)}, options, lanes)
+    entry = st.lists(scripts(), min_size=1, max_size=3)
+    entries = draw(st.lists(entry, min_size=num, max_size=num))
+    return Case({f"r{i}": f for i, f in enumerate(drawn)}, options, entries)
 
 
 @functools.cache

@@ -1,4 +1,4 @@
-// Columns: the values of one register at many samples, or in many lanes.
+// Columns: the values of one register at many samples, or in many entries.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The registers of a program as columns: their values at many samples, or in many lanes.
+// The registers of a program as columns: their values at many samples, or in many entries.
 #pragma once
 
 #include <algorithm>

@@ -61,8 +61,8 @@ public:
 private:
     class Block;
     class Trace;
-    friend class Bank;
-    friend class DiscreteBank;
+    friend class Batch;
+    friend class DiscreteBatch;
     friend class RegisterColumns;
     friend class TermRanges;
 

@@ -16,7 +16,7 @@
 
 namespace rtamt {
 
-// The variants of a machine or of a bank M:
+// The variants of a machine or of a batch M:
 //   worst   gives the lower bound:  neutral predicates are -0.0, values the smallest;
 //   result  gives the robustness:   neutral predicates are 0.0, values the smallest;
 //   best    gives the upper bound:  neutral predicates are 0.0, values the largest.
@@ -25,7 +25,7 @@ namespace rtamt {
 template <class M>
 class VariantsOf {
 public:
-    // Takes the terms that are neutral predicates, and the number of lanes of a bank.
+    // Takes the terms that are neutral predicates, and the number of entries of a batch.
     template <class... Num>
     VariantsOf(episode::Program program, std::vector<std::size_t> neutral, Num... num)
         : program_(std::move(program)),

@@ -6,14 +6,14 @@
 #include <utility>
 #include <vector>
 
-#include "lockstep/clocks.hpp"
+#include "batch/clocks.hpp"
 #include "python/arrays.hpp"
 #include "python/object.hpp"
 
 namespace rtamt {
 namespace {
 
-using ClocksObject = Object<ClockBank>;
+using ClocksObject = Object<ClockBatch>;
 
 template <class Named>
 Named one_of(nb::handle name, std::initializer_list<const char*> names) {
@@ -48,7 +48,7 @@ ClockRow row_of(nb::handle row, std::size_t parts) {
 void construct(ClocksObject* self, const nb::sequence& rows, std::size_t parts, std::size_t num) {
     std::vector<ClockRow> made;
     for (nb::handle row : rows) made.push_back(row_of(row, parts));
-    new (self) ClocksObject{ClockBank(std::move(made), parts, num), nb::none()};
+    new (self) ClocksObject{ClockBatch(std::move(made), parts, num), nb::none()};
 }
 
 // A mask for as long as its array is held.
@@ -56,20 +56,20 @@ const std::uint8_t* mask_of(const ClocksObject& object, nb::handle mask) {
     if (mask.is_none()) return nullptr;
     const auto num = static_cast<Py_ssize_t>(object.machine.num());
     const std::uint8_t* found = Numpy::instance().mask(mask.ptr(), num);
-    if (found == nullptr) throw nb::value_error("expected a mask of one boolean for each lane");
+    if (found == nullptr) throw nb::value_error("expected a mask of one boolean for each entry");
     return found;
 }
 
 void feed(ClocksObject& object, nb::handle values, nb::handle mask) {
     require_idle(object);
-    ClockBank& bank = object.machine;
-    const std::size_t n = bank.parts() * bank.num();
+    ClockBatch& batch = object.machine;
+    const std::size_t n = batch.parts() * batch.num();
     const void* parts = Numpy::instance().elements<double>(values.ptr(), n);
     if (parts == nullptr && n > 0) throw nb::value_error("expected a contiguous row of each part");
-    bank.feed(static_cast<const double*>(parts), mask_of(object, mask));
+    batch.feed(static_cast<const double*>(parts), mask_of(object, mask));
 }
 
-void reset_lanes(ClocksObject& object, nb::handle mask) {
+void reset_entries(ClocksObject& object, nb::handle mask) {
     require_idle(object);
     object.machine.reset(mask_of(object, mask));
 }
@@ -77,17 +77,17 @@ void reset_lanes(ClocksObject& object, nb::handle mask) {
 template <auto write, auto rows>
 nb::object table(const ClocksObject& object) {
     static const NewArray array("float64");
-    const ClockBank& bank = object.machine;
+    const ClockBatch& batch = object.machine;
     double* out = nullptr;
-    const nb::object made = array.unfilled<double>((bank.*rows)() * bank.num(), out);
-    (bank.*write)(out);
-    return made.attr("reshape")((bank.*rows)(), bank.num());
+    const nb::object made = array.unfilled<double>((batch.*rows)() * batch.num(), out);
+    (batch.*write)(out);
+    return made.attr("reshape")((batch.*rows)(), batch.num());
 }
 
 nb::object samples(const ClocksObject& object) {
     static const NewArray array("int64");
-    return array.make<std::int64_t>(object.machine.num(), [&](std::size_t lane) {
-        return object.machine.samples()[lane];
+    return array.make<std::int64_t>(object.machine.num(), [&](std::size_t entry) {
+        return object.machine.samples()[entry];
     });
 }
 
@@ -95,21 +95,21 @@ nb::object samples(const ClocksObject& object) {
 
 void bind_clocks(nb::module_& m) {
     machine_class<ClocksObject>(
-        m, "ClockBank",
-        "Counts clocks of temporal operators, as rtamt.machines.protocols.ClockBank says.\n\n"
+        m, "ClockBatch",
+        "Counts clocks of temporal operators, as rtamt.machines.protocols.ClockBatch says.\n\n"
         "Args:\n"
         "    rows: The clocks, each a rtamt.machines.clocks.OperatorClock.\n"
         "    parts: The number of parts whose values are fed.\n"
-        "    num: The number of lanes.")
+        "    num: The number of entries.")
         .def("__init__", construct, nb::arg("rows"), nb::arg("parts"), nb::arg("num"))
         .def("feed", feed, nb::arg("values"), nb::arg("mask").none() = nb::none(),
-             "Take in a sample in each lane that the mask chooses: a row of each part.")
-        .def("reset", reset_lanes, nb::arg("mask").none() = nb::none(),
-             "Return the lanes that the mask chooses to the state before their first sample.")
-        .def_prop_ro("samples", samples, "The number of samples of every lane since its reset.")
-        .def_prop_ro("fractions", table<&ClockBank::write_fractions, &ClockBank::size>,
-                     "A row for each clock: from 0 to 1 in each lane.")
-        .def_prop_ro("margins", table<&ClockBank::write_margins, &ClockBank::operands>,
+             "Take in a sample in each entry that the mask chooses: a row of each part.")
+        .def("reset", reset_entries, nb::arg("mask").none() = nb::none(),
+             "Return the entries that the mask chooses to the state before their first sample.")
+        .def_prop_ro("samples", samples, "The number of samples of every entry since its reset.")
+        .def_prop_ro("fractions", table<&ClockBatch::write_fractions, &ClockBatch::size>,
+                     "A row for each clock: from 0 to 1 in each entry.")
+        .def_prop_ro("margins", table<&ClockBatch::write_margins, &ClockBatch::operands>,
                      "A row for each operand of each clock: its newest known value, 0 before it.");
 }
 

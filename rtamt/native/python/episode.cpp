@@ -1,4 +1,4 @@
-// The episode machine, and panels of several that take in the same samples, as Python classes.
+// The episode machine, and monitor sets of several that take in the same samples, as Python classes.
 #include <nanobind/nanobind.h>
 
 #include <limits>
@@ -79,7 +79,7 @@ double get(const EpisodeObject& object) {
 
 PyMethodDef methods[] = {sample_update<EpisodeObject>(), {nullptr, nullptr, 0, nullptr}};
 
-namespace panel {
+namespace monitor_set {
 
 // How a number of a sample is read.
 struct Source {
@@ -95,7 +95,7 @@ struct Part {
     std::vector<std::size_t> places;  // of its variables in a sample
 };
 
-struct EpisodePanel {
+struct EpisodeMonitorSet {
     std::vector<Part> parts;
     std::vector<Source> sources;
     nb::object decided;
@@ -126,10 +126,10 @@ Source source_of(nb::handle given) {
     return element;
 }
 
-void construct(EpisodePanel* self, const nb::sequence& machines, const nb::sequence& places,
+void construct(EpisodeMonitorSet* self, const nb::sequence& machines, const nb::sequence& places,
                const nb::sequence& reads, nb::object decided, nb::object seen,
                nb::type_object number) {
-    EpisodePanel made;
+    EpisodeMonitorSet made;
     for (nb::handle read : reads) made.sources.push_back(source_of(read));
     made.sample.resize(made.sources.size());
     if (nb::len(machines) != nb::len(places))
@@ -150,7 +150,7 @@ void construct(EpisodePanel* self, const nb::sequence& machines, const nb::seque
     made.decided = std::move(decided);
     made.seen = std::move(seen);
     made.number = std::move(number);
-    new (self) EpisodePanel(std::move(made));
+    new (self) EpisodeMonitorSet(std::move(made));
 }
 
 // What float() makes of an object that a caller has given.
@@ -163,15 +163,15 @@ double float_of(const nb::object& given) {
     return PyFloat_AS_DOUBLE(made.ptr());
 }
 
-double read(const EpisodePanel& panel, const Source& source, PyObject* const* args, Py_ssize_t n) {
+double read(const EpisodeMonitorSet& monitor_set, const Source& source, PyObject* const* args, Py_ssize_t n) {
     double number;
     switch (source.kind) {
     case Source::Kind::element:
         if (n == 0) throw std::runtime_error("expected what elements are read from");
-        if (panel.numpy.element(args[0], source.index, number)) [[likely]] return number;
+        if (monitor_set.numpy.element(args[0], source.index, number)) [[likely]] return number;
         return float_of(nb::steal(PyObject_GetItem(args[0], source.what.ptr())));
     case Source::Kind::held:
-        if (panel.numpy.element(source.what.ptr(), source.index, number)) [[likely]] return number;
+        if (monitor_set.numpy.element(source.what.ptr(), source.index, number)) [[likely]] return number;
         throw std::runtime_error("an array has lost the element that is read");
     default:
         const auto count = static_cast<std::size_t>(n);
@@ -203,9 +203,9 @@ struct Numbers {
     std::int64_t decided = 0;
 };
 
-Numbers least(const EpisodePanel& panel) {
+Numbers least(const EpisodeMonitorSet& monitor_set) {
     Numbers found;
-    for (const Part& part : panel.parts) {
+    for (const Part& part : monitor_set.parts) {
         const EpisodeVariants& machine = part.object->machine;
         found.robustness = alone::lesser(found.robustness, machine.result());
         found.lower = alone::lesser(found.lower, machine.lower());
@@ -215,8 +215,8 @@ Numbers least(const EpisodePanel& panel) {
     return found;
 }
 
-PyObject* shown(const EpisodePanel& panel, const Numbers& found) {
-    auto* type = reinterpret_cast<PyTypeObject*>(panel.number.ptr());
+PyObject* shown(const EpisodeMonitorSet& monitor_set, const Numbers& found) {
+    auto* type = reinterpret_cast<PyTypeObject*>(monitor_set.number.ptr());
     PyObject* made = PyTuple_New(3);
     if (made == nullptr) return nullptr;
     const double numbers[] = {found.robustness, found.lower, found.upper};
@@ -232,58 +232,58 @@ PyObject* shown(const EpisodePanel& panel, const Numbers& found) {
 }
 
 // Reads a sample, and has all machines take it in.
-Numbers take(EpisodePanel& panel, PyObject* const* args, Py_ssize_t n) {
-    if (panel.feeding) refuse(nb::module_::import_("rtamt.machines.native"), "refuse_running");
+Numbers take(EpisodeMonitorSet& monitor_set, PyObject* const* args, Py_ssize_t n) {
+    if (monitor_set.feeding) refuse(nb::module_::import_("rtamt.machines.native"), "refuse_running");
     struct Feeding {
         explicit Feeding(bool& flag) : flag(flag) { flag = true; }
         ~Feeding() { flag = false; }
         bool& flag;
-    } feeding(panel.feeding);
-    for (std::size_t i = 0; i < panel.sources.size(); ++i)
-        panel.sample[i] = read(panel, panel.sources[i], args, n);
-    for (Part& part : panel.parts) feed(part, panel.sample.data());
-    const Numbers found = least(panel);
-    if (found.decided != 0 && !panel.decided.is_none()) panel.decided(found.decided);
-    if (!panel.seen.is_none()) panel.seen(list_of(panel.sample.data(), panel.sample.size()));
+    } feeding(monitor_set.feeding);
+    for (std::size_t i = 0; i < monitor_set.sources.size(); ++i)
+        monitor_set.sample[i] = read(monitor_set, monitor_set.sources[i], args, n);
+    for (Part& part : monitor_set.parts) feed(part, monitor_set.sample.data());
+    const Numbers found = least(monitor_set);
+    if (found.decided != 0 && !monitor_set.decided.is_none()) monitor_set.decided(found.decided);
+    if (!monitor_set.seen.is_none()) monitor_set.seen(list_of(monitor_set.sample.data(), monitor_set.sample.size()));
     return found;
 }
 
 PyObject* feed_all(PyObject* self, PyObject* const* args, Py_ssize_t n) {
-    return call<EpisodePanel>(
-        self, [=](EpisodePanel& panel) { return shown(panel, take(panel, args, n)); });
+    return call<EpisodeMonitorSet>(
+        self, [=](EpisodeMonitorSet& monitor_set) { return shown(monitor_set, take(monitor_set, args, n)); });
 }
 
 PyObject* take_all(PyObject* self, PyObject* const* args, Py_ssize_t n) {
-    return call<EpisodePanel>(self, [=](EpisodePanel& panel) {
-        take(panel, args, n);
+    return call<EpisodeMonitorSet>(self, [=](EpisodeMonitorSet& monitor_set) {
+        take(monitor_set, args, n);
         return Py_NewRef(Py_None);
     });
 }
 
 PyObject* look(PyObject* self, PyObject*) {
-    return call<EpisodePanel>(self,
-                              [](EpisodePanel& panel) { return shown(panel, least(panel)); });
+    return call<EpisodeMonitorSet>(self,
+                              [](EpisodeMonitorSet& monitor_set) { return shown(monitor_set, least(monitor_set)); });
 }
 
-int traverse_panel(PyObject* self, visitproc visit, void* arg) {
+int traverse_monitor_set(PyObject* self, visitproc visit, void* arg) {
     Py_VISIT(Py_TYPE(self));
     if (!nb::inst_ready(self)) return 0;
-    const EpisodePanel& panel = *nb::inst_ptr<EpisodePanel>(self);
-    for (const Part& part : panel.parts) Py_VISIT(part.owner.ptr());
-    for (const Source& source : panel.sources) Py_VISIT(source.what.ptr());
-    Py_VISIT(panel.decided.ptr());
-    Py_VISIT(panel.seen.ptr());
+    const EpisodeMonitorSet& monitor_set = *nb::inst_ptr<EpisodeMonitorSet>(self);
+    for (const Part& part : monitor_set.parts) Py_VISIT(part.owner.ptr());
+    for (const Source& source : monitor_set.sources) Py_VISIT(source.what.ptr());
+    Py_VISIT(monitor_set.decided.ptr());
+    Py_VISIT(monitor_set.seen.ptr());
     return 0;
 }
 
-int clear_panel(PyObject* self) {
+int clear_monitor_set(PyObject* self) {
     if (!nb::inst_ready(self)) return 0;
-    EpisodePanel& panel = *nb::inst_ptr<EpisodePanel>(self);
-    // Taken out first: what goes may run code that looks at the panel.
-    const auto parts = std::exchange(panel.parts, {});
-    const auto sources = std::exchange(panel.sources, {});
-    const nb::object decided = std::exchange(panel.decided, nb::none());
-    const nb::object seen = std::exchange(panel.seen, nb::none());
+    EpisodeMonitorSet& monitor_set = *nb::inst_ptr<EpisodeMonitorSet>(self);
+    // Taken out first: what goes may run code that looks at the monitor set.
+    const auto parts = std::exchange(monitor_set.parts, {});
+    const auto sources = std::exchange(monitor_set.sources, {});
+    const nb::object decided = std::exchange(monitor_set.decided, nb::none());
+    const nb::object seen = std::exchange(monitor_set.seen, nb::none());
     return 0;
 }
 
@@ -297,7 +297,7 @@ PyMethodDef methods[] = {
      "look($self, /)\n--\n\nReturn the least robustness and bounds of the samples so far."},
     {nullptr, nullptr, 0, nullptr}};
 
-}  // namespace panel
+}  // namespace monitor_set
 
 }  // namespace
 
@@ -337,13 +337,13 @@ void bind_episode(nb::module_& m) {
           "Return a descriptor that reads a slot of a class, and does not write it.");
 }
 
-void bind_episode_panel(nb::module_& m) {
-    PyType_Slot slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(panel::traverse_panel)},
-                           {Py_tp_clear, reinterpret_cast<void*>(panel::clear_panel)},
-                           {Py_tp_methods, panel::methods},
+void bind_episode_monitor_set(nb::module_& m) {
+    PyType_Slot slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(monitor_set::traverse_monitor_set)},
+                           {Py_tp_clear, reinterpret_cast<void*>(monitor_set::clear_monitor_set)},
+                           {Py_tp_methods, monitor_set::methods},
                            {0, nullptr}};
-    nb::class_<panel::EpisodePanel>(
-        m, "EpisodePanel", nb::type_slots(slots),
+    nb::class_<monitor_set::EpisodeMonitorSet>(
+        m, "EpisodeMonitorSet", nb::type_slots(slots),
         "Has several episode machines take in the same samples.\n\n"
         "Args:\n"
         "    machines: The machines.\n"
@@ -354,7 +354,7 @@ void bind_episode_panel(nb::module_& m) {
         "        it is 0; or None.\n"
         "    seen: Called after that with the numbers of the sample; or None.\n"
         "    number: The class of the numbers that feed and look return: float or numpy.float64.")
-        .def("__init__", panel::construct, nb::arg("machines"), nb::arg("places"), nb::arg("reads"),
+        .def("__init__", monitor_set::construct, nb::arg("machines"), nb::arg("places"), nb::arg("reads"),
              nb::arg("decided").none(), nb::arg("seen").none(), nb::arg("number"));
 }
 

@@ -214,11 +214,11 @@ inline PyMethodDef update_method(Update* update, const char* doc) {
 // These add classes to the module.
 void bind_discrete(nb::module_& m);
 void bind_episode(nb::module_& m);
-void bind_episode_panel(nb::module_& m);
+void bind_episode_monitor_set(nb::module_& m);
 void bind_dense(nb::module_& m);
 void bind_dense_episode(nb::module_& m);
-void bind_banks(nb::module_& m);
-void bind_books(nb::module_& m);
+void bind_batches(nb::module_& m);
+void bind_verdict_logs(nb::module_& m);
 void bind_clocks(nb::module_& m);
 void bind_columns(nb::module_& m);
 void bind_regions(nb::module_& m);

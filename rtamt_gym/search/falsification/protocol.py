@@ -29,7 +29,7 @@ class Evaluate(Protocol):
 
         Args:
             points: Points of the unit cube, shape (k, dimension), any number of them. They run side
-                by side where the system has lanes.
+                by side where the system has environments.
             level: A value above which exact numbers do not matter: a run that certainly stays above
                 it may be stopped, and returns a lower bound of its value.
 

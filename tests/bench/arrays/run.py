@@ -1,7 +1,7 @@
 """Measures monitors on arrays beside the C++ machines, and whole traces beside stljax and STLCG++.
 
     python tests/bench/arrays/run.py [steps traces plan] [--quick] [--device cuda]
-        [--lanes 1024 4096 65536] [--json FILE]
+        [--entries 1024 4096 65536] [--json FILE]
 
 The interpreter has JAX and torch, and what it has of stljax and stlcgpp is compared with. Each row
 comes from a process of its own with one thread on a CPU, and is the least of its repeats; numbers
@@ -22,7 +22,7 @@ from typing import Any
 Row = dict[str, Any]
 
 SECTIONS = {
-    "steps": "ns a lane and step; s of processors to compile",
+    "steps": "ns an entry and step; s of processors to compile",
     "traces": "us a trace, and with its gradient; s of processors to compile",
     "plan": "a unicycle: ms a step of the optimizer; s of processors to compile",
 }
@@ -53,9 +53,9 @@ def cases(section: str, arguments: argparse.Namespace) -> list[tuple[str, Row]]:
         subjects = ["C++", "jax", "torch compiled", "torch eager"]
         subjects += ["torch CUDA graph"] if arguments.device != "cpu" else []
         return [
-            (subject, {"spec": spec, "lanes": lanes, **more})
+            (subject, {"spec": spec, "entries": entries, **more})
             for spec in ("W1", "resp", "nested")
-            for lanes in arguments.lanes
+            for entries in arguments.entries
             for subject in subjects
         ]
     if section == "traces":
@@ -83,7 +83,7 @@ def main() -> None:
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS))
     parser.add_argument("--quick", action="store_true", help="fewer repeats")
     parser.add_argument("--device", default="cpu", help="the device of torch, such as cuda")
-    parser.add_argument("--lanes", type=int, nargs="+", default=[1_024, 4_096, 65_536])
+    parser.add_argument("--entries", type=int, nargs="+", default=[1_024, 4_096, 65_536])
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all rows there")
     arguments = parser.parse_args()
     if unknown := set(arguments.sections) - set(SECTIONS):

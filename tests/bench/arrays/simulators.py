@@ -22,15 +22,15 @@ RUNS = 30
 STEPS = {"mjx": 10, "gymnax": 50}
 
 
-def brax_steps(lanes: int, spec: str | None, options: dict[str, Any]) -> Callable[[], Any]:
+def brax_steps(entries: int, spec: str | None, options: dict[str, Any]) -> Callable[[], Any]:
     """A rollout of inverted_pendulum in MJX."""
     env: Any = envs.get_environment("inverted_pendulum", backend="mjx")
     env = EpisodeWrapper(VmapWrapper(env), 200, 1)
     if spec is not None:
         env = StlWrapper(env, spec, {"angle": "obs[1]"}, on_violation="report", period=1, **options)
     env = AutoResetWrapper(env)
-    action = jax.numpy.zeros((lanes, 1))
-    state = jax.jit(env.reset)(jax.random.split(jax.random.PRNGKey(0), lanes))
+    action = jax.numpy.zeros((entries, 1))
+    state = jax.jit(env.reset)(jax.random.split(jax.random.PRNGKey(0), entries))
 
     def step(state: Any, _: None) -> tuple[Any, None]:
         return env.step(state, action), None
@@ -43,19 +43,19 @@ def brax_steps(lanes: int, spec: str | None, options: dict[str, Any]) -> Callabl
     return lambda: run(state)  # as an argument, for constants are computed while XLA compiles
 
 
-def gymnax_steps(lanes: int, spec: str | None, options: dict[str, Any]) -> Callable[[], Any]:
+def gymnax_steps(entries: int, spec: str | None, options: dict[str, Any]) -> Callable[[], Any]:
     """A rollout of CartPole in gymnax."""
     env, params = gymnax.make("CartPole-v1")
     if spec is not None:
         env = StlEnvironment(
             env, spec, {"angle": "obs[2]"}, on_violation="report", period=1, **options
         )
-    keys = jax.random.split(jax.random.key(0), lanes)
+    keys = jax.random.split(jax.random.key(0), entries)
     _, state = jax.vmap(env.reset, in_axes=(0, None))(keys, params)
 
     def step(state: Any, key: Any) -> tuple[Any, Any]:
         made = jax.vmap(env.step, in_axes=(0, 0, None, None))(
-            jax.random.split(key, lanes), state, 1, params
+            jax.random.split(key, entries), state, 1, params
         )
         return made[1], [made[5].get(key, made[2]).sum() for key in READ]
 
@@ -78,19 +78,19 @@ CASES: dict[str, tuple[str | None, dict[str, Any]]] = {
 
 
 def main() -> None:
-    """Prints nanoseconds a lane and step, the least of some runs."""
+    """Prints nanoseconds an entry and step, the least of some runs."""
     for name, made, many in (("mjx", brax_steps, (256,)), ("gymnax", gymnax_steps, (1024, 4096))):
-        for lanes in many if name in (sys.argv[1:] or name) else ():
+        for entries in many if name in (sys.argv[1:] or name) else ():
             for label, (spec, options) in CASES.items():
-                run = made(lanes, spec, options)
+                run = made(entries, spec, options)
                 jax.block_until_ready(run())
                 found = []
                 for _ in range(RUNS):
                     begin = time.perf_counter()
                     jax.block_until_ready(run())
                     found.append(time.perf_counter() - begin)
-                each = min(found) / lanes / STEPS[name]
-                print(name, lanes, label, round(each * 1e9), flush=True)
+                each = min(found) / entries / STEPS[name]
+                print(name, entries, label, round(each * 1e9), flush=True)
 
 
 if __name__ == "__main__":

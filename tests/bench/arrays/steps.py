@@ -1,4 +1,4 @@
-"""Steps of `episode` for many lanes, in each library, and those of the C++ machine."""
+"""Steps of `episode` for many entries, in each library, and those of the C++ machine."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ SPECS = {
 
 
 def samples(case: Case) -> Any:
-    """Samples of two variables in all lanes, for some steps."""
-    steps = max(4, min(16, 262_144 // case["lanes"]))
+    """Samples of two variables in all entries, for some steps."""
+    steps = max(4, min(16, 262_144 // case["entries"]))
     steps = max(2, steps // 8) if case["spec"] == "nested" else steps
     random = np.random.default_rng(7)
-    return random.normal(size=(steps, case["lanes"], 2)).astype(np.float32) * 3
+    return random.normal(size=(steps, case["entries"], 2)).astype(np.float32) * 3
 
 
 def repeats(case: Case) -> int:
@@ -27,13 +27,13 @@ def repeats(case: Case) -> int:
 
 
 def per_step(case: Case, whole: float) -> float:
-    return whole * 1e9 / (len(samples(case)) * case["lanes"])
+    return whole * 1e9 / (len(samples(case)) * case["entries"])
 
 
 def cpp(case: Case) -> Case:
     import rtamt
 
-    monitor = rtamt.VectorEpisodeMonitor(SPECS[case["spec"]], case["lanes"])
+    monitor = rtamt.VectorEpisodeMonitor(SPECS[case["spec"]], case["entries"])
     given = [np.ascontiguousarray(sample, dtype=np.float64) for sample in samples(case)]
 
     def run() -> None:
@@ -51,7 +51,7 @@ def of_jax(case: Case) -> Case:
     import rtamt_arrays.jax
 
     monitor = rtamt_arrays.jax.episode(SPECS[case["spec"]])
-    given, state = jax.device_put(samples(case)), monitor.init(case["lanes"])
+    given, state = jax.device_put(samples(case)), monitor.init(case["entries"])
 
     def step(state: Any, sample: Any) -> Any:
         state, reading = monitor.update(state, sample)
@@ -67,9 +67,9 @@ def of_jax(case: Case) -> Case:
         lower.block_until_ready()
 
     once()
-    memory = sum(each.nbytes for each in held[0]) / case["lanes"]
+    memory = sum(each.nbytes for each in held[0]) / case["entries"]
     step_ns = per_step(case, least(once, repeats(case)))
-    return {"step": step_ns, "compile": compiling, "bytes a lane": memory}
+    return {"step": step_ns, "compile": compiling, "bytes an entry": memory}
 
 
 def of_torch(case: Case, how: str) -> Case:
@@ -81,7 +81,7 @@ def of_torch(case: Case, how: str) -> Case:
     if device == "cpu":
         torch.set_num_threads(1)
     monitor = rtamt_arrays.torch.episode(SPECS[case["spec"]], device=device)
-    given, state = torch.from_numpy(samples(case)).to(device), monitor.init(case["lanes"])
+    given, state = torch.from_numpy(samples(case)).to(device), monitor.init(case["entries"])
 
     def wait() -> None:
         if device != "cpu":

@@ -50,8 +50,8 @@ static PyObject *wedge_push(Wedge *w, PyObject *first, PyObject *second) {
     return wedge_take(w, a, b, &least) < 0 ? NULL : PyFloat_FromDouble(least);
 }
 
-/* lockstep(wedges, rows, out): a row of two numbers and a result for each of a list of wedges. */
-static PyObject *lockstep(PyObject *module, PyObject *args) {
+/* batch(wedges, rows, out): a row of two numbers and a result for each of a list of wedges. */
+static PyObject *batch(PyObject *module, PyObject *args) {
     PyObject *wedges;
     Py_buffer rows, out;
     (void)module;
@@ -206,7 +206,7 @@ static PyTypeObject wedge_type = {
 
 static PyMethodDef functions[] = {
     {"offline", offline, METH_VARARGS, NULL},
-    {"lockstep", lockstep, METH_VARARGS, NULL},
+    {"batch", batch, METH_VARARGS, NULL},
     {NULL, NULL, 0, NULL},
 };
 

@@ -98,12 +98,12 @@ NUMPY: dict[str, Callable[..., Any]] = {
 }
 
 
-def lockstep(case: worker.Case) -> worker.Measure:
+def batch(case: worker.Case) -> worker.Measure:
     if case["kind"] != "w1" or case["monitor"] != "step":
-        msg = "the floor of lockstep is the sliding minimum"
+        msg = "the floor of batches is the sliding minimum"
         raise ValueError(msg)
     wedges, out = [cfloor.Wedge(case["k"]) for _ in range(case["num"])], np.empty(case["num"])
-    return worker.lockstep(case, lambda rows: cfloor.lockstep(wedges, rows, out))
+    return worker.batch(case, lambda rows: cfloor.batch(wedges, rows, out))
 
 
 def dense(case: worker.Case) -> worker.Measure:
@@ -144,6 +144,6 @@ worker.serve(
         "offline": offline,
         "dense": dense,
         "dense offline": dense_offline,
-        "lockstep": lockstep,
+        "batches": batch,
     }
 )

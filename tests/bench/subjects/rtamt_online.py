@@ -150,16 +150,16 @@ def calls(case: worker.Case) -> worker.Measure:
     return worker.calls(forms[case["form"]], len(data))
 
 
-def lockstep(case: worker.Case) -> worker.Measure:
+def batch(case: worker.Case) -> worker.Measure:
     kinds = {"step": rtamt.VectorMonitor, "episode": rtamt.VectorEpisodeMonitor}
     text = FORMULAS[case.get("formula", case["kind"])].format(k=case.get("k"))
-    lanes = kinds[case["monitor"]](text, case["num"], backend=case["backend"])
+    entries = kinds[case["monitor"]](text, case["num"], backend=case["backend"])
 
     def verdicts(rows: Any) -> None:  # noqa: ANN401
-        lanes.update(rows)
-        lanes.lower, lanes.upper, lanes.verdict  # noqa: B018 - what is measured is reading
+        entries.update(rows)
+        entries.lower, entries.upper, entries.verdict  # noqa: B018 - what is measured is reading
 
-    return worker.lockstep(case, verdicts if case.get("read") else lanes.update)
+    return worker.batch(case, verdicts if case.get("read") else entries.update)
 
 
 worker.serve(
@@ -171,6 +171,6 @@ worker.serve(
         "calls": calls,
         "dense": dense,
         "dense offline": dense_offline,
-        "lockstep": lockstep,
+        "batches": batch,
     }
 )

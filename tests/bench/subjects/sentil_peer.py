@@ -80,7 +80,7 @@ def offline(case: worker.Case) -> worker.Measure:
     return worker.whole(lambda: parsed.robustness_signal(sentil.Trace(times, trace)), case["n"])
 
 
-def lockstep(case: worker.Case) -> worker.Measure:
+def batch(case: worker.Case) -> worker.Measure:
     updates = [sentil.OnlineMonitor(formula(case)).update_packed for _ in range(case["num"])]
     order, now = np.argsort(traces.VARIABLES[case["kind"]]), 0.0
 
@@ -90,7 +90,7 @@ def lockstep(case: worker.Case) -> worker.Measure:
         for update, row in zip(updates, rows, strict=True):
             update(now, row).value  # noqa: B018 - what is measured is reading
 
-    return worker.lockstep(case, step, lambda rows: rows[:, order].tolist())
+    return worker.batch(case, step, lambda rows: rows[:, order].tolist())
 
 
 CALLS = {
@@ -147,6 +147,6 @@ worker.serve(
         "calls": calls,
         "dense": dense,
         "dense offline": dense_offline,
-        "lockstep": lockstep,
+        "batches": batch,
     }
 )

@@ -19,7 +19,7 @@ from rtamt.export import Fmi
 from rtamt.export.fmu import export_fmu
 
 TEXT = """
-specification lane
+specification entry
 const float limit = 2; const float gain = 0.5; const float unused = 7; const float T = 3
 input float offset = 1.5
 output Odometry odom
@@ -64,7 +64,7 @@ def test_declared_ranges_are_limits_of_inputs(tmp_path: Path, fmi: Fmi) -> None:
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_the_variables_are_those_of_the_specification(tmp_path: Path, fmi: Fmi) -> None:
-    path = tmp_path / "lane.fmu"
+    path = tmp_path / "entry.fmu"
     export_fmu(TEXT, path, period="100ms", fmi=fmi, stop_on_violation=True)
     assert validate_fmu(path) == []
     described = read_model_description(path)
@@ -87,7 +87,7 @@ def test_the_variables_are_those_of_the_specification(tmp_path: Path, fmi: Fmi) 
         ("near", "output", None),
         ("whole", "output", None),
     ]
-    assert (described.modelName, described.fmiVersion) == ("lane", f"{fmi}.0")
+    assert (described.modelName, described.fmiVersion) == ("entry", f"{fmi}.0")
     assert described.description == (
         "always(abs(offset) * gain <= limit implies "
         "eventually[0:3](odom.twist[1].x < 0 and abs(offset) * gain <= limit))"

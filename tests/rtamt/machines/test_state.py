@@ -17,7 +17,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "discrete": lambda: Monitor(TEXT, backend="python"),
     "episode": lambda: EpisodeMonitor(f"always ({TEXT}) and eventually(y > 0)", backend="python"),
     "dense": lambda: rtamt.dense.Monitor(TEXT, backend="python"),
-    "bank": lambda: VectorMonitor(TEXT, 2, backend="python"),
+    "batch": lambda: VectorMonitor(TEXT, 2, backend="python"),
 }
 
 
@@ -29,7 +29,7 @@ def feed(kind: str, machine: Machine, times: range) -> object:
         if kind == "dense":
             last = machine.update({"x": [(t, x)], "y": [(t + 0.5, y)]})
         else:
-            last = machine.update([[x, y], [y, x]] if kind == "bank" else [x, y])
+            last = machine.update([[x, y], [y, x]] if kind == "batch" else [x, y])
     return str(last)
 
 

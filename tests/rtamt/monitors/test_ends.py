@@ -235,7 +235,7 @@ def test_another_reading_is_refused_before_anything_changes(backend: Backend) ->
         monitor.finish("cut")
 
 
-def test_another_reading_is_refused_before_a_lane_changes(backend: Backend) -> None:
+def test_another_reading_is_refused_before_an_entry_changes(backend: Backend) -> None:
     text = "expected end='complete', 'cut' or 'open', got 'cute'; did you mean 'cut'?"
     vector = VectorEpisodeMonitor("always(x > 0)", 2, backend=backend)
     with pytest.raises(InputError) as caught:
@@ -248,16 +248,16 @@ def test_another_reading_is_refused_before_a_lane_changes(backend: Backend) -> N
 
 
 @given(formula=formulas(depth=2, endless=True), trace=traces(least=3, most=6), data=st.data())
-def test_lanes_end_as_monitors_of_their_own(
+def test_entries_end_as_monitors_of_their_own(
     formula: Formula, trace: Trace, data: st.DataObject, backend: Backend
 ) -> None:
     vector = VectorEpisodeMonitor(formula, 3, backend=backend)
     singles = [EpisodeMonitor(formula, backend=backend) for _ in range(3)]
     for i in range(length(trace)):
         row = sample(trace, i, vector.variables)
-        vector.update([[x + lane for x in row.values()] for lane in range(3)])
-        for lane, single in enumerate(singles):
-            single.update({name: x + lane for name, x in row.items()})
+        vector.update([[x + entry for x in row.values()] for entry in range(3)])
+        for entry, single in enumerate(singles):
+            single.update({name: x + entry for name, x in row.items()})
     for end in ENDS:
         mask = data.draw(st.lists(st.booleans(), min_size=3, max_size=3))
         vector.finish(mask, end=end)

@@ -135,9 +135,9 @@ def test_monitors_give_the_bits_of_evaluate(
     monitor.reset()
     rows = np.array(table(trace, names)).reshape(n, len(names))
     assert identical(monitor.update_many(rows), expected)
-    lanes = VectorMonitor(formula, 2, backend=backend)
+    entries = VectorMonitor(formula, 2, backend=backend)
     for row, value in zip(rows, expected, strict=True):
-        assert identical(lanes.update(np.stack([row, row])), [value, value])
+        assert identical(entries.update(np.stack([row, row])), [value, value])
 
 
 @given(formula=formulas(endless=True, depth=2), trace=traces(values=INTEGERS))
@@ -179,22 +179,22 @@ def test_the_bounds_say_what_holds_whatever_comes(
     formula=formulas(endless=True, depth=2),
     rows=st.lists(traces(values=INTEGERS, least=5, most=5), min_size=3, max_size=3),
 )
-def test_lanes_have_the_bits_and_the_verdicts_of_single_episodes(
+def test_entries_have_the_bits_and_the_verdicts_of_single_episodes(
     formula: Formula, rows: list[Trace], backend: Backend
 ) -> None:
-    lanes = VectorEpisodeMonitor(formula, 3, backend=backend)
+    entries = VectorEpisodeMonitor(formula, 3, backend=backend)
     single = [EpisodeMonitor(formula, backend=backend) for _ in rows]
     for i in range(5):
         now = [feed(monitor, trace, i) for monitor, trace in zip(single, rows, strict=True)]
-        block = np.array([[trace[v][i] for v in lanes.variables] for trace in rows], dtype=float)
-        assert identical(lanes.update(block.reshape(3, -1)), now)
-        assert identical(lanes.lower, [monitor.lower for monitor in single])
-        assert identical(lanes.upper, [monitor.upper for monitor in single])
-        assert lanes.verdict.tolist() == [monitor.verdict for monitor in single]
+        block = np.array([[trace[v][i] for v in entries.variables] for trace in rows], dtype=float)
+        assert identical(entries.update(block.reshape(3, -1)), now)
+        assert identical(entries.lower, [monitor.lower for monitor in single])
+        assert identical(entries.upper, [monitor.upper for monitor in single])
+        assert entries.verdict.tolist() == [monitor.verdict for monitor in single]
     ended = [monitor.finish() for monitor in single]
-    assert identical(lanes.finish(), ended)
-    assert lanes.verdict.tolist() == [monitor.verdict for monitor in single]
-    assert 0 not in lanes.verdict
+    assert identical(entries.finish(), ended)
+    assert entries.verdict.tolist() == [monitor.verdict for monitor in single]
+    assert 0 not in entries.verdict
 
 
 @given(

@@ -114,13 +114,13 @@ def test_the_first_sample_that_is_not_known_is_refused_if_two_machines_are_too_m
     with pytest.raises(SpecificationError, match="bytes with samples that are not known"):
         rtamt.EpisodeMonitor(text, backend=backend, nan="unknown")
     monkeypatch.setattr(limits, "window_bytes", 4 * one - 1)
-    lanes = rtamt.VectorEpisodeMonitor(text, 2, backend=backend)
-    lanes.update([[1.0], [3.0]])
+    entries = rtamt.VectorEpisodeMonitor(text, 2, backend=backend)
+    entries.update([[1.0], [3.0]])
     with pytest.raises(
         SpecificationError, match="in 2 batch entries with samples that are not known"
     ):
-        lanes.update([[1.0], [1.0]], upper=[[2.0], [1.0]])
-    assert (lanes.samples.tolist(), lanes.robustness.tolist()) == ([1, 1], [1.0, 3.0])
+        entries.update([[1.0], [1.0]], upper=[[2.0], [1.0]])
+    assert (entries.samples.tolist(), entries.robustness.tolist()) == ([1, 1], [1.0, 3.0])
 
 
 @given(formulas(), traces())

@@ -30,7 +30,7 @@ from rtamt import (
     UncertainValue,
     VectorEpisodeMonitor,
 )
-from rtamt.internal import JointFeed, VerdictBook, joint_feed
+from rtamt.internal import JointFeed, VerdictLog, joint_feed
 from rtamt.program.interface import SemanticsName
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
@@ -313,7 +313,7 @@ TEXTS = (
 
 
 class Ledger:
-    """The book of one lane, kept by hand."""
+    """The verdict log of one entry, kept by hand."""
 
     def __init__(self, texts: list[str]) -> None:
         self.monitors = [EpisodeMonitor(text, backend="python") for text in texts]
@@ -369,14 +369,12 @@ class Ledger:
         return min(values, key=lambda value: (value, math.copysign(1.0, value)))
 
 
-def book_of(texts: list[str], num: int, backend: Any, **options: Any) -> VerdictBook:  # noqa: ANN401
-    return VerdictBook(
-        VectorEpisodeMonitor(text, num, backend=backend, **options) for text in texts
-    )
+def log_of(texts: list[str], num: int, backend: Any, **options: Any) -> VerdictLog:  # noqa: ANN401
+    return VerdictLog(VectorEpisodeMonitor(text, num, backend=backend, **options) for text in texts)
 
 
-def columns_of(book: VerdictBook) -> list[tuple[int, ...]]:
-    return [tuple(NAMES.index(name) for name in each.variables) for each in book.monitors]
+def columns_of(log: VerdictLog) -> list[tuple[int, ...]]:
+    return [tuple(NAMES.index(name) for name in each.variables) for each in log.monitors]
 
 
 @settings(max_examples=examples(60))
@@ -385,157 +383,157 @@ def columns_of(book: VerdictBook) -> list[tuple[int, ...]]:
     num=st.integers(1, 5),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_a_book_is_that_of_single_lanes_bit_for_bit(
+def test_a_log_is_that_of_single_entries_bit_for_bit(
     texts: list[str], num: int, seed: int, backend: Backend
 ) -> None:
-    book = book_of(texts, num, backend)
+    log = log_of(texts, num, backend)
     ledgers = [Ledger(texts) for _ in range(num)]
     random = np.random.default_rng(seed)
     for _ in range(random.integers(1, 30)):
-        act(book, ledgers, random)
-        compare(book, ledgers)
+        act(log, ledgers, random)
+        compare(log, ledgers)
         if random.random() < 0.1:
-            book = (
-                pickle.loads(pickle.dumps(book)) if random.random() < 0.5 else copy.deepcopy(book)
-            )
+            log = pickle.loads(pickle.dumps(log)) if random.random() < 0.5 else copy.deepcopy(log)
 
 
-def act(book: VerdictBook, ledgers: list[Ledger], random: np.random.Generator) -> None:
-    """Feeds, ends or resets some lanes of a book, and their ledgers alike."""
+def act(log: VerdictLog, ledgers: list[Ledger], random: np.random.Generator) -> None:
+    """Feeds, ends or resets some entries of a verdict log, and their ledgers alike."""
     num, what = len(ledgers), random.random()
     mask = None if random.random() < 0.5 else random.random(num) < 0.5
     chosen = [i for i in range(num) if mask is None or mask[i]]
     over = [any(monitor.finished for monitor in ledgers[i].monitors) for i in chosen]
     if what < 0.15:
-        book.reset(mask)
+        log.reset(mask)
         for i in chosen:
             ledgers[i].begin()
     elif what < 0.3 and all(ledgers[i].samples for i in chosen):
         end = random.choice(["complete", "cut", "open"])
-        book.finish(mask, end=end)
+        log.finish(mask, end=end)
         for i in chosen:
             ledgers[i].finish(end)
     elif what < 0.4:
-        book.fail(mask)
+        log.fail(mask)
         for i in chosen:
             ledgers[i].fail()
     elif not any(over):
         table = random.integers(-2, 4, (num, len(NAMES))) / 2.0
         given = np.asfortranarray(table) if random.random() < 0.5 else table
-        fed = book.feed(given, columns_of(book), mask)
+        fed = log.feed(given, columns_of(log), mask)
         for i in chosen:
             ledgers[i].take(dict(zip(NAMES, table[i].tolist(), strict=True)))
         assert bits(fed) == bits([ledger.least("robustness") for ledger in ledgers])
 
 
-def compare(book: VerdictBook, ledgers: list[Ledger]) -> None:
+def compare(log: VerdictLog, ledgers: list[Ledger]) -> None:
     for name in ("decided_at", "settled_at", "violated", "failed"):
         expected = np.array([getattr(ledger, name) for ledger in ledgers]).T
-        np.testing.assert_array_equal(getattr(book, name), expected, name)
+        np.testing.assert_array_equal(getattr(log, name), expected, name)
     for name in ("first", "violated_at"):
-        assert getattr(book, name).tolist() == [getattr(each, name) for each in ledgers], name
+        assert getattr(log, name).tolist() == [getattr(each, name) for each in ledgers], name
     for value in VALUES:
-        assert bits(book.least(value)) == bits([each.least(value) for each in ledgers]), value
+        assert bits(log.least(value)) == bits([each.least(value) for each in ledgers]), value
     begun = [each.samples > 0 for each in ledgers]
-    found = book.outcomes()
+    found = log.outcomes()
     robustness, verdicts = found.robustness, found.verdicts
-    assert found.settled_at.tolist() == book.settled_at.tolist()
-    assert not np.shares_memory(found.settled_at, book.settled_at)
-    assert found.settled.tolist() == (book.settled_at >= 0).tolist()
+    assert found.settled_at.tolist() == log.settled_at.tolist()
+    assert not np.shares_memory(found.settled_at, log.settled_at)
+    assert found.settled.tolist() == (log.settled_at >= 0).tolist()
     assert found.satisfied.tolist() == (verdicts == 1).tolist()
     held = [[not math.copysign(1.0, each) < 0 for each in row] for row in robustness.tolist()]
     assert found.by_end.tolist() == ((verdicts == -1) & held).tolist()
     assert found.success.tolist() == [set(column) == {1} for column in verdicts.T.tolist()]
     assert found.undecided.tolist() == [0 in column for column in verdicts.T.tolist()]
-    for lane, (ledger, has) in enumerate(zip(ledgers, begun, strict=True)):
+    for entry, (ledger, has) in enumerate(zip(ledgers, begun, strict=True)):
         places = range(len(ledger.monitors))
-        assert verdicts[:, lane].tolist() == [ledger.verdict(k) if has else 0 for k in places]
+        assert verdicts[:, entry].tolist() == [ledger.verdict(k) if has else 0 for k in places]
         expected_values = [each.robustness if has else 0.0 for each in ledger.monitors]
-        assert bits(robustness[:, lane]) == bits(expected_values)
-    lanes = np.flatnonzero(begun)[::-1]
-    some = book.outcomes(lanes)
-    assert bits(some.robustness) == bits(robustness[:, lanes])
+        assert bits(robustness[:, entry]) == bits(expected_values)
+    entries = np.flatnonzero(begun)[::-1]
+    some = log.outcomes(entries)
+    assert bits(some.robustness) == bits(robustness[:, entries])
     for name in ("verdicts", "settled_at", "settled", "satisfied", "by_end"):
-        assert getattr(some, name).tolist() == getattr(found, name)[:, lanes].tolist()
+        assert getattr(some, name).tolist() == getattr(found, name)[:, entries].tolist()
     for name in ("success", "undecided"):
-        assert getattr(some, name).tolist() == getattr(found, name)[lanes].tolist()
+        assert getattr(some, name).tolist() == getattr(found, name)[entries].tolist()
 
 
 @pytest.mark.parametrize("nan", ["hold", "unknown"])
 def test_samples_that_are_missing_are_read_as_the_monitors_do(nan: Any, backend: Backend) -> None:  # noqa: ANN401
     texts = ["always(x > 0)", "always(y > -1)", "eventually(x + y > 3)"]
-    book, apart = book_of(texts, 3, backend, nan=nan), book_of(texts, 3, backend, nan=nan)
+    log, apart = log_of(texts, 3, backend, nan=nan), log_of(texts, 3, backend, nan=nan)
     random = np.random.default_rng(7)
     for step in range(12):
         table = np.asfortranarray(random.integers(-1, 4, (3, 2)).astype(float))
         if step:
             table[random.random((3, 2)) < 0.3] = np.nan
-        book.feed(table, columns_of(book))
+        log.feed(table, columns_of(log))
         for monitor, columns in zip(apart.monitors, columns_of(apart), strict=True):
             monitor.update(table[:, list(columns)])
         apart.note()
         for name in ("decided_at", "settled_at", "violated", "first", "violated_at"):
-            assert getattr(book, name).tolist() == getattr(apart, name).tolist()
+            assert getattr(log, name).tolist() == getattr(apart, name).tolist()
         for value in VALUES:
-            assert bits(book.least(value)) == bits(apart.least(value))
+            assert bits(log.least(value)) == bits(apart.least(value))
 
 
-def test_a_nan_is_refused_with_its_lane_and_the_monitors_in_front_are_fed(backend: Backend) -> None:
-    book = book_of(["always(x > 0)", "always(y > 0)", "always(x > 1)"], 2, backend)
+def test_a_nan_is_refused_with_its_entry_and_the_monitors_in_front_are_fed(
+    backend: Backend,
+) -> None:
+    log = log_of(["always(x > 0)", "always(y > 0)", "always(x > 1)"], 2, backend)
     with pytest.raises(InputError, match=r"y.*nan.*batch entry 1"):
-        book.feed(np.array([[1.0, 1.0], [1.0, np.nan]]), columns_of(book))
-    assert [each.samples.tolist() for each in book.monitors] == [[1, 1], [0, 0], [0, 0]]
+        log.feed(np.array([[1.0, 1.0], [1.0, np.nan]]), columns_of(log))
+    assert [each.samples.tolist() for each in log.monitors] == [[1, 1], [0, 0], [0, 0]]
 
 
-def test_a_finished_lane_takes_no_sample_and_a_fresh_one_does_not_end(backend: Backend) -> None:
-    book = book_of(["always(x > 0)", "always(y > 0)"], 2, backend)
+def test_a_finished_entry_takes_no_sample_and_a_fresh_one_does_not_end(backend: Backend) -> None:
+    log = log_of(["always(x > 0)", "always(y > 0)"], 2, backend)
     with pytest.raises(StateError):
-        book.finish()
-    book.feed(np.ones((2, 2)), columns_of(book), [True, False])
+        log.finish()
+    log.feed(np.ones((2, 2)), columns_of(log), [True, False])
     with pytest.raises(StateError):
-        book.finish()
-    book.finish([True, False])
+        log.finish()
+    log.finish([True, False])
     with pytest.raises(StateError):
-        book.feed(np.ones((2, 2)), columns_of(book))
-    assert [each.samples.tolist() for each in book.monitors] == [[1, 0], [1, 0]]
-    assert book.settled_at.tolist() == [[0, -1], [0, -1]]
-    assert book.decided_at.tolist() == [[-1, -1], [-1, -1]]
+        log.feed(np.ones((2, 2)), columns_of(log))
+    assert [each.samples.tolist() for each in log.monitors] == [[1, 0], [1, 0]]
+    assert log.settled_at.tolist() == [[0, -1], [0, -1]]
+    assert log.decided_at.tolist() == [[-1, -1], [-1, -1]]
 
 
-def test_nothing_is_said_of_lanes_without_samples(backend: Backend) -> None:
-    book = book_of(["true", "false", "always(x > 0)"], 2, backend)
-    book.note()
-    book.fail()
-    assert (book.decided_at == -1).all()
-    assert not book.violated.any()
-    assert not book.failed.any()
-    robustness, verdicts, *_ = book.outcomes()
+def test_nothing_is_said_of_entries_without_samples(backend: Backend) -> None:
+    log = log_of(["true", "false", "always(x > 0)"], 2, backend)
+    log.note()
+    log.fail()
+    assert (log.decided_at == -1).all()
+    assert not log.violated.any()
+    assert not log.failed.any()
+    robustness, verdicts, *_ = log.outcomes()
     assert not robustness.any()
     assert not verdicts.any()
-    book.feed(np.ones((2, 2)), columns_of(book), [False, True])
-    assert book.decided_at.tolist() == [[-1, 0], [-1, 0], [-1, -1]]
-    assert book.first.tolist() == [-1, 1]
+    log.feed(np.ones((2, 2)), columns_of(log), [False, True])
+    assert log.decided_at.tolist() == [[-1, 0], [-1, 0], [-1, -1]]
+    assert log.first.tolist() == [-1, 1]
 
 
 @pytest.mark.parametrize(
     ("make", "error", "words"),
     [
-        (lambda backend: book_of([], 2, backend), InputError, "got no monitor"),
+        (lambda backend: log_of([], 2, backend), InputError, "got no monitor"),
         (
-            lambda backend: VerdictBook(
+            lambda backend: VerdictLog(
                 VectorEpisodeMonitor("always(x > 0)", num, backend=backend) for num in (2, 3)
             ),
             InputError,
             "got monitors of 2 and 3",
         ),
         (
-            lambda backend: VerdictBook([EpisodeMonitor("always(x > 0)", backend=backend)]),  # type: ignore[list-item]
+            lambda backend: VerdictLog([EpisodeMonitor("always(x > 0)", backend=backend)]),  # type: ignore[list-item]
             InputTypeError,
             "expected monitors of the class VectorEpisodeMonitor",
         ),
     ],
 )
-def test_what_is_no_list_of_monitors_of_as_many_lanes_is_refused(
+def test_what_is_no_list_of_monitors_of_as_many_entries_is_refused(
     make: Callable[[Backend], object], error: type[Exception], words: str, backend: Backend
 ) -> None:
     with pytest.raises(error, match=words):
@@ -547,22 +545,22 @@ def test_a_mask_of_another_shape_is_refused_and_changes_nothing(
     mask: Any,  # noqa: ANN401
     backend: Backend,
 ) -> None:
-    book = book_of(["always(x > 0)"], 2, backend)
-    book.feed(np.zeros((2, 2)), columns_of(book))
-    before = pickle.dumps(book)
-    for call in (book.reset, book.fail, book.finish):
+    log = log_of(["always(x > 0)"], 2, backend)
+    log.feed(np.zeros((2, 2)), columns_of(log))
+    before = pickle.dumps(log)
+    for call in (log.reset, log.fail, log.finish):
         with pytest.raises(InputError, match="expected a mask of 2 booleans"):
             call(mask)
     with pytest.raises(InputTypeError, match="expected a mask of 2 booleans"):
-        book.reset([1, 0])
-    assert pickle.dumps(book) == before
+        log.reset([1, 0])
+    assert pickle.dumps(log) == before
 
 
 def test_functions_in_native_code_refuse_arrays_that_do_not_fit() -> None:
     native: Any = pytest.importorskip("rtamt._native")
-    book = book_of(["always(x > 0)", "always(y > 0)"], 3, "native")
-    banks = book._banks()[0]
-    good = list(book._arrays())
+    log = log_of(["always(x > 0)", "always(y > 0)"], 3, "native")
+    batches = log._batches()[0]
+    good = list(log._arrays())
     wrong = [
         np.zeros(6),
         np.zeros((2, 4), np.int64),
@@ -571,19 +569,21 @@ def test_functions_in_native_code_refuse_arrays_that_do_not_fit() -> None:
     ]
     for array in (*wrong, good[0].T, good[0].byteswap().view(good[0].dtype.newbyteorder())):
         with pytest.raises(ValueError, match="expected contiguous arrays"):
-            native.note_verdicts(banks, None, array, *good[1:])
+            native.note_verdicts(batches, None, array, *good[1:])
         with pytest.raises(ValueError, match="expected contiguous arrays"):
             native.forget_verdicts(None, 2, 3, array, *good[1:])
     for mask in (np.ones(2, np.bool_), np.ones(6, np.bool_)[::2], [True] * 3):
         with pytest.raises(ValueError, match="expected contiguous arrays"):
-            native.reset_banks(banks, mask)
-    with pytest.raises(ValueError, match="expected a bank"):
+            native.reset_batches(batches, mask)
+    with pytest.raises(ValueError, match="expected a batch"):
         native.note_verdicts((), None, *good)
-    with pytest.raises(ValueError, match="of as many lanes"):
-        native.least_of_banks((*banks, *book_of(["true"], 2, "native")._banks()[0]), "lower", None)
+    with pytest.raises(ValueError, match="of as many entries"):
+        native.least_of_batches(
+            (*batches, *log_of(["true"], 2, "native")._batches()[0]), "lower", None
+        )
     for columns in (((0,),), ((0,), (2,)), ((0,), (0, 1))):
         with pytest.raises(ValueError, match=r"expected (a column|columns)"):
-            native.feed_banks(banks, columns, np.ones((3, 2)), None)
+            native.feed_batches(batches, columns, np.ones((3, 2)), None)
 
 
 KINDS = ("float64", "int64", "bool", "object", "float32", "int8")
@@ -602,25 +602,25 @@ def drawn(random: np.random.Generator, kind: str, shape: tuple[int, ...]) -> Any
 
 @settings(max_examples=examples(100))
 @given(num=st.integers(1, 7), seed=st.integers(0, 2**32 - 1))
-def test_values_of_some_lanes_are_spread_over_all(num: int, seed: int, backend: Backend) -> None:
+def test_values_of_some_entries_are_spread_over_all(num: int, seed: int, backend: Backend) -> None:
     random = np.random.default_rng(seed)
-    book = book_of(["true"], num, backend)
-    lanes = random.permutation(num)[: random.integers(0, num + 1)]
+    log = log_of(["true"], num, backend)
+    entries = random.permutation(num)[: random.integers(0, num + 1)]
     columns: list[Any] = []
     info: dict[str, Any] = {}
     groups: list[dict[str, Any]] = [{}, {}, {}]
     for name, kind in zip("abcdefgh", random.choice(KINDS, 8), strict=True):
         place, shape = (info, ()) if random.random() < 0.5 else (groups, (3,))
-        values = drawn(random, kind, (*shape, len(lanes)))
+        values = drawn(random, kind, (*shape, len(entries)))
         there = None if random.random() < 0.5 else drawn(random, "bool", values.shape)
         columns.append((place, name, f"_{name}", values, there))
-    book.spread(columns, lanes)
+    log.spread(columns, entries)
     named = 0
     for place, name, mask_name, values, there in columns:
         rows = [place] if isinstance(place, dict) else place
         for k, group in enumerate(rows):
             row = values if isinstance(place, dict) else values[k]
-            known = [True] * len(lanes)
+            known = [True] * len(entries)
             if there is not None:
                 known = (there if isinstance(place, dict) else there[k]).tolist()
             assert (name in group) == (mask_name in group) == any(known)
@@ -628,9 +628,9 @@ def test_values_of_some_lanes_are_spread_over_all(num: int, seed: int, backend: 
                 continue
             nothing = None if values.dtype == object else values.dtype.type(0)
             expected, marks = [nothing] * num, [False] * num
-            for value, lane, has in zip(row, lanes, known, strict=True):
+            for value, entry, has in zip(row, entries, known, strict=True):
                 if has:
-                    expected[lane], marks[lane] = value, True
+                    expected[entry], marks[entry] = value, True
             found, mask = group[name], group[mask_name]
             assert (found.dtype, found.shape) == (values.dtype, (num,))
             assert repr(found.tolist()) == repr(np.array(expected, values.dtype).tolist())
@@ -644,25 +644,25 @@ def test_values_of_some_lanes_are_spread_over_all(num: int, seed: int, backend: 
 
 
 def test_objects_that_are_spread_are_counted(backend: Backend) -> None:
-    book, values = book_of(["true"], 4, backend), np.array([object(), object()])
+    log, values = log_of(["true"], 4, backend), np.array([object(), object()])
     before = [sys.getrefcount(each) for each in values.tolist()]
     info: dict[str, Any] = {}
     for _ in range(10):
-        book.spread([(info, "a", "_a", values, None)], np.array([2, 0]))
+        log.spread([(info, "a", "_a", values, None)], np.array([2, 0]))
     assert [sys.getrefcount(each) for each in values.tolist()] == [each + 1 for each in before]
     assert info["a"].tolist() == [values[1], None, values[0], None]
     info.clear()
     assert [sys.getrefcount(each) for each in values.tolist()] == before
 
 
-@pytest.mark.parametrize("lanes", [[-1], [0, 3]])
-def test_lanes_that_are_not_there_are_refused(lanes: list[int], backend: Backend) -> None:
-    book, at = book_of(["true"], 3, backend), np.array(lanes)
+@pytest.mark.parametrize("entries", [[-1], [0, 3]])
+def test_entries_that_are_not_there_are_refused(entries: list[int], backend: Backend) -> None:
+    log, at = log_of(["true"], 3, backend), np.array(entries)
     info: dict[str, Any] = {}
-    with pytest.raises(IndexError, match="numbers of lanes"):
-        book.spread([(info, "a", "_a", np.ones(len(at)), None)], at)
-    with pytest.raises(IndexError, match="numbers of lanes"):
-        book.outcomes(at)
+    with pytest.raises(IndexError, match="numbers of entries"):
+        log.spread([(info, "a", "_a", np.ones(len(at)), None)], at)
+    with pytest.raises(IndexError, match="numbers of entries"):
+        log.outcomes(at)
     assert info == {}
 
 
@@ -670,22 +670,22 @@ def test_lanes_that_are_not_there_are_refused(lanes: list[int], backend: Backend
     ("values", "there"),
     [(np.ones(3), None), (np.ones((2, 2)), None), (np.ones(2), np.ones(3, np.bool_))],
 )
-def test_values_that_do_not_fit_the_lanes_are_refused(
+def test_values_that_do_not_fit_the_entries_are_refused(
     values: NDArray[Any], there: NDArray[np.bool_] | None, backend: Backend
 ) -> None:
-    book, info = book_of(["true"], 4, backend), dict[str, Any]()
+    log, info = log_of(["true"], 4, backend), dict[str, Any]()
     with pytest.raises(ValueError, match=r"reshape|shape"):
-        book.spread([(info, "a", "_a", values, there)], np.array([1, 2]))
+        log.spread([(info, "a", "_a", values, there)], np.array([1, 2]))
     assert info == {}
 
 
 @pytest.mark.slow(backend="python")
-def test_a_book_in_a_cycle_is_collected(backend: Backend) -> None:
-    book = book_of(["always(x > 0)"], 2, backend)
-    book.feed(np.ones((2, 2)), columns_of(book))
-    held: dict[str, object] = {"book": book}
-    book.__dict__["held"] = held
-    gone = weakref.ref(book)
-    del book, held
+def test_a_log_in_a_cycle_is_collected(backend: Backend) -> None:
+    log = log_of(["always(x > 0)"], 2, backend)
+    log.feed(np.ones((2, 2)), columns_of(log))
+    held: dict[str, object] = {"verdict log": log}
+    log.__dict__["held"] = held
+    gone = weakref.ref(log)
+    del log, held
     gc.collect()
     assert gone() is None

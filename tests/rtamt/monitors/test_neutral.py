@@ -72,16 +72,16 @@ def test_what_does_not_hang_on_it_is_decided(backend: Backend) -> None:
 def test_the_robustness_of_a_cut_trace_is_moved_to_both_bounds(backend: Backend) -> None:
     text = "input float req; output float gnt; next(prev(gnt >= 3) or req >= 3 and gnt > 9)"
     monitor = EpisodeMonitor(text, semantics="input-vacuity", backend=backend)
-    lanes = VectorEpisodeMonitor(text, 2, semantics="input-vacuity", backend=backend)
+    entries = VectorEpisodeMonitor(text, 2, semantics="input-vacuity", backend=backend)
     monitor.update(req=0.0, gnt=0.0)
-    lanes.update([[0.0, 0.0]] * 2)
+    entries.update([[0.0, 0.0]] * 2)
     assert identical([monitor.robustness, monitor.lower, monitor.upper], [np.inf, -0.0, np.inf])
     assert identical([monitor.finish("cut")], [0.0])
     assert identical([monitor.robustness, monitor.lower, monitor.upper], [0.0, -0.0, 0.0])
-    lanes.finish([True, False], end="cut")
-    assert identical([*lanes.robustness, *lanes.lower], [0.0, np.inf, -0.0, -0.0])
-    again = copy.deepcopy(lanes)
-    assert identical(again.robustness, lanes.robustness)
+    entries.finish([True, False], end="cut")
+    assert identical([*entries.robustness, *entries.lower], [0.0, np.inf, -0.0, -0.0])
+    again = copy.deepcopy(entries)
+    assert identical(again.robustness, entries.robustness)
     again.reset([True, False])
     assert np.isnan(again.robustness[0])
 
@@ -123,34 +123,34 @@ def test_duplicates_go_on_alike_and_apart(
     assert not original.finished
 
 
-def test_lanes_are_single_episodes_through_masks_ends_and_resets(backend: Backend) -> None:
-    lanes = VectorEpisodeMonitor(SPEC, 3, semantics="input-vacuity", backend=backend)
+def test_entries_are_single_episodes_through_masks_ends_and_resets(backend: Backend) -> None:
+    entries = VectorEpisodeMonitor(SPEC, 3, semantics="input-vacuity", backend=backend)
     single = [EpisodeMonitor(SPEC, semantics="input-vacuity", backend=backend) for _ in range(3)]
 
     def agree() -> None:
         for name in ("robustness", "lower", "upper"):
-            assert bits(getattr(lanes, name)) == bits([getattr(m, name) for m in single])
-        assert lanes.verdict.tolist() == [m.verdict for m in single]
-        assert lanes.finished.tolist() == [m.finished for m in single]
-        assert lanes.samples.tolist() == [m.samples for m in single]
+            assert bits(getattr(entries, name)) == bits([getattr(m, name) for m in single])
+        assert entries.verdict.tolist() == [m.verdict for m in single]
+        assert entries.finished.tolist() == [m.finished for m in single]
+        assert entries.samples.tolist() == [m.samples for m in single]
 
     rng = np.random.default_rng(1)
     for step in range(12):
         table = rng.integers(0, 5, size=(3, 2)).astype(float)
-        mask = ~lanes.finished & rng.integers(0, 2, size=3).astype(bool)
-        lanes.update(table, mask)
-        for lane in np.flatnonzero(mask):
-            single[lane].update(*table[lane])
+        mask = ~entries.finished & rng.integers(0, 2, size=3).astype(bool)
+        entries.update(table, mask)
+        for entry in np.flatnonzero(mask):
+            single[entry].update(*table[entry])
         agree()
         if step in {5, 9}:
-            lanes = pickle.loads(pickle.dumps(lanes))
-            mask = (lanes.samples > 0) & np.array([True, step == 9, True])
-            lanes.finish(mask)
-            for lane in np.flatnonzero(mask):
-                single[lane].finish()
+            entries = pickle.loads(pickle.dumps(entries))
+            mask = (entries.samples > 0) & np.array([True, step == 9, True])
+            entries.finish(mask)
+            for entry in np.flatnonzero(mask):
+                single[entry].finish()
             agree()
         if step == 7:
-            lanes.reset([True, False, False])
+            entries.reset([True, False, False])
             single[0].reset()
             agree()
 
@@ -184,14 +184,16 @@ def test_a_state_of_another_program_changes_nothing(backend: Backend) -> None:
 
 def test_what_is_not_known_is_that_of_the_last_sample(backend: Backend) -> None:
     monitor = EpisodeMonitor(SPEC, semantics="input-vacuity", nan="unknown", backend=backend)
-    lanes = VectorEpisodeMonitor(SPEC, 2, semantics="input-vacuity", nan="unknown", backend=backend)
-    assert (monitor.unknown, lanes.unknown.tolist()) == ((), [[False, False]] * 2)
+    entries = VectorEpisodeMonitor(
+        SPEC, 2, semantics="input-vacuity", nan="unknown", backend=backend
+    )
+    assert (monitor.unknown, entries.unknown.tolist()) == ((), [[False, False]] * 2)
     for req, gnt in ((np.nan, 1.0), (1.0, np.nan), (1.0, 1.0)):
         monitor.update(req=req, gnt=gnt)
-        lanes.update([[req, gnt], [1.0, 1.0]])
+        entries.update([[req, gnt], [1.0, 1.0]])
         nan = np.isnan([req, gnt])
         assert monitor.unknown == tuple(np.array(monitor.variables)[nan])
-        assert lanes.unknown.tolist() == [nan.tolist(), [False, False]]
+        assert entries.unknown.tolist() == [nan.tolist(), [False, False]]
 
 
 def test_an_update_from_before_another_init_is_refused(backend: Backend) -> None:
@@ -213,18 +215,18 @@ def test_a_nan_of_a_variable_that_no_term_reads_is_refused_or_held(
     backend: Backend,
 ) -> None:
     text = "input float req; output float gnt; once(req >= 3 implies gnt >= 3)"
-    lanes = {"num": 2} if make in {VectorMonitor, VectorEpisodeMonitor} else {}
+    entries = {"num": 2} if make in {VectorMonitor, VectorEpisodeMonitor} else {}
     wrong = [1.0, 1.0]
     wrong[row] = np.nan
     name = ("req", "gnt")[row]
     for nan in ("raise", "hold"):
-        monitor = make(text, **lanes, semantics=semantics, nan=nan, backend=backend)
-        monitor.update([[2.0, 5.0]] * 2 if lanes else [2.0, 5.0])
-        sample = [[1.0, 1.0], wrong] if lanes else wrong
+        monitor = make(text, **entries, semantics=semantics, nan=nan, backend=backend)
+        monitor.update([[2.0, 5.0]] * 2 if entries else [2.0, 5.0])
+        sample = [[1.0, 1.0], wrong] if entries else wrong
         if nan == "hold":
             monitor.update(sample)
             continue
-        where = "sample 1 of batch entry 1" if lanes else "sample 1"
+        where = "sample 1 of batch entry 1" if entries else "sample 1"
         with pytest.raises(InputError, match=f"^variable '{name}' is nan at {where}; "):
             monitor.update(sample)
         assert np.all(monitor.samples == 1)

@@ -1,4 +1,4 @@
-"""In every lane the clocks in C++ count what the definition in Python counts."""
+"""In every entry the clocks in C++ count what the definition in Python counts."""
 
 import copy
 import pickle
@@ -61,7 +61,7 @@ def same(one: OperatorClocks, two: OperatorClocks) -> bool:
 def test_all_back_ends_count_as_the_definition(
     kind: str, event: str, data: st.DataObject, seed: int
 ) -> None:
-    """Also lanes that are not fed or reset, and what goes on from a copy of the state."""
+    """Also entries that are not fed or reset, and what goes on from a copy of the state."""
     clocks = data.draw(st.lists(clock(kind, event), min_size=1, max_size=4))
     rng = np.random.default_rng(seed)
     made = [OperatorClocks(clocks, PARTS, NUM, backend=name) for name in BACKENDS]
@@ -172,10 +172,10 @@ def test_mistakes_are_told(backend: Any, ask: Any, message: str) -> None:  # noq
 
 
 def test_states_of_other_clocks_and_damaged_ones_change_nothing() -> None:
-    bank = BACKENDS["native"].clock_bank if "native" in BACKENDS else None
-    if bank is None:  # the states of Python machines are lists of fields
+    batch = BACKENDS["native"].clock_batch if "native" in BACKENDS else None
+    if batch is None:  # the states of Python machines are lists of fields
         return
-    used = bank([ONE], 1, 2)
+    used = batch([ONE], 1, 2)
     used.feed(np.array([[-1.0, -1.0]]))
     state, shown = used.state(), used.fractions.tolist()
     far = np.int64(2**40).tobytes()
@@ -183,7 +183,7 @@ def test_states_of_other_clocks_and_damaged_ones_change_nothing() -> None:
         state[:-1],
         state + b"0",
         b"",
-        bank([ONE], 1, 3).state(),
+        batch([ONE], 1, 3).state(),
         state[:24] + far + state[32:],
     ]
     for each in damaged:

@@ -156,7 +156,7 @@ S, D, F = "x > 0", {"x": [1.0, 2.0]}, rtamt.variable("x") > 0
 E = {"x": [(0.0, 1.0), (2.0, 2.0)]}
 
 
-LANES = {"x": [[1, 2], [3, 4]]}
+ENTRIES = {"x": [[1, 2], [3, 4]]}
 
 
 ODD_CALLS: dict[str, Callable[[Any], object]] = {
@@ -183,8 +183,8 @@ ODD_CALLS: dict[str, Callable[[Any], object]] = {
     "evaluate_many": lambda odd: rtamt.evaluate(S, odd),
     "evaluate_many of a column": lambda odd: rtamt.evaluate(S, {"x": odd}),
     "evaluate_many of a cell": lambda odd: rtamt.evaluate(S, {"x": [[1, odd]]}),
-    "lengths": lambda odd: rtamt.evaluate(S, LANES, lengths=odd),
-    "a length": lambda odd: rtamt.evaluate(S, LANES, lengths=[odd, 1]),
+    "lengths": lambda odd: rtamt.evaluate(S, ENTRIES, lengths=odd),
+    "a length": lambda odd: rtamt.evaluate(S, ENTRIES, lengths=[odd, 1]),
     "explain": lambda odd: rtamt.explain(S, odd),
     "explain sample": lambda odd: rtamt.explain(S, D, sample=odd),
     "explain start": lambda odd: str(rtamt.explain(S, D, 1, start=odd)),
@@ -233,7 +233,7 @@ def test_columns_may_have_numbers_for_names() -> None:
 
 def test_lengths_are_one_number_for_each_trace() -> None:
     with pytest.raises(InputTypeError) as caught:
-        untyped.evaluate(S, LANES, lengths=[[1], 2])
+        untyped.evaluate(S, ENTRIES, lengths=[[1], 2])
     assert str(caught.value) == ("expected a whole number for each trace as lengths, got [[1], 2]")
 
 

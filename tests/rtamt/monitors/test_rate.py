@@ -89,13 +89,13 @@ def test_monitors_agree_with_evaluate(
     blocks = [twin.update_many(table[:cut]), twin.update_many(table[cut:])]
     assert np.concatenate(blocks).tolist() == pytest.approx(found, nan_ok=True)
     episode = EpisodeMonitor(spec, backend=backend, history=True)
-    lanes = VectorMonitor(spec, 2, backend=backend)
+    entries = VectorMonitor(spec, 2, backend=backend)
     episodes = VectorEpisodeMonitor(spec, 2, backend=backend)
     for i, row in enumerate(trace):
         if i == cut:
-            episode, lanes, episodes = copy.copy(episode), copy.copy(lanes), copy.copy(episodes)
+            episode, entries, episodes = copy.copy(episode), copy.copy(entries), copy.copy(episodes)
         episode.update({"x": row[0], "y": row[1]})
-        late_ones = lanes.update([row, row], mask=[True, i > 0])
+        late_ones = entries.update([row, row], mask=[True, i > 0])
         episodes.update([row, row], mask=[True, i > 0])
         assert late_ones[0] == found[i] or math.isnan(found[i])
         assert episodes.robustness[0] == episode.robustness
@@ -146,11 +146,11 @@ def test_rates_of_unknown_values_are_unknown() -> None:
         assert (judged.lower, judged.upper) == expected
         assert judged.unknown == ("x",)
         episode = EpisodeMonitor(wanted, nan="unknown")
-        lanes = VectorEpisodeMonitor(wanted, 1, nan="unknown")
+        entries = VectorEpisodeMonitor(wanted, 1, nan="unknown")
         for x in unknown:
             episode.update(x)
-            lanes.update([[x]])
-        assert episode.bounds() == (lanes.lower[0], lanes.upper[0]) == expected
+            entries.update([[x]])
+        assert episode.bounds() == (entries.lower[0], entries.upper[0]) == expected
     first = EpisodeMonitor(spec)
     first.update(UncertainValue(0, 9))
     assert first.bounds() == (3, 3)  # there is no sample before it

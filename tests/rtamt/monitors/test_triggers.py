@@ -370,7 +370,7 @@ def test_left_sides_that_are_not_known_hold_by_standard_semantics(
 
 @settings(max_examples=examples(40))
 @given(formula=requirements(2), several=st.lists(traces(most=6), min_size=2, max_size=3))
-def test_each_lane_has_its_own(formula: Formula, several: list[Trace], backend: Backend) -> None:
+def test_each_entry_has_its_own(formula: Formula, several: list[Trace], backend: Backend) -> None:
     assume(formula.variables)
     its = Implications(formula, backend=backend)
     n = min(map(length, several))

@@ -16,7 +16,7 @@ from profiles import examples
 from strategies import INFINITIES, QUARTERS, formulas
 
 from rtamt import EpisodeMonitor, Formula, Monitor, VectorEpisodeMonitor, VectorMonitor
-from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.batch import BatchReader
 from rtamt.machines.backend import BACKENDS
 
 Backend = Literal["native", "python"]
@@ -41,58 +41,58 @@ class Singles:
     """What `VectorMonitor` is defined to be."""
 
     def __init__(self, formula: Formula, num: int, backend: Backend) -> None:
-        self.lanes = [Monitor(formula, backend=backend) for _ in range(num)]
+        self.entries = [Monitor(formula, backend=backend) for _ in range(num)]
         self.last = [NAN] * num
 
     def chosen(self, mask: Masks) -> list[int]:
-        return [i for i in range(len(self.lanes)) if mask is None or mask[i]]
+        return [i for i in range(len(self.entries)) if mask is None or mask[i]]
 
     def update(self, rows: NDArray[np.float64], mask: Masks) -> list[float]:
         for i in self.chosen(mask):
-            self.last[i] = self.lanes[i].update(rows[i])
+            self.last[i] = self.entries[i].update(rows[i])
         return self.last
 
     def reset(self, mask: Masks) -> None:
         for i in self.chosen(mask):
-            self.lanes[i].reset()
+            self.entries[i].reset()
             self.last[i] = NAN
 
     @property
     def samples(self) -> list[int]:
-        return [lane.samples for lane in self.lanes]
+        return [entry.samples for entry in self.entries]
 
 
 class SingleEpisodes:
     """What `VectorEpisodeMonitor` is defined to be."""
 
     def __init__(self, formula: Formula, num: int, backend: Backend) -> None:
-        self.lanes = [EpisodeMonitor(formula, backend=backend) for _ in range(num)]
+        self.entries = [EpisodeMonitor(formula, backend=backend) for _ in range(num)]
 
     def chosen(self, mask: Masks) -> list[EpisodeMonitor]:
-        return [lane for i, lane in enumerate(self.lanes) if mask is None or mask[i]]
+        return [entry for i, entry in enumerate(self.entries) if mask is None or mask[i]]
 
     def update(self, rows: NDArray[np.float64], mask: Masks) -> list[float]:
-        for row, lane in zip(rows, self.lanes, strict=True):
-            if lane in self.chosen(mask):
-                lane.update(row)
+        for row, entry in zip(rows, self.entries, strict=True):
+            if entry in self.chosen(mask):
+                entry.update(row)
         return self.each("robustness")
 
     def reset(self, mask: Masks) -> None:
-        for lane in self.chosen(mask):
-            lane.reset()
+        for entry in self.chosen(mask):
+            entry.reset()
 
     def finish(self, mask: Masks, end: End) -> list[float]:
-        for lane in self.chosen(mask):
-            lane.finish(end)
+        for entry in self.chosen(mask):
+            entry.finish(end)
         return self.each("robustness")
 
     def each(self, name: str) -> list[Any]:
-        return [getattr(lane, name) for lane in self.lanes]
+        return [getattr(entry, name) for entry in self.entries]
 
 
 @st.composite
 def masks(draw: st.DrawFn, num: int) -> Masks:
-    """Some lanes, none, all, or no mask."""
+    """Some entries, none, all, or no mask."""
     if draw(st.booleans()):
         return None
     return np.array(draw(st.lists(st.booleans(), min_size=num, max_size=num)))
@@ -102,13 +102,13 @@ def masks(draw: st.DrawFn, num: int) -> Masks:
 def tables(
     draw: st.DrawFn, num: int, width: int, values: tuple[float, ...] = QUARTERS
 ) -> NDArray[np.float64]:
-    """A sample for each lane."""
+    """A sample for each entry."""
     drawn = draw(st.binary(min_size=num * width, max_size=num * width))
     return np.array([values[b % len(values)] for b in drawn]).reshape(num, width)
 
 
 def spoilt(rows: NDArray[np.float64], mask: Masks) -> NDArray[np.float64]:
-    """The rows, nan in the lanes that the mask leaves out."""
+    """The rows, nan in the entries that the mask leaves out."""
     return rows if mask is None else np.where(mask[:, None], rows, NAN)
 
 
@@ -122,8 +122,8 @@ def test_a_vector_monitor_is_a_list_of_monitors(
     formula: Formula, num: int, data: st.DataObject, backend: Backend
 ) -> None:
     vector, singles = VectorMonitor(formula, num, backend=backend), Singles(formula, num, backend)
-    assert (vector.num, vector.latency) == (num, singles.lanes[0].latency)
-    assert vector.variables == singles.lanes[0].variables
+    assert (vector.num, vector.latency) == (num, singles.entries[0].latency)
+    assert vector.variables == singles.entries[0].variables
     for _ in range(data.draw(st.integers(1, 9))):
         mask = data.draw(masks(num))
         if data.draw(st.integers(0, 4)) == 0:
@@ -149,10 +149,10 @@ def test_a_vector_episode_monitor_is_a_list_of_episode_monitors(
         if what == 0:
             vector.reset(mask)
             singles.reset(mask)
-        elif what == 1 and all(lane.samples for lane in chosen):
+        elif what == 1 and all(entry.samples for entry in chosen):
             end = data.draw(st.sampled_from(ENDS))
             assert same(vector.finish(mask, end=end), singles.finish(mask, end))
-        elif not any(lane.finished for lane in chosen):
+        elif not any(entry.finished for entry in chosen):
             rows = data.draw(tables(num, len(vector.variables)))
             assert same(vector.update(spoilt(rows, mask), mask), singles.update(rows, mask))
         for name in ("robustness", "lower", "upper", "verdict", "finished", "samples"):
@@ -166,15 +166,15 @@ def test_a_vector_episode_monitor_is_a_list_of_episode_monitors(
     num=st.integers(1, 4),
     data=st.data(),
 )
-def test_nan_is_held_in_each_lane_by_itself(
+def test_nan_is_held_in_each_entry_by_itself(
     formula: Formula, num: int, data: st.DataObject, backend: Backend
 ) -> None:
     vector = VectorMonitor(formula, num, backend=backend, nan="hold")
-    lanes = [Monitor(formula, backend=backend, nan="hold") for _ in range(num)]
+    entries = [Monitor(formula, backend=backend, nan="hold") for _ in range(num)]
     width = len(vector.variables)
     for i in range(data.draw(st.integers(1, 6))):
         rows = data.draw(tables(num, width, INFINITIES if i == 0 else (*INFINITIES, *[NAN] * 20)))
-        expected = [lane.update(row) for lane, row in zip(lanes, rows, strict=True)]
+        expected = [entry.update(row) for entry, row in zip(entries, rows, strict=True)]
         assert same(vector.update(rows), expected)
 
 
@@ -242,7 +242,7 @@ def test_bytes_of_a_mask_that_are_not_0_or_1_are_true(
 
 def test_a_table_that_is_not_aligned_is_copied() -> None:
     held = np.frombuffer(bytes(8 * 6 + 1), np.uint8)[1:].view(np.float64).reshape(3, 2)
-    reader = LaneReader(VectorMonitor("x > y", 3).program, 3, "raise")
+    reader = BatchReader(VectorMonitor("x > y", 3).program, 3, "raise")
     assert not held.flags.aligned
     assert reader.values(held).flags.aligned
 
@@ -400,42 +400,42 @@ def texts(draw: st.DrawFn) -> str:
 @pytest.mark.parametrize("single", list(BACKENDS))
 @settings(max_examples=examples(40))
 @given(text=texts(), num=st.integers(1, 4), seed=st.integers(0, 2**32 - 1))
-def test_lanes_in_columns_are_episode_monitors_bit_for_bit(
+def test_entries_in_columns_are_episode_monitors_bit_for_bit(
     text: str, num: int, seed: int, single: Backend, backend: Backend
 ) -> None:
     vector = VectorEpisodeMonitor(text, num, backend=backend)
-    lanes = [EpisodeMonitor(text, backend=single) for _ in range(num)]
+    entries = [EpisodeMonitor(text, backend=single) for _ in range(num)]
     random = np.random.default_rng(seed)
     for _ in range(random.integers(1, 40)):
-        act(vector, lanes, random)
+        act(vector, entries, random)
         for name in VALUES:
-            expected = [getattr(lane, name) for lane in lanes]
+            expected = [getattr(entry, name) for entry in entries]
             assert bits(getattr(vector, name)) == bits(expected), name
         if random.random() < 0.1:
             vector = pickle.loads(pickle.dumps(vector))
 
 
 def act(
-    vector: VectorEpisodeMonitor, lanes: list[EpisodeMonitor], random: np.random.Generator
+    vector: VectorEpisodeMonitor, entries: list[EpisodeMonitor], random: np.random.Generator
 ) -> None:
-    """Resets, finishes or updates some lanes, and their twins alike."""
-    num, what = len(lanes), random.random()
+    """Resets, finishes or updates some entries, and their twins alike."""
+    num, what = len(entries), random.random()
     mask = None if random.random() < 0.6 else random.random(num) < random.choice([0.1, 0.6])
     chosen = [i for i in range(num) if mask is None or mask[i]]
     if what < 0.1:
         vector.reset(mask)
         for i in chosen:
-            lanes[i].reset()
-    elif what < 0.2 and all(lanes[i].samples for i in chosen):
+            entries[i].reset()
+    elif what < 0.2 and all(entries[i].samples for i in chosen):
         end = random.choice(["complete", "cut", "open"])
         vector.finish(mask, end=end)
         for i in chosen:
-            lanes[i].finish(end)
-    elif not any(lanes[i].finished for i in chosen):
+            entries[i].finish(end)
+    elif not any(entries[i].finished for i in chosen):
         rows = random.integers(-2, 4, (num, len(vector.variables))) / 2.0
         vector.update(rows if random.random() < 0.5 else np.asfortranarray(rows), mask)
         for i in chosen:
-            lanes[i].update(rows[i])
+            entries[i].update(rows[i])
 
 
 LONG = (
@@ -453,10 +453,12 @@ LONG = (
 @pytest.mark.slow(keep=12)
 @pytest.mark.parametrize("k", [1, 2, 7, 16])
 @pytest.mark.parametrize("text", LONG)
-def test_long_episodes_of_lanes_that_fall_out_of_step(text: str, k: int, backend: Backend) -> None:
+def test_long_episodes_of_entries_that_fall_out_of_step(
+    text: str, k: int, backend: Backend
+) -> None:
     text = text.format(k=k)
     vector = VectorEpisodeMonitor(text, 5, backend=backend)
-    lanes = [EpisodeMonitor(text, backend=backend) for _ in range(5)]
+    entries = [EpisodeMonitor(text, backend=backend) for _ in range(5)]
     random = np.random.default_rng(k)
     for step in range(200):
         mask = random.random(5) < 0.9 if 100 < step < 130 else np.ones(5, bool)
@@ -464,26 +466,28 @@ def test_long_episodes_of_lanes_that_fall_out_of_step(text: str, k: int, backend
         vector.reset(again)
         rows = random.normal(size=(5, len(vector.variables)))
         vector.update(rows, mask)
-        for lane, row, fed, begins in zip(lanes, rows, mask, again, strict=True):
+        for entry, row, fed, begins in zip(entries, rows, mask, again, strict=True):
             if begins:
-                lane.reset()
+                entry.reset()
             if fed:
-                lane.update(row)
+                entry.update(row)
         if step % 7 == 0:
             for name in VALUES:
-                assert bits(getattr(vector, name)) == bits([getattr(e, name) for e in lanes]), name
+                assert bits(getattr(vector, name)) == bits([getattr(e, name) for e in entries]), (
+                    name
+                )
 
 
 @pytest.mark.parametrize("k", [1, 2, 5])
 @pytest.mark.parametrize("left_out", [1, 2])
 @pytest.mark.parametrize("before", [5.0, -5.0])
-def test_a_lane_that_waits_after_its_first_sample_keeps_it(
+def test_an_entry_that_waits_after_its_first_sample_keeps_it(
     before: float, k: int, left_out: int, backend: Backend
 ) -> None:
     text = f"always(eventually[0:{k}](x > 0))"
     vector = VectorEpisodeMonitor(text, 2, backend=backend)
     single = EpisodeMonitor(text, backend=backend)
-    for _ in range(9):  # samples of the episode before, that the lane must not see again
+    for _ in range(9):  # samples of the episode before, that the entry must not see again
         vector.update([[-1.0], [before]])
     vector.reset([False, True])
     values = [3.0, *[-2.0] * k, *[4.0] * (k + 1)]
@@ -515,7 +519,7 @@ def test_the_first_sample_will_be_there(text: str, backend: Backend) -> None:
         single.update(*[5.0] * len(vector.variables))
 
 
-def test_a_column_of_a_lane_that_begins_anew_keeps_nothing(backend: Backend) -> None:
+def test_a_column_of_an_entry_that_begins_anew_keeps_nothing(backend: Backend) -> None:
     vector = VectorEpisodeMonitor("always(eventually[0:3](x > 0))", 2, backend=backend)
     fresh = VectorEpisodeMonitor("always(eventually[0:3](x > 0))", 2, backend=backend)
     rows = np.array([[-1.0], [2.0]])

@@ -169,7 +169,7 @@ REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
 
 @pytest.mark.parametrize("kind", CLASSES)
 @pytest.mark.parametrize(("call", "error", "message"), REFUSED, ids=[r[2] for r in REFUSED])
-def test_refused_input_says_why_and_changes_no_lane(
+def test_refused_input_says_why_and_changes_no_entry(
     kind: type[Vector],
     call: Callable[[Vector], object],
     error: type[Exception],
@@ -209,7 +209,7 @@ def test_a_nan_that_cannot_be_held_is_refused(backend: Backend) -> None:
     )
 
 
-def test_a_finished_lane_takes_no_sample(backend: Backend) -> None:
+def test_a_finished_entry_takes_no_sample(backend: Backend) -> None:
     vector = VectorEpisodeMonitor("always(x > 0)", 3, backend=backend)
     vector.update(np.ones((3, 1)))
     vector.finish([False, True, False])
@@ -226,7 +226,7 @@ def test_a_finished_lane_takes_no_sample(backend: Backend) -> None:
     assert vector.finished.tolist() == [False, False, False]
 
 
-def test_finish_needs_a_sample_in_every_lane_and_finishes_all_or_none(backend: Backend) -> None:
+def test_finish_needs_a_sample_in_every_entry_and_finishes_all_or_none(backend: Backend) -> None:
     vector = VectorEpisodeMonitor("always(x > 0)", 3, backend=backend)
     vector.update(np.ones((3, 1)), [True, True, False])
     with pytest.raises(StateError) as caught:
@@ -273,7 +273,7 @@ def test_finish_needs_a_sample_in_every_lane_and_finishes_all_or_none(backend: B
         ),
     ],
 )
-def test_the_number_of_lanes_is_checked(
+def test_the_number_of_entries_is_checked(
     kind: type[Vector], num: int, error: type[Exception], message: str, backend: Backend
 ) -> None:
     with pytest.raises(error) as caught:
@@ -373,7 +373,7 @@ def test_frames_are_columns_by_name(kind: Any, backend: Backend) -> None:  # noq
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_lane_that_is_left_out_may_be_nan(kind: Any, backend: Backend) -> None:  # noqa: ANN401
+def test_an_entry_that_is_left_out_may_be_nan(kind: Any, backend: Backend) -> None:  # noqa: ANN401
     monitor = kind("x > 0", 2, backend=backend)
     monitor.update(x=[1, np.nan], mask=[True, False])
     assert monitor.samples.tolist() == [1, 0]
@@ -385,11 +385,11 @@ def test_a_default_is_held_as_by_a_single_monitor(kind: Any, backend: Backend) -
     monitor = kind(text, 2, backend=backend)
     single = [SINGLE[kind](text, backend=backend) for _ in range(2)]
     samples = [({"x": 1.0}, [0, 1]), ({"x": 1.0, "limit": 5.0}, [1]), ({"x": 0.5}, [0, 1])]
-    for sample, lanes in samples:
-        mask = [lane in lanes for lane in range(2)]
+    for sample, entries in samples:
+        mask = [entry in entries for entry in range(2)]
         found = monitor.update(**{name: [value] * 2 for name, value in sample.items()}, mask=mask)
-        for lane in lanes:
-            assert bits([found[lane]]) == bits([single[lane].update(**sample)])
+        for entry in entries:
+            assert bits([found[entry]]) == bits([single[entry].update(**sample)])
 
 
 def test_uncertain_columns_are_between(backend: Backend) -> None:
@@ -430,7 +430,7 @@ def test_a_formula_without_variables_needs_no_values(kind: Any, backend: Backend
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_messages_are_one_for_each_lane_or_nested_columns(kind: Any, backend: Backend) -> None:  # noqa: ANN401
+def test_messages_are_one_for_each_entry_or_nested_columns(kind: Any, backend: Backend) -> None:  # noqa: ANN401
     text = "from geometry import Twist\ninput Twist cmd\nresult = cmd.linear.x > 1"
     monitor = kind(parse(text, modules=MODULES), 2, backend=backend)
     messages = [Twist(VectorMessage(x=3.0)), {"linear": {"x": 1.5}}]

@@ -126,19 +126,19 @@ def test_a_block_is_read_from_its_begin_to_its_end(text: str, n: int, edge: str)
 
 
 @edges
-@pytest.mark.parametrize("lanes", [1, 3, 8, 17, 64])
+@pytest.mark.parametrize("entries", [1, 3, 8, 17, 64])
 @pytest.mark.parametrize("kind", [VectorMonitor, VectorEpisodeMonitor])
-def test_rows_of_lanes_are_read_from_their_begin_to_their_end(
-    kind: Callable[..., VectorMonitor | VectorEpisodeMonitor], lanes: int, edge: str
+def test_rows_of_entries_are_read_from_their_begin_to_their_end(
+    kind: Callable[..., VectorMonitor | VectorEpisodeMonitor], entries: int, edge: str
 ) -> None:
     text = "always(x implies eventually[0:3] y)"
     if kind is VectorMonitor:
         text = "x and once[0:3] y"
-    mine, definition = (kind(text, lanes, backend=b) for b in ("native", "python"))
-    random = np.random.default_rng(lanes)
+    mine, definition = (kind(text, entries, backend=b) for b in ("native", "python"))
+    random = np.random.default_rng(entries)
     for _ in range(9):
-        values = random.normal(size=(lanes, 2))
-        mask = random.random(lanes) < 0.7
+        values = random.normal(size=(entries, 2))
+        mask = random.random(entries) < 0.7
         found = mine.update(between(values, edge), mask)
         assert bits(found) == bits(definition.update(values, mask))
 

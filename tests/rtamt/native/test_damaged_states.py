@@ -19,7 +19,7 @@ from rtamt.machines.clocks import OperatorClock
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
-LANES = 3
+ENTRIES = 3
 PAST = "prev(historically[0:7](x > 0))"
 FUTURE = f"always[5:inf]({PAST})"
 DAMAGED = r"^expected a whole state, got a damaged one$"
@@ -29,8 +29,8 @@ LIMIT = 2**62
 MAKERS: dict[str, Callable[[], Any]] = {
     "discrete": lambda: Monitor(PAST, backend="native"),
     "episode": lambda: EpisodeMonitor(FUTURE, backend="native"),
-    "discrete bank": lambda: VectorMonitor(PAST, LANES, backend="native"),
-    "episode bank": lambda: VectorEpisodeMonitor(FUTURE, LANES, backend="native"),
+    "discrete batch": lambda: VectorMonitor(PAST, ENTRIES, backend="native"),
+    "episode batch": lambda: VectorEpisodeMonitor(FUTURE, ENTRIES, backend="native"),
 }
 
 kinds = pytest.mark.parametrize("kind", MAKERS)
@@ -38,7 +38,7 @@ kinds = pytest.mark.parametrize("kind", MAKERS)
 
 def feed(kind: str, monitor: Any, n: int) -> None:  # noqa: ANN401 - any monitor of samples
     for _ in range(n):
-        monitor.update(np.ones((LANES, 1)) if "bank" in kind else 1.0)
+        monitor.update(np.ones((ENTRIES, 1)) if "batch" in kind else 1.0)
 
 
 def counting(state: bytes, samples: int) -> bytes:
@@ -97,10 +97,10 @@ CHANGED: dict[str, Callable[[], Any]] = {
     "episode": lambda: EpisodeMonitor("always((x > 0) implies eventually[0:5](x > 1))"),
     "episode pairs": lambda: EpisodeMonitor("always((x > 0) until[3:9] (once[2:8](x > 1)))"),
     "dense": lambda: rtamt.dense.Monitor("(x > 0) until[1:3] (once[0:2](x > 1))"),
-    "discrete bank": lambda: VectorMonitor("always[0:9](x > 1) or prev(x > 2)", LANES),
-    "episode bank": lambda: VectorEpisodeMonitor("always(eventually[0:5](x > 1))", LANES),
-    "episode bank of machines": lambda: VectorEpisodeMonitor(
-        "always((x > 0) until[3:9] (once[2:8](x > 1)))", LANES
+    "discrete batch": lambda: VectorMonitor("always[0:9](x > 1) or prev(x > 2)", ENTRIES),
+    "episode batch": lambda: VectorEpisodeMonitor("always(eventually[0:5](x > 1))", ENTRIES),
+    "episode batch of machines": lambda: VectorEpisodeMonitor(
+        "always((x > 0) until[3:9] (once[2:8](x > 1)))", ENTRIES
     ),
     "dense episode": lambda: rtamt.dense.EpisodeMonitor(
         "always((x > 0) until[1:3] (once[0:2](x > 1)) or eventually(x > 3))", backend="native"
@@ -115,7 +115,7 @@ def play(kind: str, monitor: Any, rng: random.Random, n: int) -> None:  # noqa: 
             monitor.update({"x": [(begin + rng.random(), rng.gauss(0, 2))]})
         else:
             x = rng.gauss(0, 2)
-            monitor.update([[x], [1.0], [-x]] if "bank" in kind else x)
+            monitor.update([[x], [1.0], [-x]] if "batch" in kind else x)
 
 
 @pytest.mark.parametrize("kind", CHANGED)
@@ -281,10 +281,10 @@ def test_an_episode_over_dense_time_begins_where_it_can_have_begun() -> None:
         refused(machine, state[:10] + struct.pack("=q", begin) + state[18:])
 
 
-def uncertain(lanes: int) -> Any:  # noqa: ANN401 - of either kind
+def uncertain(entries: int) -> Any:  # noqa: ANN401 - of either kind
     """A monitor whose two machines have taken different samples."""
-    if lanes:
-        many = VectorEpisodeMonitor("always(x > 0)", lanes, nan="unknown", backend="native")
+    if entries:
+        many = VectorEpisodeMonitor("always(x > 0)", entries, nan="unknown", backend="native")
         many.update(np.array([[math.nan], [1.0]]))
         return many
     one = EpisodeMonitor("always(x > 0)", nan="unknown", backend="native")
@@ -292,10 +292,10 @@ def uncertain(lanes: int) -> Any:  # noqa: ANN401 - of either kind
     return one
 
 
-@pytest.mark.parametrize("lanes", [0, 2])
-def test_the_two_machines_of_what_is_uncertain_have_seen_the_same(lanes: int) -> None:
+@pytest.mark.parametrize("entries", [0, 2])
+def test_the_two_machines_of_what_is_uncertain_have_seen_the_same(entries: int) -> None:
     """Each byte of a state is changed by itself; what is taken is a state that goes on alike."""
-    made, other = uncertain(lanes), uncertain(lanes)
+    made, other = uncertain(entries), uncertain(entries)
     other.finish()
     other._machine.restore(made._machine.state())
     machine, state = made._machine, made._machine.state()
@@ -308,12 +308,12 @@ def test_the_two_machines_of_what_is_uncertain_have_seen_the_same(lanes: int) ->
             except ValueError:
                 assert machine.state() == state
                 continue
-            assert np.all(machine.samples == np.ones(lanes or 1)), at
+            assert np.all(machine.samples == np.ones(entries or 1)), at
             assert not np.any(machine.finished), at
             machine.restore(state)
 
 
-def test_lanes_that_are_cut_twice_stay_as_they_were_cut() -> None:
+def test_entries_that_are_cut_twice_stay_as_they_were_cut() -> None:
     monitor = uncertain(2)
     monitor.finish(np.array([True, False]), end="cut")
     before = np.stack([monitor.robustness, monitor.lower, monitor.upper])
@@ -327,13 +327,13 @@ def test_lanes_that_are_cut_twice_stay_as_they_were_cut() -> None:
 def test_clocks_of_operators_count_to_their_ends(count: int) -> None:
     native = pytest.importorskip("rtamt._native")
     row = OperatorClock("oldest", "holds", 0, 5, 0, ((0, 0),))
-    bank = native.ClockBank([row], 1, 3)
-    bank.feed(np.array([-1.0, -1.0, -1.0]))
-    bank.feed(np.array([-1.0, 1.0, -1.0]))
-    state = bank.state()
+    batch = native.ClockBatch([row], 1, 3)
+    batch.feed(np.array([-1.0, -1.0, -1.0]))
+    batch.feed(np.array([-1.0, 1.0, -1.0]))
+    state = batch.state()
     tried = 0
     for at in range(8, len(state) - 7, 8):
         if 0 < struct.unpack_from("=q", state, at)[0] < 9:
-            refused(bank, state[:at] + struct.pack("=q", count) + state[at + 8 :])
+            refused(batch, state[:at] + struct.pack("=q", count) + state[at + 8 :])
             tried += 1
     assert tried >= 6

@@ -38,13 +38,13 @@ MAKERS: dict[str, Maker] = {
     "DenseRegions": lambda text, _: module.DenseRegions(
         *encoded_regions(place(compile_regions(as_specification(text), NANOSECOND).program))
     ),
-    "DiscreteBank": lambda text, reader: native.discrete_bank(program(text), 3, reader),
-    "EpisodeBank": lambda text, reader: native.episode_bank(program(text), 3, reader),
-    "ClockBank": lambda text, _: native.clock_bank(
+    "DiscreteBatch": lambda text, reader: native.discrete_batch(program(text), 3, reader),
+    "EpisodeBatch": lambda text, reader: native.episode_batch(program(text), 3, reader),
+    "ClockBatch": lambda text, _: native.clock_batch(
         [OperatorClock("oldest", "holds", 0, len(text), 0, ((0, 0),))], 1, 3
     ),
 }
-CALLS: dict[str, tuple[Any, ...]] = {"DenseRegions": ("advance", [], 0), "ClockBank": ("feed", [])}
+CALLS: dict[str, tuple[Any, ...]] = {"DenseRegions": ("advance", [], 0), "ClockBatch": ("feed", [])}
 """What takes in a sample, where that is not ``update(number)``."""
 
 TEXT = "always[0:3](x > 1)"
@@ -63,7 +63,11 @@ class Reader:
 
 def test_every_machine_class_is_tested_here() -> None:
     classes = {name for name in vars(module) if isinstance(getattr(module, name), type)}
-    assert classes == {*MAKERS, "DenseSigns", "EpisodePanel"}  # which have no state that goes on
+    assert classes == {
+        *MAKERS,
+        "DenseSigns",
+        "EpisodeMonitorSet",
+    }  # which have no state that goes on
 
 
 @machines
@@ -82,7 +86,7 @@ def test_an_object_that_was_not_made_is_refused(name: str) -> None:
     gc.collect()
 
 
-@pytest.mark.parametrize("name", [*MAKERS, "EpisodePanel"])
+@pytest.mark.parametrize("name", [*MAKERS, "EpisodeMonitorSet"])
 def test_a_cycle_through_an_object_that_was_not_made_is_collected(name: str) -> None:
     kind: Any = type(name, (getattr(module, name),), {})
     unmade = kind.__new__(kind)

@@ -84,7 +84,7 @@ READERS: dict[str, Callable[[Callable[[Any], Any]], object]] = {
     ).tolist(),
     "evaluate of one variable": lambda odd: rtamt.evaluate("x > 3", odd(TABLE[:, :1])).tolist(),
     "evaluate_many": lambda odd: rtamt.evaluate(TEXT, odd([TABLE, TABLE])).tolist(),
-    "lanes": lambda odd: VectorMonitor("x > y", 3).update(odd(TABLE)).tolist(),
+    "entries": lambda odd: VectorMonitor("x > y", 3).update(odd(TABLE)).tolist(),
     "events": lambda odd: rtamt.dense.Monitor("x > 0").update(
         x=rtamt.dense.Events(odd([0.0, 1.0, 2.0]), odd([1.0, -1.0, 2.0]))
     ),

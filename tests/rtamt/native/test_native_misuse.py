@@ -282,7 +282,7 @@ def test_a_mask_of_the_reader_may_lie_anywhere() -> None:
         def mask(self, given: Any) -> Any:  # noqa: ANN401 - of the test
             return given
 
-    made = native.DiscreteBank([LOAD], 1, ("x",), 0, 0, 3, Reader())
+    made = native.DiscreteBatch([LOAD], 1, ("x",), 0, 0, 3, Reader())
     for begin in range(3):
         mask = np.array([True, False, True, False, True])[begin : begin + 3]
         made.update(np.ones((3, 1)), mask.view(np.recarray))
@@ -335,10 +335,10 @@ def test_slots_hold_objects_of_a_monitor_that_can_be_forgotten() -> None:
     assert machine.update(2.0) == 2.0
 
 
-# Panels. -----------------------------------------------------------------------------------------
+# Monitor sets. -----------------------------------------------------------------------------------
 
 
-def panel(**changes: object) -> Any:  # noqa: ANN401 - of the native module
+def monitor_set(**changes: object) -> Any:  # noqa: ANN401 - of the native module
     made: dict[str, Any] = {
         "machines": [EpisodeMonitor("always(x > y)", backend="native")._machine],
         "places": [(0, 1)],
@@ -347,7 +347,7 @@ def panel(**changes: object) -> Any:  # noqa: ANN401 - of the native module
         "seen": None,
         "number": float,
     }
-    return native.EpisodePanel(**{**made, **changes})
+    return native.EpisodeMonitorSet(**{**made, **changes})
 
 
 @pytest.mark.parametrize(
@@ -360,21 +360,23 @@ def panel(**changes: object) -> Any:  # noqa: ANN401 - of the native module
         ({"reads": [(np.ones(2, int), 0), 1]}, "expected an element of an array of"),
     ],
 )
-def test_a_panel_reads_a_number_for_each_variable(changes: dict[str, object], message: str) -> None:
+def test_a_monitor_set_reads_a_number_for_each_variable(
+    changes: dict[str, object], message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
-        panel(**changes)
+        monitor_set(**changes)
 
 
-def test_a_panel_reads_keys_arrays_and_functions() -> None:
+def test_a_monitor_set_reads_keys_arrays_and_functions() -> None:
     held, seen = np.array([5.0, 7.0]), list[list[float]]()
     keys = (1, 2, 3)
-    made = panel(reads=[keys, (held, 1)], seen=seen.append)
+    made = monitor_set(reads=[keys, (held, 1)], seen=seen.append)
     assert made.feed({keys: 9})[0] == 2.0
     with pytest.raises(RuntimeError, match=r"^expected what elements are read from$"):
         made.feed()
     with pytest.raises(KeyError):
         made.feed({})
-    assert panel(reads=[lambda *args: len(args), (held, 0)]).feed(0, 0)[0] == -3.0
+    assert monitor_set(reads=[lambda *args: len(args), (held, 0)]).feed(0, 0)[0] == -3.0
     held.resize(1, refcheck=False)
     with pytest.raises(RuntimeError, match=r"^an array has lost the element that is read$"):
         made.feed({keys: 9})
@@ -393,7 +395,7 @@ def clock(**changes: object) -> Any:  # noqa: ANN401 - of the native module
         "late": 0,
         "operands": ((0, 0),),
     }
-    return native.ClockBank([OperatorClock(**{**made, **changes})], 2, 3)
+    return native.ClockBatch([OperatorClock(**{**made, **changes})], 2, 3)
 
 
 def test_clocks_are_those_of_parts_that_are_fed() -> None:
@@ -416,39 +418,39 @@ def test_what_numpy_holds_as_no_object_is_spread_as_none() -> None:
     values = np.array([None, object()])
     ctypes.memset(values.ctypes.data, 0, ctypes.sizeof(ctypes.c_void_p))
     info: dict[str, Any] = {}
-    assert native.spread_lanes([(info, "a", "_a", values, None)], np.array([2, 0]), 3) == 1
+    assert native.spread_entries([(info, "a", "_a", values, None)], np.array([2, 0]), 3) == 1
     assert info["a"].tolist() == [values[1], None, None]
     assert info["_a"].tolist() == [True, False, True]
 
 
-def test_keys_of_lanes_that_no_dictionary_takes_are_refused() -> None:
+def test_keys_of_entries_that_no_dictionary_takes_are_refused() -> None:
     keys: list[Any] = [[], {}]
     for key in keys:
         info: dict[str, Any] = {}
         with pytest.raises(TypeError, match="unhashable"):
-            native.spread_lanes([(info, key, "_a", np.ones(1), None)], np.array([0]), 2)
+            native.spread_entries([(info, key, "_a", np.ones(1), None)], np.array([0]), 2)
         assert info == {}
 
 
 def test_no_more_rows_are_spread_than_there_are_dictionaries() -> None:
     groups: list[dict[str, Any]] = [{}, {}]
     columns = [(groups, "a", "_a", np.ones((3, 1)), None)]
-    assert native.spread_lanes(columns, np.array([0]), 2) == 0
+    assert native.spread_entries(columns, np.array([0]), 2) == 0
     assert groups == [{}, {}]
 
 
-def test_masks_of_other_lanes_are_no_masks() -> None:
-    bank = VectorEpisodeMonitor("always(x > 0)", 3, backend="native")._machine
+def test_masks_of_other_entries_are_no_masks() -> None:
+    batch = VectorEpisodeMonitor("always(x > 0)", 3, backend="native")._machine
     for mask in (np.ones(2, bool), np.ones(3), np.ones((3, 3), bool), np.ones(6, bool)[::2]):
-        with pytest.raises(ValueError, match=r"^expected contiguous arrays of the banks' shape$"):
-            native.reset_banks((bank,), mask)
-        assert native.feed_banks((bank,), ((0,),), np.ones((3, 1)), mask) == 0
-    assert bank.samples.tolist() == [0, 0, 0]
+        with pytest.raises(ValueError, match=r"^expected contiguous arrays of the batches' shape$"):
+            native.reset_batches((batch,), mask)
+        assert native.feed_batches((batch,), ((0,),), np.ones((3, 1)), mask) == 0
+    assert batch.samples.tolist() == [0, 0, 0]
 
 
-def test_a_bank_has_a_lane() -> None:
-    with pytest.raises(ValueError, match=r"^expected a lane, got none$"):
-        native.EpisodeBank([LOAD], [ENDLESS], [1], [0], ("x",), 0, object())
+def test_a_batch_has_an_entry() -> None:
+    with pytest.raises(ValueError, match=r"^expected an entry, got none$"):
+        native.EpisodeBatch([LOAD], [ENDLESS], [1], [0], ("x",), 0, object())
 
 
 @pytest.mark.parametrize("count", [MAX_UNKNOWNS, MAX_UNKNOWNS + 1])

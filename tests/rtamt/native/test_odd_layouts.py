@@ -62,7 +62,7 @@ SAME: dict[str, Layout] = {
 
 @pytest.mark.parametrize("layout", SAME)
 @pytest.mark.parametrize("kind", [VectorMonitor, VectorEpisodeMonitor])
-def test_tables_of_lanes(kind: Any, layout: str) -> None:  # noqa: ANN401 - of two classes
+def test_tables_of_entries(kind: Any, layout: str) -> None:  # noqa: ANN401 - of two classes
     table = np.arange(6.0).reshape(3, 2)
     found, expected = (
         kind("historically[0:2](x - 2 * y > 0)", 3, backend="native") for _ in range(2)
@@ -74,7 +74,7 @@ def test_tables_of_lanes(kind: Any, layout: str) -> None:  # noqa: ANN401 - of t
 
 @pytest.mark.parametrize("begin", [0, 1])
 @pytest.mark.parametrize("layout", [name for name in SAME if name != "lists"])
-def test_masks_of_lanes(layout: str, begin: int) -> None:
+def test_masks_of_entries(layout: str, begin: int) -> None:
     mask = np.array([False, True, False, True])[begin : begin + 3]
     for kind in (VectorMonitor, VectorEpisodeMonitor):
         monitor = kind("historically(x > 0)", 3, backend="native")
@@ -83,16 +83,16 @@ def test_masks_of_lanes(layout: str, begin: int) -> None:
 
 
 @pytest.mark.parametrize("layout", SAME)
-def test_tables_that_banks_are_fed(layout: str) -> None:
+def test_tables_that_batches_are_fed(layout: str) -> None:
     table = np.arange(6.0).reshape(3, 2)
-    bank, other = (
+    batch, other = (
         VectorEpisodeMonitor("x - 2 * y > 0", 3, backend="native")._machine for _ in range(2)
     )
-    if native.feed_banks((bank,), ((0, 1),), SAME[layout](table), None) == 0:
+    if native.feed_batches((batch,), ((0, 1),), SAME[layout](table), None) == 0:
         assert layout not in {"C", "Fortran", "backwards", "spread out", "read only"}
-        assert bank.samples.tolist() == [0, 0, 0]
+        assert batch.samples.tolist() == [0, 0, 0]
         return
-    assert bank.robustness.tolist() == other.update(table).tolist()
+    assert batch.robustness.tolist() == other.update(table).tolist()
 
 
 @pytest.mark.parametrize("layout", SAME)
@@ -145,57 +145,57 @@ WRONG: dict[str, Layout] = {
     "other numbers": lambda a: a.astype(np.float32),
     "lists": lambda a: a.tolist(),
 }
-"""What native functions on rows of lanes take for no array of theirs."""
+"""What native functions on rows of entries take for no array of theirs."""
 
 MISALIGNED: dict[str, Layout] = {"misaligned": misaligned}
 
 
 def clocks() -> Any:  # noqa: ANN401 - of the native module
-    return native.ClockBank([OperatorClock("oldest", "holds", 0, 5, 0, ((0, 0),))], 2, 2)
+    return native.ClockBatch([OperatorClock("oldest", "holds", 0, 5, 0, ((0, 0),))], 2, 2)
 
 
 @pytest.mark.parametrize("layout", [*WRONG, "misaligned"])
 def test_rows_that_clocks_do_not_take(layout: str) -> None:
     values = np.array([[1.0, -1.0], [2.0, 3.0]])
-    bank = clocks()
+    batch = clocks()
     with pytest.raises(ValueError, match=r"^expected a contiguous row of each part$"):
-        bank.feed({**WRONG, **MISALIGNED}[layout](values))
+        batch.feed({**WRONG, **MISALIGNED}[layout](values))
     if layout != "misaligned":
-        with pytest.raises(ValueError, match=r"^expected a mask of one boolean for each lane$"):
-            bank.feed(values, WRONG[layout](np.ones(2, np.bool_)))
-    assert bank.samples.tolist() == [0, 0]
+        with pytest.raises(ValueError, match=r"^expected a mask of one boolean for each entry$"):
+            batch.feed(values, WRONG[layout](np.ones(2, np.bool_)))
+    assert batch.samples.tolist() == [0, 0]
     for taken in (values, values.reshape(-1), np.asfortranarray(values.reshape(1, 4))):
-        bank.feed(taken)
-    assert bank.samples.tolist() == [3, 3]
+        batch.feed(taken)
+    assert batch.samples.tolist() == [3, 3]
 
 
 @pytest.mark.parametrize("layout", [*WRONG, "misaligned"])
-def test_books_that_are_not_written(layout: str) -> None:
-    bank = VectorEpisodeMonitor("always(x > 0)", 2, backend="native")._machine
-    bank.update(np.array([[1.0], [-1.0]]))
-    book: dict[str, Any] = {
+def test_logs_that_are_not_written(layout: str) -> None:
+    batch = VectorEpisodeMonitor("always(x > 0)", 2, backend="native")._machine
+    batch.update(np.array([[1.0], [-1.0]]))
+    log: dict[str, Any] = {
         "settled_at": np.full(2, -1),
         "violated": np.zeros(2, np.bool_),
         "failed": np.zeros(2, np.bool_),
         "first": np.full(2, -1),
         "violated_at": np.full(2, -1),
     }
-    for name, array in book.items():
+    for name, array in log.items():
         if layout == "misaligned" and array.dtype == np.bool_:
             continue
-        odd = {**book, name: {**WRONG, **MISALIGNED}[layout](array)}
-        with pytest.raises(ValueError, match=r"^expected contiguous arrays of the banks' shape$"):
-            native.note_verdicts((bank,), None, **odd)
-        with pytest.raises(ValueError, match=r"^expected contiguous arrays of the banks' shape$"):
+        odd = {**log, name: {**WRONG, **MISALIGNED}[layout](array)}
+        with pytest.raises(ValueError, match=r"^expected contiguous arrays of the batches' shape$"):
+            native.note_verdicts((batch,), None, **odd)
+        with pytest.raises(ValueError, match=r"^expected contiguous arrays of the batches' shape$"):
             native.forget_verdicts(None, 1, 2, **odd)
-    native.note_verdicts((bank,), None, **book)
-    assert book["settled_at"].tolist() == [-1, 0]
-    assert book["first"].tolist() == [-1, 0]
+    native.note_verdicts((batch,), None, **log)
+    assert log["settled_at"].tolist() == [-1, 0]
+    assert log["first"].tolist() == [-1, 0]
 
 
 @pytest.mark.parametrize("kind", [np.float64, np.int64, np.bool_, object])
 @pytest.mark.parametrize("layout", [*WRONG, "misaligned"])
-def test_values_of_lanes_that_are_left_to_python(layout: str, kind: Any) -> None:  # noqa: ANN401
+def test_values_of_entries_that_are_left_to_python(layout: str, kind: Any) -> None:  # noqa: ANN401
     one, rows = np.array([1, 2]).astype(kind), np.array([[1, 2], [3, 4]]).astype(kind)
     if layout == "misaligned" and kind in {np.bool_, object}:
         return
@@ -203,10 +203,10 @@ def test_values_of_lanes_that_are_left_to_python(layout: str, kind: Any) -> None
         places: Any = {} if values.ndim == 1 else [{}, {}]
         odd = {**WRONG, **MISALIGNED}[layout](values)
         columns = [(places, "a", "_a", odd, None)]
-        assert native.spread_lanes(columns, np.array([1, 0]), 2) == 0
+        assert native.spread_entries(columns, np.array([1, 0]), 2) == 0
         assert places in ({}, [{}, {}])
     groups: list[dict[str, Any]] = [{}, {}]
-    assert native.spread_lanes([(groups, "a", "_a", rows, None)], np.array([1, 0]), 2) == 1
+    assert native.spread_entries([(groups, "a", "_a", rows, None)], np.array([1, 0]), 2) == 1
     assert [group["a"].tolist() for group in groups] == [
         rows[0, ::-1].tolist(),
         rows[1, ::-1].tolist(),

@@ -30,8 +30,8 @@ from rtamt import (
     VectorEpisodeMonitor,
     VectorMonitor,
 )
+from rtamt.inputs.batch import BatchReader
 from rtamt.inputs.event_reader import EventReader
-from rtamt.inputs.lanes import LaneReader
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -62,7 +62,7 @@ def trace(seed: int, n: int = LONG) -> dict[str, Any]:
     return {"x": random.normal(size=n), "y": random.normal(size=n)}
 
 
-def lanes(seed: int) -> Any:  # noqa: ANN401 - of three dimensions
+def entries(seed: int) -> Any:  # noqa: ANN401 - of three dimensions
     return np.random.default_rng(seed).normal(size=(60, 50, 2))
 
 
@@ -95,10 +95,10 @@ def single(seed: int) -> list[float]:
     return [*found, episode.finish()]
 
 
-def banks(seed: int) -> list[float]:
+def batches(seed: int) -> list[float]:
     late, episodes = VectorMonitor(TEXT, 50), VectorEpisodeMonitor(TEXT, 50, nan="unknown")
     found: list[float] = []
-    for step, values in enumerate(lanes(seed)):
+    for step, values in enumerate(entries(seed)):
         found += [*late.update(values), *episodes.update(np.where(values > 2, math.nan, values))]
         found += [*episodes.lower, *episodes.verdict]
         episodes.reset(np.arange(50) % 7 == step % 7)
@@ -135,7 +135,7 @@ def many(seed: int) -> list[float]:
     return [*result.robustness, *result.lower, *result.verdict, *triggers.samples]
 
 
-OWN = (offline, block, single, banks, over_time, stepwise, judged, many)
+OWN = (offline, block, single, batches, over_time, stepwise, judged, many)
 
 
 @pytest.mark.parametrize("work", OWN)
@@ -219,7 +219,7 @@ def test_nothing_of_a_monitor_is_seen_while_a_block_runs() -> None:
     at_once(look, feed)
 
 
-def test_lanes_that_threads_feed_are_all_counted() -> None:
+def test_entries_that_threads_feed_are_all_counted() -> None:
     late, episodes = VectorMonitor("once(x)", 6), VectorEpisodeMonitor("eventually(x > 0)", 6)
 
     def feed(first: int) -> None:
@@ -240,14 +240,14 @@ def test_an_episode_that_another_thread_ends_while_values_are_read_takes_none(
 ) -> None:
     episodes = VectorEpisodeMonitor("always(x > 0)", 2, nan="hold")
     episodes.update([[1.0], [2.0]])
-    ends = LaneReader.ends
+    ends = BatchReader.ends
 
     def late(*args: Any) -> object:  # noqa: ANN401
         found = ends(*args)
         at_once(episodes.finish)
         return found
 
-    monkeypatch.setattr(LaneReader, "ends", late)
+    monkeypatch.setattr(BatchReader, "ends", late)
     with pytest.raises(
         StateError, match=r"^the episode of batch entry 0 is finished; reset it before"
     ):

@@ -97,15 +97,17 @@ def test_monitors_run_with_the_rounded_bounds(
     misfit, fitting, period, align = case
     got = rtamt.EpisodeMonitor(misfit, period, align=align)
     expected = rtamt.EpisodeMonitor(fitting)
-    lanes = rtamt.VectorEpisodeMonitor(misfit, 2, period, align=align)
+    entries = rtamt.VectorEpisodeMonitor(misfit, 2, period, align=align)
     for i in range(length(trace)):
         row = [sample(trace, i)[name] for name in got.variables]
         got.update(*row)
         expected.update(*row)
-        lanes.update([row, row])
+        entries.update([row, row])
         values = (expected.robustness, *expected.bounds())
         np.testing.assert_array_equal((got.robustness, *got.bounds()), values)
-        np.testing.assert_array_equal((lanes.robustness[1], lanes.lower[1], lanes.upper[1]), values)
+        np.testing.assert_array_equal(
+            (entries.robustness[1], entries.lower[1], entries.upper[1]), values
+        )
 
 
 @given(misfits(), traces())
@@ -120,13 +122,13 @@ def test_values_come_as_late_as_with_the_rounded_bounds(
             rtamt.Monitor(misfit, period, align=align)
         return
     got = rtamt.Monitor(misfit, period, align=align)
-    lanes = rtamt.VectorMonitor(misfit, 2, period, align=align)
-    assert got.latency == lanes.latency == expected.latency
+    entries = rtamt.VectorMonitor(misfit, 2, period, align=align)
+    assert got.latency == entries.latency == expected.latency
     for i in range(length(trace)):
         row = [sample(trace, i)[name] for name in got.variables]
         value = expected.update(*row)
         np.testing.assert_array_equal(got.update(*row), value)
-        np.testing.assert_array_equal(lanes.update([row, row]), [value, value])
+        np.testing.assert_array_equal(entries.update([row, row]), [value, value])
 
 
 @ways
@@ -205,8 +207,8 @@ def test_copies_and_pickles_keep_it(kind: type[rtamt.Monitor], align: Align) -> 
 
 
 def test_a_vector_monitor_keeps_it() -> None:
-    lanes = rtamt.VectorMonitor("once[0.11:0.35](x > 0)", 2, 0.1, align="inward")
-    assert "[-3, -2]" in str(pickle.loads(pickle.dumps(lanes)).program)
+    entries = rtamt.VectorMonitor("once[0.11:0.35](x > 0)", 2, 0.1, align="inward")
+    assert "[-3, -2]" in str(pickle.loads(pickle.dumps(entries)).program)
 
 
 def test_one_specification_is_compiled_for_each_way() -> None:

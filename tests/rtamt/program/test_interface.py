@@ -101,18 +101,18 @@ def test_episode_monitor_gives_the_definition_and_its_bounds(
 
 @settings(max_examples=examples(40))
 @given(case=cases(), rows=st.lists(traces(least=4, most=4), min_size=3, max_size=3))
-def test_lanes_in_lockstep_are_single_monitors(
+def test_entries_in_batch_are_single_monitors(
     case: Case, rows: list[Trace], backend: Backend
 ) -> None:
     spec, semantics = case
-    lanes = VectorMonitor(spec, 3, semantics=semantics, backend=backend)
+    entries = VectorMonitor(spec, 3, semantics=semantics, backend=backend)
     episodes = VectorEpisodeMonitor(spec, 3, semantics=semantics, backend=backend)
     single = [Monitor(spec, semantics=semantics, backend=backend) for _ in rows]
     whole = [EpisodeMonitor(spec, semantics=semantics, backend=backend) for _ in rows]
     for i in range(4):
         block = np.array([[t[v][i] for v in spec.variables] for t in rows], float).reshape(3, -1)
         assert same(
-            lanes.update(block), [m.update(*row) for m, row in zip(single, block, strict=True)]
+            entries.update(block), [m.update(*row) for m, row in zip(single, block, strict=True)]
         )
         now = [m.update(*row) for m, row in zip(whole, block, strict=True)]
         assert identical(episodes.update(block), now)
@@ -218,10 +218,10 @@ def test_request_and_grant_of_the_paper(
     req, gnt = ("req",), ("gnt",)
     monitor = Monitor(GRANTED, semantics=semantics, inputs=req, outputs=gnt, backend=backend)
     assert monitor.update_many(trace)[-1] == expected
-    lanes = VectorMonitor(declared, 1, semantics=semantics, backend=backend)
+    entries = VectorMonitor(declared, 1, semantics=semantics, backend=backend)
     episode = EpisodeMonitor(declared, semantics=semantics, backend=backend)
     rows = np.array([trace["req"], trace["gnt"]]).T
     for row in rows:
-        last = lanes.update([row])[0], episode.update(row)
+        last = entries.update([row])[0], episode.update(row)
     assert last == (expected, expected)
     assert episode.finish() == expected

@@ -45,7 +45,7 @@ MODES = st.one_of(st.none(), st.sampled_from(get_args(Mode)))
     at_truncation=st.sampled_from(get_args(End)),
     bonus=st.sampled_from([0.0, 0.5]),
     penalty=st.sampled_from([0.0, 2.0]),
-    lanes=st.integers(1, 4),
+    entries=st.integers(1, 4),
     samples=st.integers(1, 30),
 )
 def test_relabel_equals_wrappers(
@@ -58,7 +58,7 @@ def test_relabel_equals_wrappers(
     at_truncation: End,
     bonus: float,
     penalty: float,
-    lanes: int,
+    entries: int,
     samples: int,
 ) -> None:
     options: dict[str, Any] = {
@@ -87,7 +87,7 @@ def test_relabel_equals_wrappers(
         for each in raw:
             each["truncations"] = np.zeros_like(each["truncations"])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "LANES", lanes)
+        patch.setattr(module, "ENTRIES", entries)
         patch.setattr(module, "SAMPLES", samples)
         found = relabel(raw, SPECS, SIGNALS, **options)
     assert difference(found, [said for _, said in pairs]) == ""

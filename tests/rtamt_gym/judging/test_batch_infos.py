@@ -20,7 +20,7 @@ numbers: st.SearchStrategy[Info] = st.dictionaries(
 
 
 @st.composite
-def lanes(draw: st.DrawFn) -> Info:
+def entries(draw: st.DrawFn) -> Info:
     """The info of an environment, which may have another inside."""
     info, inner = draw(numbers), draw(st.none() | numbers)
     return info if inner is None else {**info, "inner": inner}
@@ -47,7 +47,7 @@ def alone(infos: Mapping[str, Any], number: int) -> Info:
     }
 
 
-@given(st.lists(st.tuples(lanes(), st.none() | lanes()), min_size=1, max_size=4))
+@given(st.lists(st.tuples(entries(), st.none() | entries()), min_size=1, max_size=4))
 def test_where_an_episode_ended_the_infos_are_its_own(rows: list[tuple[Info, Info | None]]) -> None:
     ended = np.array([final is not None for _, final in rows])
     infos = together([info for info, _ in rows])

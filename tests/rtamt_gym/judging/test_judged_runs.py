@@ -15,7 +15,7 @@ import rtamt
 import rtamt_gym
 from rtamt_gym import Parameter, Runner, StlMonitor, evaluate_policy, falsify, simulate, sweep
 from rtamt_gym.judging.judge import Judge
-from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.play import simulation as simulations
 
@@ -213,13 +213,13 @@ def test_episodes_after_each_other_are_fed_by_what_the_first_has_made(
     specs = {"near": "always(abs(x) < 9)"} | ({"soon": "eventually(x > 9)"} if several else {})
     env = gym.make("CartPole-v1")
     made = []
-    feeder = Panel.feeder
+    feeder = MonitorSet.feeder
 
-    def counted(panel: Panel, *arguments: Any, **how: Any) -> Any:  # noqa: ANN401
-        made.append(panel)
-        return feeder(panel, *arguments, **how)
+    def counted(monitor_set: MonitorSet, *arguments: Any, **how: Any) -> Any:  # noqa: ANN401
+        made.append(monitor_set)
+        return feeder(monitor_set, *arguments, **how)
 
-    monkeypatch.setattr(Panel, "feeder", counted)
+    monkeypatch.setattr(MonitorSet, "feeder", counted)
     for episodes in (1, 20):
         made.clear()
         how: dict[str, Any] = {"episodes": episodes, "keep": 0, "at_termination": "failure"}

@@ -154,7 +154,7 @@ class One:
         return [(each.clock, list(each.margins)) for each in self.obligations.owed()[0]]
 
 
-def lane(obligations: Obligations, number: int) -> list[tuple[float, list[float]]]:
+def entry(obligations: Obligations, number: int) -> list[tuple[float, list[float]]]:
     return [
         (owed.clock[number], [m[number] for m in owed.margins]) for owed in obligations.owed()[0]
     ]
@@ -180,7 +180,7 @@ def test_clocks_and_margins_are_those_of_the_definition(
     for t, row in enumerate(rows):
         one.feed(row)
         many.feed(np.array([row]))
-        for each, found, of_many in zip(expected, one.owed(), lane(many, 0), strict=True):
+        for each, found, of_many in zip(expected, one.owed(), entry(many, 0), strict=True):
             assert found[0] == pytest.approx(clock(each, trace, t)), (each, t)
             assert found[1] == [margin(p, trace, t) for p in each.operands]
             assert bits([found[0], *found[1]]) == bits([of_many[0], *of_many[1]])
@@ -209,7 +209,7 @@ def test_environments_have_clocks_of_their_own(
                 each.feed(table[number].tolist())
         for number, each in enumerate(alone):
             if each.samples:
-                for found, of_many in zip(each.owed(), lane(together, number), strict=True):
+                for found, of_many in zip(each.owed(), entry(together, number), strict=True):
                     assert bits([found[0], *found[1]]) == bits([of_many[0], *of_many[1]])
 
 
@@ -257,15 +257,15 @@ def told_apart(text: str) -> bool:
     Random histories of different lengths go on in the same ways; those whose verdict and clocks
     are the same, and whose last margins have the same signs, must get the same verdicts.
     """
-    lanes, longest, ahead, ways = 1000, 9, 7, 25
+    entries, longest, ahead, ways = 1000, 9, 7, 25
     rng = np.random.default_rng(5)
-    often = np.array([[0.6, 0.5, 0.3], [0.2, 0.4, 0.3]])[rng.integers(0, 2, lanes)]
-    judge = rtamt.VectorEpisodeMonitor(text, lanes, 1)
-    obligations = made(text, lanes)
-    starts = rng.integers(0, longest, lanes)
+    often = np.array([[0.6, 0.5, 0.3], [0.2, 0.4, 0.3]])[rng.integers(0, 2, entries)]
+    judge = rtamt.VectorEpisodeMonitor(text, entries, 1)
+    obligations = made(text, entries)
+    starts = rng.integers(0, longest, entries)
     pick = [COLUMNS.index(name) for name in judge.variables]
     for step in range(longest):
-        table = np.where(rng.random((lanes, 3)) < often, 1.0, -1.0)
+        table = np.where(rng.random((entries, 3)) < often, 1.0, -1.0)
         fed = starts <= step
         judge.update(table[:, pick], fed)
         obligations.feed(table, fed)
@@ -278,7 +278,7 @@ def told_apart(text: str) -> bool:
         then = deepcopy(judge)
         for _ in range(ahead):
             row = np.where(rng.random(3) < often[way], 1.0, -1.0)
-            then.update(np.tile(row, (lanes, 1))[:, pick])
+            then.update(np.tile(row, (entries, 1))[:, pick])
             verdict = then.verdict
             if (verdict != verdict[first][group]).any():
                 return True
@@ -334,6 +334,6 @@ def test_what_the_next_sample_owes_is_asked_one_sample_later(
     for q in (1.0, -1.0, 1.0, -1.0, -1.0):
         one.feed([-1.0, q, -1.0])
         many.feed(np.array([[-1.0, q, -1.0]]))
-        assert bits([one.owed()[-1][0]]) == bits([lane(many, 0)[-1][0]])
+        assert bits([one.owed()[-1][0]]) == bits([entry(many, 0)[-1][0]])
         found.append(one.owed()[-1][0])
     assert found == pytest.approx(expected)

@@ -23,9 +23,9 @@ from rtamt import (
     Verdict,
 )
 from rtamt.patterns import in_order, prefixes, stages
-from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.judging.stages import progress_of, progress_of_events, stages_of
-from rtamt_gym.judging.vector_panel import VectorPanel
+from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
 from rtamt_gym.options.evaluation import EvaluationOptions
 
 READS = rtamt.parse("always(a + b + c > 1e9)").formula
@@ -82,13 +82,13 @@ def rows_of(trace: Trace) -> list[tuple[float, ...]]:
     return [tuple(trace[name][i] for name in NAMES) for i in range(length(trace))]
 
 
-def fed(panel: Panel, rows: Rows) -> list[float]:
+def fed(monitor_set: MonitorSet, rows: Rows) -> list[float]:
     """The progress after every sample."""
-    feed = panel.feeder(NAMES)
+    feed = monitor_set.feeder(NAMES)
     values = []
     for row in rows:
         feed(row)
-        values.append(panel.progress["task"])
+        values.append(monitor_set.progress["task"])
     return values
 
 
@@ -96,10 +96,10 @@ def played(
     spec: Specification, rows: Rows, end: End = "complete", reading: EvaluationOptions | None = None
 ) -> list[float]:
     """The progress in one environment, after every sample and after the end."""
-    panel = Panel({"task": spec}, reading or EvaluationOptions())
-    values = fed(panel, rows)
-    panel.finish(end)
-    return [*values, panel.progress["task"]]
+    monitor_set = MonitorSet({"task": spec}, reading or EvaluationOptions())
+    values = fed(monitor_set, rows)
+    monitor_set.finish(end)
+    return [*values, monitor_set.progress["task"]]
 
 
 @both_kinds
@@ -129,10 +129,10 @@ def test_batch_has_the_progress_of_single_environments(kind: Kind) -> None:
         specs = {"task": task.spec, "calm": rtamt.parse("always(a < 9)")}
         if other:
             specs["other"] = rtamt.parse("eventually(b > 0 and eventually(c > 0))")
-        batch = VectorPanel(specs, 3, task.reading, NAMES)
+        batch = VectorMonitorSet(specs, 3, task.reading, NAMES)
         episodes = [rows_of(trace) for trace in several]
-        single = [Panel(specs, task.reading) for _ in episodes]
-        feeds = [panel.feeder(NAMES) for panel in single]
+        single = [MonitorSet(specs, task.reading) for _ in episodes]
+        feeds = [monitor_set.feeder(NAMES) for monitor_set in single]
         for t in range(max(map(len, episodes))):
             running = np.array([t < len(rows) for rows in episodes])
             batch.feed(np.array([rows[min(t, len(rows) - 1)] for rows in episodes]), running)
@@ -143,9 +143,9 @@ def test_batch_has_the_progress_of_single_environments(kind: Kind) -> None:
             for env in ends.nonzero()[0].tolist():
                 single[env].finish()
             assert batch.least_progress is not None
-            for env, panel in enumerate(single):
-                assert {k: v[env] for k, v in batch.progress.items()} == panel.progress
-                assert batch.least_progress[env] == panel.least_progress
+            for env, monitor_set in enumerate(single):
+                assert {k: v[env] for k, v in batch.progress.items()} == monitor_set.progress
+                assert batch.least_progress[env] == monitor_set.least_progress
         assert set(batch.progress) == ({"task", "other"} if other else {"task"})
         batch.reset(np.array([False, True, False]))
         left = batch.progress["task"].tolist()
@@ -178,9 +178,12 @@ def test_a_value_that_is_held_counts_as_if_it_came_again(
 ) -> None:
     spec = {"task": task.spec}
     hold = EvaluationOptions(nan="hold")
-    panel, many = Panel(spec, EvaluationOptions()), VectorPanel(spec, 2, hold, NAMES)
-    holding = Panel(spec, hold)
-    feed, feed_holding = panel.feeder(NAMES), holding.feeder(NAMES)
+    monitor_set, many = (
+        MonitorSet(spec, EvaluationOptions()),
+        VectorMonitorSet(spec, 2, hold, NAMES),
+    )
+    holding = MonitorSet(spec, hold)
+    feed, feed_holding = monitor_set.feeder(NAMES), holding.feeder(NAMES)
     for trace in several:  # one episode after the other
         last: list[float] = []
         for row in rows_of(trace):
@@ -192,14 +195,14 @@ def test_a_value_that_is_held_counts_as_if_it_came_again(
             feed(last)
             feed_holding(gappy)
             many.feed(np.array([gappy, gappy]))
-            assert holding.progress == panel.progress
-            assert many.progress["task"].tolist() == [panel.progress["task"]] * 2
-        for each in (panel, holding, many):
+            assert holding.progress == monitor_set.progress
+            assert many.progress["task"].tolist() == [monitor_set.progress["task"]] * 2
+        for each in (monitor_set, holding, many):
             each.reset()
 
 
 def test_an_episode_holds_no_value_of_the_one_before() -> None:
-    many = VectorPanel(
+    many = VectorMonitorSet(
         {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")},
         2,
         EvaluationOptions(nan="hold"),
@@ -241,20 +244,20 @@ def test_the_end_decides_stages_as_it_is_read() -> None:
 
 
 def test_what_the_end_makes_a_failure_keeps_its_progress() -> None:
-    panel = Panel(
+    monitor_set = MonitorSet(
         {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}, EvaluationOptions()
     )
-    panel.feeder(NAMES)((1.0, -1.0, 0.0))
-    panel.finish("failure")
-    assert panel.progress == {"task": 0.5}
-    assert panel.violated_by == "task"
+    monitor_set.feeder(NAMES)((1.0, -1.0, 0.0))
+    monitor_set.finish("failure")
+    assert monitor_set.progress == {"task": 0.5}
+    assert monitor_set.violated_by == "task"
 
 
 def test_verdicts_alone_move_it_by_whole_stages() -> None:
     spec = rtamt.parse("eventually(a > 0 and eventually(b > 0))")
     rows = [(-4, -4, 0), (-1, -4, 0), (1, -4, 0), (0, -1, 0), (0, 1, 0)]
-    panel = Panel({"task": spec}, EvaluationOptions(semantics="boolean"))
-    assert fed(panel, rows) == [0, 0, 0.5, 0.5, 1]
+    monitor_set = MonitorSet({"task": spec}, EvaluationOptions(semantics="boolean"))
+    assert fed(monitor_set, rows) == [0, 0, 0.5, 0.5, 1]
 
 
 @pytest.mark.parametrize("view", ["episode", "step"])
@@ -265,17 +268,22 @@ def test_others_have_none_and_cost_nothing(view: Any) -> None:  # noqa: ANN401 -
     }
     if view == "step":
         specs = {"task": rtamt.parse("eventually[0:2](a > 0 and eventually[0:2](b > 0))")}
-    panel = Panel(specs, EvaluationOptions(view=view))
-    vector = VectorPanel(specs, 2, EvaluationOptions(view=view), NAMES)
-    assert panel.progress == vector.progress == {}
-    assert (panel.least_progress, vector.least_progress) == (None, None)
-    assert (panel._stages, vector._stages) == (None, None)
+    monitor_set = MonitorSet(specs, EvaluationOptions(view=view))
+    vector = VectorMonitorSet(specs, 2, EvaluationOptions(view=view), NAMES)
+    assert monitor_set.progress == vector.progress == {}
+    assert (monitor_set.least_progress, vector.least_progress) == (None, None)
+    assert (monitor_set._stages, vector._stages) == (None, None)
 
 
 def test_a_stage_holds_values_from_before_it_was_next() -> None:
     spec, nan = rtamt.parse("eventually(a > 0 and eventually(b > 0))"), math.nan
     rows = [(-1.0, -4.0, 0.0), (1.0, nan, 0.0), (1.0, nan, 0.0), (1.0, -1.0, 0.0)]
-    assert fed(Panel({"task": spec}, EvaluationOptions(nan="hold")), rows) == [0, 0.5, 0.5, 0.875]
+    assert fed(MonitorSet({"task": spec}, EvaluationOptions(nan="hold")), rows) == [
+        0,
+        0.5,
+        0.5,
+        0.875,
+    ]
 
 
 @pytest.mark.parametrize(
@@ -302,18 +310,18 @@ def test_state_restores_progress_and_held_values(
     after: list[tuple[tuple[float, ...], float]],
 ) -> None:
     specs = {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}
-    panel, other = (Panel(specs, EvaluationOptions(nan=nan)) for _ in range(2))
-    feed, feed_other = panel.feeder(NAMES), other.feeder(NAMES)
+    monitor_set, other = (MonitorSet(specs, EvaluationOptions(nan=nan)) for _ in range(2))
+    feed, feed_other = monitor_set.feeder(NAMES), other.feeder(NAMES)
     feed(before)
-    state = pickle.loads(pickle.dumps(panel.state()))
+    state = pickle.loads(pickle.dumps(monitor_set.state()))
     for row in between:
         feed(row)
-    panel.restore(state)
+    monitor_set.restore(state)
     other.restore(state)
     for row, progressed in after:
         feed(row)
         feed_other(row)
-        assert panel.progress == other.progress == {"task": progressed}
+        assert monitor_set.progress == other.progress == {"task": progressed}
 
 
 @settings(max_examples=examples(30))
@@ -388,11 +396,11 @@ def test_a_value_that_holds_over_nan_holds_for_stages_too() -> None:
     held = [(1, -4, -1), (1, -4, -1), (1, -1, -1), (0, 1, -0.5)]
     known = played(spec, held)
     assert played(spec, rows, "complete", EvaluationOptions(nan="hold")) == known
-    panel = VectorPanel({"task": spec}, 2, EvaluationOptions(nan="hold"), NAMES)
+    monitor_set = VectorMonitorSet({"task": spec}, 2, EvaluationOptions(nan="hold"), NAMES)
     found = []
     for row in rows:
-        panel.feed(np.array([row, row]))
-        found.append(panel.progress["task"].tolist())
+        monitor_set.feed(np.array([row, row]))
+        found.append(monitor_set.progress["task"].tolist())
     assert found == [[each, each] for each in known[:-1]]
 
 
@@ -416,7 +424,7 @@ def test_bad_stages_are_refused_at_construction(
 ) -> None:
     def made() -> object:
         reading, specs = EvaluationOptions(stages=given), {"task": TASK}
-        return VectorPanel(specs, 2, reading, NAMES) if vector else Panel(specs, reading)
+        return VectorMonitorSet(specs, 2, reading, NAMES) if vector else MonitorSet(specs, reading)
 
     with pytest.raises(error) as caught:
         made()
@@ -428,10 +436,10 @@ def test_bad_stages_are_refused_at_construction(
 def test_stages_are_of_one_requirement_and_of_an_episode() -> None:
     specs = {"task": TASK, "calm": rtamt.parse("always(a < 9)")}
     with pytest.raises(InputError, match=r"write \{'task': \[...\]\}"):
-        Panel(specs, EvaluationOptions(stages=["a > 0", "b > 0"]))
+        MonitorSet(specs, EvaluationOptions(stages=["a > 0", "b > 0"]))
     step = EvaluationOptions(view="step", stages=["a > 0", "b > 0"])
     with pytest.raises(InputError, match="view='step' evaluates every instant by itself"):
-        Panel({"calm": specs["calm"]}, step)
+        MonitorSet({"calm": specs["calm"]}, step)
 
 
 def test_any_number_of_stages_without_operators_of_time() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt import InputError, Verdict
-from rtamt_gym.judging.vector_panel import VectorPanel
+from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
 from rtamt_gym.live import RerunView, track
 from rtamt_gym.live.track import Track
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
@@ -129,14 +129,14 @@ def test_wrong_arguments(arguments: dict[str, Any], message: str) -> None:
 @given(st.lists(st.tuples(values, values), min_size=1, max_size=5))
 def test_values_of_one_environment(end: AtTermination, rows: list[tuple[float, float]]) -> None:
     specs = {name: judge.specification for name, judge in monitors().items()}
-    panel = VectorPanel(specs, 2, EvaluationOptions(period=1).whole("episodes"), ["x"])
-    panel.reset()
+    monitor_set = VectorMonitorSet(specs, 2, EvaluationOptions(period=1).whole("episodes"), ["x"])
+    monitor_set.reset()
     for row in rows:
-        panel.feed(np.array(row)[:, None])
-    panel.finish(np.array([False, True]), end)
-    together = panel.values()
+        monitor_set.feed(np.array(row)[:, None])
+    monitor_set.finish(np.array([False, True]), end)
+    together = monitor_set.values()
     for index in (0, 1):
-        curves, verdicts = panel.values_at(index)
+        curves, verdicts = monitor_set.values_at(index)
         expected = [
             column[index]
             for columns in zip(together.robustness, together.lower, together.upper, strict=True)

@@ -158,7 +158,7 @@ def test_an_evaluation_has_the_rows_of_its_episodes(how: dict[str, Any]) -> None
     assert evaluation.requirements["right"].triggered == sum(map(bool, asked))
 
 
-def test_lanes_of_a_vector_environment_have_the_rows_of_single_ones() -> None:
+def test_environments_of_a_vector_environment_have_the_rows_of_single_ones() -> None:
     vector = gym.make_vec("CartPole-v1", num_envs=3, vectorization_mode="sync")
     options: dict[str, Any] = {"episodes": 4, "at_termination": "cut"}
     together = evaluate_policy("zero", vector, LEAN, ANGLE, **options).record

@@ -34,12 +34,12 @@ NOISE = Parameter("noise", 0.1, 1)
 
 
 @pytest.mark.slow
-def test_the_record_is_the_same_on_any_number_of_processes_in_lanes_or_not() -> None:
+def test_the_record_is_the_same_on_any_number_of_processes_in_environments_or_not() -> None:
     options: dict[str, Any] = {"space": [NOISE], "samples": 23, "sampler": "lhs", "seed": 5}
     spec = "always(gnt < 3)"
     alone = sweep(GRANTS, spec, batch=1, **options)
-    lanes = sweep(GRANTS, spec, batch=4, n_jobs=2, **options)
-    assert alone.record == lanes.record
+    entries = sweep(GRANTS, spec, batch=4, n_jobs=2, **options)
+    assert alone.record == entries.record
     assert len({row.outcomes["spec"].robustness for row in alone.record}) == 23
 
 

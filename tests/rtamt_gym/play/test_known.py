@@ -1,4 +1,4 @@
-"""A run that stops once its robustness is known knows it, alone and in lanes."""
+"""A run that stops once its robustness is known knows it, alone and in environments."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -53,7 +53,7 @@ def test_the_whole_run_becomes_what_is_known_at_the_stop(
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("level", [math.inf, 500.0, 2000.0])
-def test_lanes_know_what_runs_alone_know(level: float) -> None:
+def test_environments_know_what_runs_alone_know(level: float) -> None:
     env = gym.make("rtamt/AutomaticTransmission-v0")
     cases = [{"throttle": t, "brake": b} for t in (0.0, 30.0, 90.0) for b in (0.0, 300.0)]
     rows = []

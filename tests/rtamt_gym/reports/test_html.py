@@ -187,8 +187,8 @@ def test_a_share_is_a_hundred_percent_only_if_it_is(total: int, data: st.DataObj
 
 @given(st.lists(st.text(max_size=80), max_size=30))
 def test_ids_are_safe_and_each_is_given_once(names: list[str]) -> None:
-    book = PageIds()
-    found = [book.add("section", name) for name in names]
+    log = PageIds()
+    found = [log.add("section", name) for name in names]
     assert len(set(found)) == len(found)
     assert all(re.fullmatch(r"[a-z][a-z0-9-]*", name) for name in found)
 

@@ -64,7 +64,7 @@ def still(_: Any) -> Any:  # noqa: ANN401 - a policy
     return np.zeros(1)
 
 
-def lanes(specs: Any, mode: AutoresetMode = AutoresetMode.SAME_STEP) -> VectorStlMonitor:  # noqa: ANN401
+def entries(specs: Any, mode: AutoresetMode = AutoresetMode.SAME_STEP) -> VectorStlMonitor:  # noqa: ANN401
     envs = SyncVectorEnv([lambda: Replay(VALUES)] * 2, autoreset_mode=mode)
     return VectorStlMonitor(envs, specs, SIGNALS, at_termination="complete")
 
@@ -95,7 +95,7 @@ def test_judgements_infos_and_runs_have_one_definition() -> None:
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_vector_environments_tell_the_two_apart(mode: AutoresetMode) -> None:
-    envs = lanes(SPECS, mode)
+    envs = entries(SPECS, mode)
     envs.reset()
     for _ in range(LAST):
         _, _, over, _, infos = envs.step(np.zeros(2, np.int64))
@@ -126,7 +126,7 @@ def test_a_violation_that_only_the_end_decides_is_a_violation() -> None:
 
 
 def test_a_vector_wrapper_reports_a_violation_by_the_end() -> None:
-    envs = lanes(GOAL, AutoresetMode.DISABLED)
+    envs = entries(GOAL, AutoresetMode.DISABLED)
     envs.reset()
     for _ in range(LAST):
         infos = envs.step(np.zeros(2, np.int64))[-1]

@@ -196,19 +196,19 @@ def vector_infos(made: Made) -> list[object]:
         *_, infos = env.step(np.ones(2, np.int64))
         if "stl_episode" in infos:
             break
-    lane = int(infos["_stl_episode"].nonzero()[0][0])
+    entry = int(infos["_stl_episode"].nonzero()[0][0])
 
-    def of_lane(part: Any) -> Any:  # noqa: ANN401 - a dictionary, or an array
+    def of_entry(part: Any) -> Any:  # noqa: ANN401 - a dictionary, or an array
         if not isinstance(part, dict):
-            return part[lane]
+            return part[entry]
         there = {key: each for key, each in part.items() if not key.startswith("_")}
         return {
-            key: of_lane(each)
+            key: of_entry(each)
             for key, each in there.items()
-            if f"_{key}" not in part or part[f"_{key}"][lane]
+            if f"_{key}" not in part or part[f"_{key}"][entry]
         }
 
-    return [told_by(of_lane(infos))]
+    return [told_by(of_entry(infos))]
 
 
 def overlay(made: Made, monkeypatch: pytest.MonkeyPatch) -> str:

@@ -120,7 +120,7 @@ def outcome(found: Falsification) -> tuple[object, ...]:
     return found.record, found.input, found.requirement, found.reductions, found.scales
 
 
-def test_a_seed_repeats_a_search_and_lanes_change_nothing() -> None:
+def test_a_seed_repeats_a_search_and_environments_change_nothing() -> None:
     by_batch = [
         falsify(TRANSMISSION, "AT6a", budget=60, seed=2, batch=batch, scales=None)
         for batch in (100, 7)

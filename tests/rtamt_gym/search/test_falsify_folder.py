@@ -139,7 +139,7 @@ def test_a_greater_budget_goes_on_and_a_smaller_one_takes_nothing_away(tmp_path:
 
 
 @pytest.mark.slow
-def test_processes_lanes_and_whole_runs_go_on_alike(tmp_path: Path) -> None:
+def test_processes_environments_and_whole_runs_go_on_alike(tmp_path: Path) -> None:
     runs: list[tuple[str, dict[str, Any]]]
     runs = [("AT6a", {"n_jobs": 2}), ("AT54", {}), ("AT2", {"batch": 1})]
     for requirement, options in runs:

@@ -43,7 +43,7 @@ def sober(found: Falsification) -> Any:  # noqa: ANN401
     [
         (tank, "always(level < 1.95)", {"space": [LEVEL], "period": 1, "optimizer": "cma"}),
         (tank, "always(level < 9)", {"space": [LEVEL], "period": 1, "budget": 40}),
-        (TRANSMISSION, "AT6a", {"budget": 60}),  # in scales, in lanes
+        (TRANSMISSION, "AT6a", {"budget": 60}),  # in scales, in environments
         (TRANSMISSION, "AT54", {"budget": 60}),  # judged once runs are over
     ],
     ids=["found", "not found", "scales", "whole"],

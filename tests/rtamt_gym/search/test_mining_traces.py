@@ -138,7 +138,7 @@ def test_a_sweep_is_mined_over_whole_runs_whatever_it_was_for(stop: Any) -> None
 
 
 @pytest.mark.slow
-def test_the_lanes_of_a_scenario_give_the_constant_of_its_single_runs() -> None:
+def test_the_environments_of_a_scenario_give_the_constant_of_its_single_runs() -> None:
     system = "rtamt/AutomaticTransmission-v0"
     done = sweep(system, ["AT1", "AT2"], samples=5, seed=3)
     runs = [done.replay(row) for row in done.record]

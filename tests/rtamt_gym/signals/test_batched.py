@@ -68,13 +68,13 @@ def test_a_function_reads_each_environment_as_if_it_stood_alone(
     assert difference(trajectory(together, 40), trajectory(singles, 40)) == ""
 
 
-def test_a_native_environment_is_read_lane_by_lane() -> None:
+def test_a_native_environment_is_read_environment_by_environment() -> None:
     obs, _ = native().reset(seed=3)
     expected = (1.0 - (obs[:, 0] - obs[:, 2]).astype(np.float64)).tolist()
     assert first(VectorStlMonitor(native(), SPEC, {"x": sideways})) == pytest.approx(expected)
 
 
-def test_environments_in_other_processes_are_read_lane_by_lane() -> None:
+def test_environments_in_other_processes_are_read_environment_by_environment() -> None:
     apart = AsyncVectorEnv([pole] * FOUR)
     both = []
     for envs in (apart, poles()):
@@ -114,7 +114,7 @@ def of_told(step: Step) -> Any:
     return value + step.action[0] + step.reward + step.info["deep"]["n"] + len(step.info["name"])
 
 
-def test_a_lane_has_its_own_observation_action_reward_info_and_environment() -> None:
+def test_an_environment_has_its_own_observation_action_reward_info_and_environment() -> None:
     makes = [functools.partial(Told, number) for number in (1, 2, 5)]
     envs = VectorStlMonitor(sync(makes, AutoresetMode.NEXT_STEP), "always(x < 0)", {"x": of_told})
     _, infos = envs.reset()

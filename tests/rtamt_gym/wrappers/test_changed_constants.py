@@ -39,13 +39,13 @@ pytestmark = [
     for word in ("at_termination", "is_success")
 ]
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
-LANES = 2
+ENTRIES = 2
 
 
 @st.composite
 def changing(draw: st.DrawFn, costs: tuple[str | None, ...]) -> tuple[Case, dict[str, Named]]:
     """A case, and its specifications as texts with constants."""
-    case = draw(cases(costs, LANES))
+    case = draw(cases(costs, ENTRIES))
     items = case.specs.items()
     return case, {name: draw(with_names(str(formula), f"{name}k")) for name, formula in items}
 
@@ -101,7 +101,7 @@ def test_other_constants_give_what_a_new_wrapper_gives(
     way: Way, drawn: tuple[Case, dict[str, Named]]
 ) -> None:
     case, texts = drawn
-    make = functools.partial(Scripted, case.lanes[0])
+    make = functools.partial(Scripted, case.entries[0])
     try:
         env = StlMonitor(make(), **arguments(case, texts, "first"))
     except RtamtError:
@@ -133,7 +133,7 @@ def test_other_constants_of_vectors_give_what_new_ones_give(
     mode: AutoresetMode, drawn: tuple[Case, dict[str, Named]]
 ) -> None:
     case, texts = drawn
-    makes = [functools.partial(Scripted, scripts) for scripts in case.lanes]
+    makes = [functools.partial(Scripted, scripts) for scripts in case.entries]
 
     def made(which: str) -> VectorStlMonitor:
         given = {**arguments(case, texts, which), "on_violation": "report"}
@@ -144,7 +144,7 @@ def test_other_constants_of_vectors_give_what_new_ones_give(
         try:
             rows.append(envs.reset(**reset))
             for _ in range(6):
-                rows.append(envs.step(np.zeros(LANES, np.int64)))
+                rows.append(envs.step(np.zeros(ENTRIES, np.int64)))
                 ended = np.logical_or(rows[-1][2], rows[-1][3])
                 if mode is AutoresetMode.DISABLED and ended.any():
                     rows.append(envs.reset(options={"reset_mask": ended}))

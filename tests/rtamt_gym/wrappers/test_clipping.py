@@ -197,11 +197,11 @@ def watch(envs: Any, numbers: list[float], mode: str) -> None:
     """Steps until ten episodes have ended, and lists what decided the rewards."""
     num, episodes = envs.num_envs, 0
 
-    def note(infos: dict[str, Any], lanes: Any, *, last: bool) -> None:
+    def note(infos: dict[str, Any], entries: Any, *, last: bool) -> None:
         if last is (mode == "terminal"):
-            for lane in np.flatnonzero(lanes):
+            for entry in np.flatnonzero(entries):
                 states = {
-                    name: {"robustness": infos["stl"][name]["robustness"][lane]} for name in SPECS
+                    name: {"robustness": infos["stl"][name]["robustness"][entry]} for name in SPECS
                 }
                 numbers.append(decided(states, mode))
 

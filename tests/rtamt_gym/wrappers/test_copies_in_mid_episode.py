@@ -197,10 +197,10 @@ def test_copy_between_episodes_has_the_usual_error(copied: Copy) -> None:
 
 @copies
 def test_restored_copy_goes_on(copied: Copy) -> None:
-    def lanes() -> Any:
+    def entries() -> Any:
         return VectorStlMonitor(SyncVectorEnv([reacher] * 2), SPEC, SIGNALS)
 
-    for env in (monitored(reacher), lanes()):
+    for env in (monitored(reacher), entries()):
         inside = [env] if isinstance(env, StlMonitor) else env.env.unwrapped.envs
         env.reset(seed=1)
         with pytest.raises(StateError, match="restore the state of the simulation with its time"):

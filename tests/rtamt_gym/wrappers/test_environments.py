@@ -193,8 +193,8 @@ def test_wrappers_of_a_vector_environment() -> None:
         _, _, terminated, _, info = envs.step(envs.action_space.sample())
         if terminated.any():
             break
-    lane = int(np.flatnonzero(terminated)[0])
-    assert info["stl_violated_by"][lane] == "spec"
+    entry = int(np.flatnonzero(terminated)[0])
+    assert info["stl_violated_by"][entry] == "spec"
     assert info["robustness"].dtype == np.float64
     envs.close()
 

@@ -81,7 +81,7 @@ def test_an_episode_that_goes_on_after_a_violation_is_counted_at_its_end() -> No
     assert counts(last) == (6.0, 3)
 
 
-def test_a_wrapper_of_the_same_name_that_keeps_no_books_is_left_alone() -> None:
+def test_a_wrapper_of_the_same_name_that_keeps_no_logs_is_left_alone() -> None:
     named = type("Monitor", (gym.Wrapper,), {})
     env = StlMonitor(named(Fresh([3, 0, 3])), "always(x > 1)", X)
     last = run(env)[-1]
@@ -89,7 +89,7 @@ def test_a_wrapper_of_the_same_name_that_keeps_no_books_is_left_alone() -> None:
     assert "episode" not in last
 
 
-def test_books_are_kept_by_a_wrapper_whose_environment_is_the_same_after_it() -> None:
+def test_logs_are_kept_by_a_wrapper_whose_environment_is_the_same_after_it() -> None:
     replay = Fresh([3, 0, 3])
     inside = RecordEpisodeStatistics(replay)
     env = StlMonitor(inside, "always(x > 1)", X)
@@ -133,28 +133,28 @@ def play(env: Env) -> tuple[float, float, dict[str, Any]]:
 def test_statistics_inside_say_what_was_paid(
     mode: str, end: str, keeper: Callable[[Env], Env]
 ) -> None:
-    books = keeper(Fresh(SERIES, end))
-    env = shaped(books, mode=mode)
+    logs = keeper(Fresh(SERIES, end))
+    env = shaped(logs, mode=mode)
     for episode in range(1, 4):
         paid, own, info = play(env)
         assert paid != own
         found = info["episode"]
         assert (found["r"], found["r_env"], found["l"]) == (paid, own, 5)
         assert type(found["r"]) is np.float64
-        assert returns(books) == [paid] * episode
+        assert returns(logs) == [paid] * episode
 
 
 @keepers
 def test_an_episode_that_the_monitor_ends_is_counted_once(keeper: Callable[[Env], Env]) -> None:
     for how in ("terminate", "truncate"):
-        books = keeper(Fresh(SERIES))
-        env = shaped(books, on_violation=how)
+        logs = keeper(Fresh(SERIES))
+        env = shaped(logs, on_violation=how)
         for episode in range(1, 4):
             paid, own, info = play(env)
             found = info["episode"]
             assert (found["r"], found["r_env"], found["l"]) == (paid, own, 3)
             assert own == 1 + 2 + 3
-            assert returns(books) == [paid] * episode
+            assert returns(logs) == [paid] * episode
 
 
 @keepers
@@ -162,15 +162,15 @@ def test_statistics_between_the_monitor_and_the_reward_count_too(
     keeper: Callable[[Env], Env],
 ) -> None:
     inner = shaped(Fresh(SERIES)).env  # the monitor
-    books = keeper(inner)
-    paid, own, info = play(StlReward(books, mode="add", clip=9.0))
+    logs = keeper(inner)
+    paid, own, info = play(StlReward(logs, mode="add", clip=9.0))
     assert (info["episode"]["r"], info["episode"]["r_env"]) == (paid, own)
-    assert returns(books) == [paid]
+    assert returns(logs) == [paid]
 
 
 def test_statistics_around_the_reward_count_what_they_see() -> None:
-    books = RecordEpisodeStatistics(shaped(Fresh(SERIES)))
-    paid, _, info = play(books)
+    logs = RecordEpisodeStatistics(shaped(Fresh(SERIES)))
+    paid, _, info = play(logs)
     assert info["episode"]["r"] == paid
     assert "r_env" not in info["episode"]
 

@@ -16,7 +16,7 @@ from replay import Replay, X, run
 import rtamt
 from rtamt import InputError, StateError
 from rtamt_gym import EvaluationOptions, StlMonitor, StlReward, simulate
-from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.options.evaluation import View
 
 STEPS = 12
@@ -167,8 +167,8 @@ def test_without_history_nothing_is_kept_and_the_error_names_the_option() -> Non
         assert judge.update == judge._machine.update
     for view in ("episode", "step"):
         spec = rtamt.parse("x > 1" if view == "step" else "always(x > 1)")
-        panel = Panel({"a": spec}, EvaluationOptions(period=1, view=view), history=True)
-        ((_, judge),) = panel.monitors.values()
+        monitor_set = MonitorSet({"a": spec}, EvaluationOptions(period=1, view=view), history=True)
+        ((_, judge),) = monitor_set.monitors.values()
         assert judge.update != judge._machine.update
 
 

@@ -253,7 +253,7 @@ def test_the_observation_before_stands_for_the_last_and_the_reward_is_its_own() 
         *_, infos = learner.step(np.zeros(2, int))
         paid.append(shared.rewards.tolist())
         told += infos
-    # Lane 1 ends at the third step, seen as 3 and paid 4; lane 0 at the fourth.
+    # Environment 1 ends at the third step, seen as 3 and paid 4; environment 0 at the fourth.
     assert paid == [[1, 2], [2, 3], [3, 4 + 2 * -0.5], [4 + 2 * -0.5, 2]]
     lows = {"stl/robustness": [-0.5], "stl/x/robustness": [0.5], "stl/paid/robustness": [-0.5]}
     found = {"stl/satisfied": [0.0], "stl/x/satisfied": [1.0], "stl/paid/satisfied": [0.0]}

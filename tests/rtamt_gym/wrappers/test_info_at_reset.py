@@ -74,7 +74,7 @@ def test_the_first_sample_is_what_the_info_of_the_reset_has(first: int) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
-def test_many_environments_read_it_lane_by_lane(mode: AutoresetMode) -> None:
+def test_many_environments_read_it_environment_by_environment(mode: AutoresetMode) -> None:
     makes = [functools.partial(Told, first, length) for first, length in ((0, 3), (3, 2), (5, 4))]
     options: dict[str, Any] = {"on_violation": "report", "details": True}
     together, singles = both(StlMonitor, VectorStlMonitor, makes, mode, SPECS, SIGNALS, **options)

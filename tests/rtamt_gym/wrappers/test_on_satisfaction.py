@@ -83,7 +83,7 @@ def test_a_violation_is_told_by_its_own_option() -> None:
 
 
 @pytest.mark.parametrize("how", ["terminate", "truncate"])
-def test_books_inside_count_the_episode(how: Any) -> None:
+def test_logs_inside_count_the_episode(how: Any) -> None:
     inside = RecordEpisodeStatistics(Replay(SERIES, "none"))
     env = StlReward(inside, SPECS, X, mode="replace", bonus=3.0, on_satisfaction=how, **OPTIONS)
     last = run(env)[-1]

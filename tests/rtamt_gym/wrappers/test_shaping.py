@@ -45,10 +45,10 @@ def test_the_smooth_minimum_of_one_value_is_the_value(value: float, temperature:
 @given(st.lists(st.sampled_from([-0.5, -0.0, 0.0, 0.5, 2.0]), min_size=1, max_size=4))
 def test_the_minimum_tells_the_zeros_apart(values: list[float]) -> None:
     lowest = min(values, key=lambda value: (value, math.copysign(1.0, value)))
-    lanes = shaping.least([np.array([value, 3.0]) for value in values])
-    for found in (shaping.least(values), lanes[0]):
+    entries = shaping.least([np.array([value, 3.0]) for value in values])
+    for found in (shaping.least(values), entries[0]):
         assert (found, math.copysign(1.0, found)) == (lowest, math.copysign(1.0, lowest))
-    assert lanes[1] == 3.0
+    assert entries[1] == 3.0
 
 
 class Traced:
@@ -163,7 +163,9 @@ def test_a_potential_pays_the_discounted_ends_alone() -> None:
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("temperature", [None, 0.5])
-def test_arrays_are_floats_lane_by_lane(mode: Mode, temperature: float | None) -> None:
+def test_arrays_are_floats_environment_by_environment(
+    mode: Mode, temperature: float | None
+) -> None:
     rng = np.random.default_rng(1)
     names = ["a", "b", "c"]
     priorities: dict[str, Priority] = {"a": "comfort", "b": "safety", "c": "safety"}
@@ -178,18 +180,18 @@ def test_arrays_are_floats_lane_by_lane(mode: Mode, temperature: float | None) -
         priorities=priorities if mode == "hierarchical" else None,
         bonus=1.0,
     )
-    lanes = 64
-    before, after = rng.normal(scale=3.0, size=(2, 3, lanes))
+    entries = 64
+    before, after = rng.normal(scale=3.0, size=(2, 3, entries))
     after[rng.random(after.shape) < 0.2] = math.inf
     before[rng.random(before.shape) < 0.2] = -math.inf
-    reward = rng.normal(size=lanes)
-    terminated = rng.random(lanes) < 0.3
-    ended = terminated | (rng.random(lanes) < 0.3)
+    reward = rng.normal(size=entries)
+    terminated = rng.random(entries) < 0.3
+    ended = terminated | (rng.random(entries) < 0.3)
     x, x_after = shape.robustness(list(before)), shape.robustness(list(after))
     found = shape.reward(
         reward, x, x_after, terminated.astype(np.float64), ended.astype(np.float64)
     )
-    for i in range(lanes):
+    for i in range(entries):
         one = shape.robustness(before[:, i].tolist()), shape.robustness(after[:, i].tolist())
         # numpy's exp and log may differ from those of math in the last digit.
         assert (x[i], x_after[i]) == pytest.approx(one, rel=1e-12)
@@ -258,20 +260,22 @@ def test_time_left_is_a_fraction_of_the_horizon(horizon: int | None, expected: l
     assert time_left(np.array([0.0, 3.0, 9.0]), horizon).tolist() == expected
 
 
-def test_features_of_lanes_are_those_of_each() -> None:
+def test_features_of_environments_are_those_of_each() -> None:
     state = StateFeatures((1.0, 0.5), 2.0, (None, 9))
     rng = np.random.default_rng(2)
     now, low, high = rng.normal(scale=3.0, size=(3, 2, 5))
     samples = rng.integers(1, 12, 5)
     verdicts = rng.integers(-1, 2, (2, 5)).astype(float)
-    lanes = state.read(MonitorValues(list(now), [], list(low), list(high), list(verdicts), samples))
-    assert lanes.shape == (5, 10)
-    assert lanes.dtype == np.float32
+    entries = state.read(
+        MonitorValues(list(now), [], list(low), list(high), list(verdicts), samples)
+    )
+    assert entries.shape == (5, 10)
+    assert entries.dtype == np.float32
     for i in range(5):
         one = [column[:, i].tolist() for column in (now, low, high)]
         decided = verdicts[:, i].tolist()
         values = MonitorValues(one[0], [], one[1], one[2], decided, int(samples[i]))
-        assert np.array_equal(lanes[i], state.read(values))
+        assert np.array_equal(entries[i], state.read(values))
 
 
 def test_priorities_are_asked_for_by_the_names_of_the_specifications() -> None:

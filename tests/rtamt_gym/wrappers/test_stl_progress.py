@@ -81,18 +81,18 @@ def test_many_environments_have_the_infos_of_one(options: Any) -> None:
             for each, info in zip(obs, singles, strict=True)
         ]
         obs, _, terminated, truncated, infos = envs.step(np.array(actions))
-        for lane, env in enumerate(alone):
-            if over[lane]:
-                singles[lane] = env.reset()[1]
-                over[lane] = False
+        for entry, env in enumerate(alone):
+            if over[entry]:
+                singles[entry] = env.reset()[1]
+                over[entry] = False
                 continue
-            *_, ended, cut, singles[lane] = env.step(actions[lane])
-            over[lane] = ended or cut
-            assert over[lane] == (terminated | truncated)[lane]
-            if over[lane]:
+            *_, ended, cut, singles[entry] = env.step(actions[entry])
+            over[entry] = ended or cut
+            assert over[entry] == (terminated | truncated)[entry]
+            if over[entry]:
                 for name in ("task", "sway", *options.get("stages", ())):
                     column = infos["stl_episode"][name]["progress"]
-                    assert column[lane] == singles[lane]["stl_episode"][name]["progress"]
+                    assert column[entry] == singles[entry]["stl_episode"][name]["progress"]
 
 
 def test_named_stages_are_kept_with_what_judged() -> None:

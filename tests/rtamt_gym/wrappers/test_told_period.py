@@ -394,11 +394,11 @@ def test_repeat_of_a_later_episode_is_noticed(mode: AutoresetMode) -> None:
     env.times = 3
     with pytest.raises(StateError, match="bounds last 3 times"):
         actions(monitor, 1)
-    lanes = [Repeat(pole(), times=1) for _ in range(2)]
-    makes: list[Make] = [lambda: lanes[0], lambda: lanes[1]]
+    entries = [Repeat(pole(), times=1) for _ in range(2)]
+    makes: list[Make] = [lambda: entries[0], lambda: entries[1]]
     envs: Any = VectorStlMonitor(sync(makes, mode), TIMED, X)
     trajectory(envs, 40)
-    lanes[1].times = 3
+    entries[1].times = 3
     with pytest.raises(StateError, match="bounds last 3 times"):
         trajectory(envs, 40)
 

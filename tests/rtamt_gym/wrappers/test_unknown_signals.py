@@ -36,7 +36,7 @@ def test_an_episode_has_the_bounds_of_its_monitor() -> None:
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_lanes_have_what_single_environments_have(mode: AutoresetMode) -> None:
+def test_environments_have_what_single_environments_have(mode: AutoresetMode) -> None:
     traces = [VALUES, [1.5, 3.0, NAN, 0.0], [9.0, 8.0, 7.0, 6.0]]
     made = SyncVectorEnv([partial(Replay, trace) for trace in traces], autoreset_mode=mode)
     env = VectorStlMonitor(made, "always(x > 1)", X, period=1, nan="unknown")

@@ -147,7 +147,7 @@ def test_none_makes_the_first_sample_unknown(text: str) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
-def test_lanes_begin_unknown_as_single_environments_do(mode: AutoresetMode) -> None:
+def test_environments_begin_unknown_as_single_environments_do(mode: AutoresetMode) -> None:
     makes = [functools.partial(Distances, length) for length in (2, 3)]
     signals = {**UNKNOWN, "d": ("info['d']", None)}
     text = "always[0:1](u < 1) and eventually(d < 1)"

@@ -107,8 +107,8 @@ def test_every_outcome_of_several_specifications_is_that_of_single_environments(
     assert difference(trajectory(together, 30), trajectory(singles, 30)) == ""
     samples = [env.get_wrapper_attr("samples") for env in singles.envs]
     assert together.samples.tolist() == samples
-    for lane, env in enumerate(singles.envs):
-        records = [record for record in together.stl_episodes if record["env"] == lane]
+    for entry, env in enumerate(singles.envs):
+        records = [record for record in together.stl_episodes if record["env"] == entry]
         assert [{k: v for k, v in record.items() if k != "env"} for record in records] == list(
             env.get_wrapper_attr("stl_episodes")
         )[-len(records) :]
@@ -233,12 +233,12 @@ UPRIGHT = (
 
 
 def test_a_native_environment_is_monitored_as_recorded_traces_are() -> None:
-    """It draws its states from one generator: lane by lane, fed to scalar monitors."""
+    """It draws its states from one generator, one environment after the other."""
     envs = VectorStlMonitor(native(5), *UPRIGHT, cost="first")
     shown = trajectory(envs, 120)
-    for lane in range(5):
+    for entry in range(5):
         monitor = StlMonitor(
-            Played(shown, lane), *UPRIGHT, on_violation="report", cost="first", period=0.02
+            Played(shown, entry), *UPRIGHT, on_violation="report", cost="first", period=0.02
         )
         begins = True
         for row in shown:
@@ -249,7 +249,7 @@ def test_a_native_environment_is_monitored_as_recorded_traces_are() -> None:
                 _, _, terminated, truncated, info = monitor.step(0)
                 ended = terminated or truncated
             begins = ended
-            mine = DictInfoToList._convert_info_to_list(DictInfoToList(envs), row[-1])[lane]
+            mine = DictInfoToList._convert_info_to_list(DictInfoToList(envs), row[-1])[entry]
             assert difference(plain(mine), plain(info)) == ""
     assert len(envs.stl_episodes) >= 15
 
@@ -263,22 +263,22 @@ def plain(info: dict[str, Any]) -> dict[str, Any]:
 
 
 class Played(gym.Env[Any, Any]):
-    """One lane of a trajectory, as an environment."""
+    """One environment of a trajectory, as an environment."""
 
     observation_space = spaces.Box(-9, 9, (4,), np.float32)
     action_space = spaces.Discrete(2)
 
-    def __init__(self, shown: list[tuple[Any, ...]], lane: int) -> None:
+    def __init__(self, shown: list[tuple[Any, ...]], entry: int) -> None:
         self.rows = iter(shown)
-        self.lane = lane
+        self.entry = entry
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ARG002
-        return next(self.rows)[0][self.lane], {}
+        return next(self.rows)[0][self.entry], {}
 
     def step(self, action: Any) -> Any:  # noqa: ARG002
         obs, rewards, terminated, truncated, _ = next(self.rows)
-        lane = self.lane
-        return obs[lane], rewards[lane], bool(terminated[lane]), bool(truncated[lane]), {}
+        entry = self.entry
+        return obs[entry], rewards[entry], bool(terminated[entry]), bool(truncated[entry]), {}
 
 
 @modes

@@ -31,7 +31,7 @@ from rtamt_gym import Step, StlMonitor, StlReward, VectorStlMonitor, VectorStlRe
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.shaping import Priority
 
-LANES = 3
+ENTRIES = 3
 RUNNING = (False, False)
 COSTS = (None, *get_args(Cost))
 SHAPES = ("add", "replace", "potential", "terminal", "hierarchical")
@@ -71,13 +71,13 @@ def check(case: Case) -> None:
     """Play the scripts one after the other; the next reset leaves those without an end."""
     options: dict[str, Any] = vars(case.options)
     env = StlMonitor(
-        Scripted(case.lanes[0]), case.specs, variables(case.specs), period=1, **options
+        Scripted(case.entries[0]), case.specs, variables(case.specs), period=1, **options
     )
     records: list[dict[str, Any]] = []
     subjects: set[str] = set()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        for script in case.lanes[0]:
+        for script in case.entries[0]:
             infos, flags = [env.reset()[1]], [RUNNING]
             while len(infos) < len(script) and flags[-1] == RUNNING:
                 *_, terminated, truncated, info = env.step(0)
@@ -128,27 +128,27 @@ class Row(NamedTuple):
 
 def lead(envs: Envs) -> list[Row]:
     """A reset and steps; with `DISABLED` the ended are reset, and now and then one that runs."""
-    shown = [Row(np.ones(LANES, np.bool_), [RUNNING] * LANES, envs.reset()[1])]
+    shown = [Row(np.ones(ENTRIES, np.bool_), [RUNNING] * ENTRIES, envs.reset()[1])]
     for step in range(18):
-        *_, terminated, truncated, infos = envs.step(np.zeros(LANES, np.int64))
+        *_, terminated, truncated, infos = envs.step(np.zeros(ENTRIES, np.int64))
         flags = list(zip(terminated.tolist(), truncated.tolist(), strict=True))
         shown.append(Row(None, flags, infos))
         if envs.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
             mask = np.logical_or(terminated, truncated)
-            mask[step % LANES] |= step % 7 == 3
+            mask[step % ENTRIES] |= step % 7 == 3
             if mask.any():
                 reset = envs.reset(options={"reset_mask": mask.copy()})
-                shown.append(Row(mask, [RUNNING] * LANES, reset[1]))
+                shown.append(Row(mask, [RUNNING] * ENTRIES, reset[1]))
     return shown
 
 
-def follow(env: StlMonitor[Any, Any], shown: list[Row], lane: int, mode: AutoresetMode) -> None:
+def follow(env: StlMonitor[Any, Any], shown: list[Row], entry: int, mode: AutoresetMode) -> None:
     """Lead one environment as it was led among the others, and compare its infos."""
     ended = False
     for row in shown:
         infos = row.infos
-        if row.resets is not None and not row.resets[lane]:
-            assert of_lane(infos, lane) == {}
+        if row.resets is not None and not row.resets[entry]:
+            assert of_entry(infos, entry) == {}
             continue
         if row.resets is not None or (ended and mode is AutoresetMode.NEXT_STEP):
             expected, flags = env.reset()[1], RUNNING
@@ -156,65 +156,65 @@ def follow(env: StlMonitor[Any, Any], shown: list[Row], lane: int, mode: Autores
             *_, terminated, truncated, expected = env.step(0)
             flags = terminated, truncated
         ended = any(flags)
-        assert row.flags[lane] == flags
+        assert row.flags[entry] == flags
         if mode is AutoresetMode.SAME_STEP:
-            final = of_lane(infos.get("final_info", {}), lane)
+            final = of_entry(infos.get("final_info", {}), entry)
             assert mismatch(expected if ended else {}, final) == ""
             expected = env.reset()[1] if ended else expected
-        assert mismatch(expected, of_lane(infos, lane)) == ""
+        assert mismatch(expected, of_entry(infos, entry)) == ""
 
 
-def of_lane(infos: dict[str, Any], lane: int) -> dict[str, Any]:
+def of_entry(infos: dict[str, Any], entry: int) -> dict[str, Any]:
     """The info of one environment, as it would be alone, without final entries."""
     single: dict[str, Any] = {}
     for key, value in infos.items():
-        if key.startswith("_") or key in ("final_info", "final_obs") or not infos[f"_{key}"][lane]:
+        if key.startswith("_") or key in ("final_info", "final_obs") or not infos[f"_{key}"][entry]:
             continue
         if isinstance(value, dict):
-            single[key] = of_lane(value, lane)
+            single[key] = of_entry(value, entry)
         else:
             assert value.dtype in (np.float64, np.bool_, np.int64, object)
-            single[key] = value[lane] if value.dtype == np.float64 else value.item(lane)
+            single[key] = value[entry] if value.dtype == np.float64 else value.item(entry)
     return single
 
 
 @pytest.mark.slow(keep=1)
 @silently
 @modes
-@given(cases(COSTS, LANES))
+@given(cases(COSTS, ENTRIES))
 def test_vector_infos_ends_and_records_match_single_monitors(
     mode: AutoresetMode, case: Case
 ) -> None:
-    makes = [functools.partial(Scripted, scripts) for scripts in case.lanes]
+    makes = [functools.partial(Scripted, scripts) for scripts in case.entries]
     # Episodes end early only where the caller resets.
     report_only = {} if mode is AutoresetMode.DISABLED else {"on_violation": "report"}
     options = arguments(case, **report_only)
     envs = VectorStlMonitor(sync(makes, mode), case.specs, **options)
     shown = lead(envs)
     envs.close()
-    for lane, make in enumerate(makes):
+    for entry, make in enumerate(makes):
         env = StlMonitor(make(), case.specs, **options)
-        follow(env, shown, lane, mode)
+        follow(env, shown, entry, mode)
         env.close()
-        records = [record for record in envs.stl_episodes if record.pop("env") == lane]
+        records = [record for record in envs.stl_episodes if record.pop("env") == entry]
         assert mismatch(list(env.stl_episodes), records) == ""
 
 
 @pytest.mark.slow(keep=1)
 @silently
 @modes
-@given(cases(COSTS, LANES), shapes, st.sampled_from((None, "state")))
+@given(cases(COSTS, ENTRIES), shapes, st.sampled_from((None, "state")))
 @settings(max_examples=examples(40))
 def test_vector_rewards_and_infos_match_single_rewards(
     mode: AutoresetMode, case: Case, shape: str, observe: str | None
 ) -> None:
     options = shaped(case, shape, observe=observe)
-    makes = [functools.partial(Scripted, scripts) for scripts in case.lanes]
+    makes = [functools.partial(Scripted, scripts) for scripts in case.entries]
 
     def play(envs: Envs) -> list[tuple[Any, ...]]:
         shown: list[tuple[Any, ...]] = [envs.reset()]
         for _ in range(16):
-            shown.append(envs.step(np.zeros(LANES, np.int64)))
+            shown.append(envs.step(np.zeros(ENTRIES, np.int64)))
             ended = np.logical_or(shown[-1][2], shown[-1][3])
             if mode is AutoresetMode.DISABLED and ended.any():
                 shown.append(envs.reset(options={"reset_mask": ended}))
@@ -225,7 +225,7 @@ def test_vector_rewards_and_infos_match_single_rewards(
 
 
 @silently
-@given(cases(COSTS, LANES), shapes)
+@given(cases(COSTS, ENTRIES), shapes)
 def test_end_modes_change_rewards_only_with_the_robustness(case: Case, shape: str) -> None:
     options = shaped(case, shape)
 
@@ -239,7 +239,7 @@ def test_end_modes_change_rewards_only_with_the_robustness(case: Case, shape: st
                 pairs.append((float(reward), info["robustness"]))
         return pairs
 
-    for scripts in case.lanes:
+    for scripts in case.entries:
         complete = paid(scripts, at_termination="complete", at_truncation="complete")
         assert paid(scripts, at_termination="failure", at_truncation="open") == complete
         cut = paid(scripts, at_termination="cut", at_truncation="cut")
@@ -253,7 +253,7 @@ def test_end_modes_change_rewards_only_with_the_robustness(case: Case, shape: st
 @silently
 @given(cases(COSTS), st.integers(0, 5))
 def test_copy_of_a_monitor_continues(case: Case, before: int) -> None:
-    env = StlMonitor(Scripted(case.lanes[0]), case.specs, **arguments(case))
+    env = StlMonitor(Scripted(case.entries[0]), case.specs, **arguments(case))
     env.reset()
     over = False
     for _ in range(before):
@@ -283,7 +283,7 @@ def test_copy_of_a_monitor_continues(case: Case, before: int) -> None:
 @pytest.mark.slow(keep=1)
 @silently
 @modes
-@given(cases(COSTS, LANES), st.integers(0, 9))
+@given(cases(COSTS, ENTRIES), st.integers(0, 9))
 @settings(max_examples=examples(30))
 def test_copy_of_a_vector_monitor_continues(mode: AutoresetMode, case: Case, before: int) -> None:
     def go(
@@ -293,16 +293,16 @@ def test_copy_of_a_vector_monitor_continues(mode: AutoresetMode, case: Case, bef
         for _ in range(steps):
             if mode is AutoresetMode.DISABLED and ended.any():
                 infos.append(envs.reset(options={"reset_mask": ended.copy()})[1])
-            *_, terminated, truncated, info = envs.step(np.zeros(LANES, np.int64))
+            *_, terminated, truncated, info = envs.step(np.zeros(ENTRIES, np.int64))
             infos.append(info)
             ended = np.logical_or(terminated, truncated)
         return infos, ended
 
-    makes = [functools.partial(Scripted, scripts) for scripts in case.lanes]
+    makes = [functools.partial(Scripted, scripts) for scripts in case.entries]
     options = arguments(case, on_violation="report")
     envs = VectorStlMonitor(sync(makes, mode), case.specs, **options)
     envs.reset()
-    _, ended = go(envs, before, np.zeros(LANES, np.bool_))
+    _, ended = go(envs, before, np.zeros(ENTRIES, np.bool_))
     twins = pickle.loads(pickle.dumps(envs)), copy.deepcopy(envs)
     expected = go(envs, 14, ended)
     for twin in twins:

@@ -25,7 +25,7 @@ SPOOL = {"isolated": 0.0, "off": 0.0, "passive": 0.0, "standby": 0.0, "active": 
 HEALTHY = ("active", "standby")
 
 State = tuple[Floats, Floats, Floats, Floats, Floats]
-"""Valves and their speeds (lanes, 2), pressures (lanes, 2), elevator speed and position (lanes)."""
+"""Valves and their speeds (n, 2), pressures (n, 2), elevator speed and position (n)."""
 Flow = Callable[[State, Floats, Floats, Floats], State]
 
 
@@ -37,9 +37,9 @@ def square(frequency: float, amplitude: float, samples: int) -> Floats:
 
 def _series(state: State, drive: Floats, supply: Floats, spool: Floats) -> State:
     """The state a period later, by the Taylor series of its solution."""
-    lanes = state[3].shape
-    s, ds, p = (np.zeros((ORDER + 1, *lanes, 2)) for _ in range(3))
-    v, x = (np.zeros((ORDER + 1, *lanes)) for _ in range(2))
+    entries = state[3].shape
+    s, ds, p = (np.zeros((ORDER + 1, *entries, 2)) for _ in range(3))
+    v, x = (np.zeros((ORDER + 1, *entries)) for _ in range(2))
     s[0], ds[0], p[0], v[0], x[0] = state
     for k in range(ORDER):
         push = 200 * drive if k == 0 else 0.0
@@ -79,17 +79,17 @@ def solve(
     supply: Sequence[Sequence[float]] = (),
     flow: Flow = _series,
 ) -> Floats:
-    """Positions (lanes, samples + 1) under commands (lanes, samples), held from sample to sample.
+    """Positions (n, samples + 1) under commands (n, samples), held from sample to sample.
 
     modes and supply hold those of the outer and the inner actuator in the period after each
     sample; empty ones say that nothing has failed.
     The law's integral is the sum of past errors; its difference takes the error before time 0 as 0.
     """
-    lanes, samples = commands.shape
-    pair, one = np.zeros((lanes, 2)), np.zeros(lanes)
+    entries, samples = commands.shape
+    pair, one = np.zeros((entries, 2)), np.zeros(entries)
     state: State = (pair, pair, pair, one, one)
-    total, before = np.zeros(lanes), np.zeros(lanes)
-    positions = np.zeros((lanes, samples + 1))
+    total, before = np.zeros(entries), np.zeros(entries)
+    positions = np.zeros((entries, samples + 1))
     for k in range(samples):
         error = commands[:, k] - state[4]
         law = KP * error + KI * total + KD * (error - before) / PERIOD
@@ -104,5 +104,5 @@ def solve(
 
 
 def solve_stiff(commands: Floats) -> Floats:
-    """Positions of one lane without faults by SciPy's Radau at 1e-10."""
+    """Positions of one entry without faults by SciPy's Radau at 1e-10."""
     return solve(commands, flow=_radau)

@@ -1,4 +1,4 @@
-"""Runs of a scenario in lanes, and its requirements by `rtamt.evaluate` and by `simulate`."""
+"""Runs of a scenario in entries, and its requirements by `rtamt.evaluate` and by `simulate`."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Floats = NDArray[np.float64]
 
 
 def observed(name: str, actions: Floats, seed: int = 0, **options: Any) -> Floats:  # noqa: ANN401 - parameters
-    """Observations (lanes, steps + 1, observations) under actions (lanes, steps, actions)."""
-    lanes = gym.make_vec(f"rtamt/{name}-v0", num_envs=len(actions))
-    assert isinstance(lanes, ScenarioVectorEnv)
-    first, _ = lanes.reset(seed=seed, options=options)
-    rest = lanes.rollout(np.ascontiguousarray(actions.swapaxes(0, 1)))
+    """Observations (entries, steps + 1, observations) under actions (entries, steps, actions)."""
+    entries = gym.make_vec(f"rtamt/{name}-v0", num_envs=len(actions))
+    assert isinstance(entries, ScenarioVectorEnv)
+    first, _ = entries.reset(seed=seed, options=options)
+    rest = entries.rollout(np.ascontiguousarray(actions.swapaxes(0, 1)))
     return np.concatenate([first[:, None], rest.swapaxes(0, 1)], axis=1)
 
 

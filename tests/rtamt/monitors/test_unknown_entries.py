@@ -1,4 +1,4 @@
-"""Lanes some of whose values are not known are a list of single monitors, with a time each."""
+"""Entries some of whose values are not known are a list of single monitors, with a time each."""
 
 import copy
 import pickle
@@ -49,18 +49,18 @@ def offered(vector: VectorEpisodeMonitor) -> list[list[int]]:
     return [*map(bits, values), vector.verdict.tolist(), vector.samples.tolist()]
 
 
-def expected(lanes: list[EpisodeMonitor]) -> list[list[int]]:
-    values = ([getattr(m, name) for m in lanes] for name in ("robustness", "lower", "upper"))
-    return [*map(bits, values), [int(m.verdict) for m in lanes], [m.samples for m in lanes]]
+def expected(entries: list[EpisodeMonitor]) -> list[list[int]]:
+    values = ([getattr(m, name) for m in entries] for name in ("robustness", "lower", "upper"))
+    return [*map(bits, values), [int(m.verdict) for m in entries], [m.samples for m in entries]]
 
 
 @given(formulas(3, endless=True), st.integers(0, 2**32))
 @settings(max_examples=examples(60))
-def test_each_lane_is_a_monitor_of_its_own(formula: Formula, seed: int) -> None:
+def test_each_entry_is_a_monitor_of_its_own(formula: Formula, seed: int) -> None:
     for backend in BACKENDS:
         rng, num = random.Random(seed), 3
         vector = VectorEpisodeMonitor(formula, num, backend=backend, nan="unknown")
-        lanes = [EpisodeMonitor(formula, backend=backend, nan="unknown") for _ in range(num)]
+        entries = [EpisodeMonitor(formula, backend=backend, nan="unknown") for _ in range(num)]
         for _ in range(6):
             mask = np.array([rng.random() < 0.8 for _ in range(num)])
             fresh = np.array([rng.random() < 0.2 for _ in range(num)])
@@ -70,19 +70,21 @@ def test_each_lane_is_a_monitor_of_its_own(formula: Formula, seed: int) -> None:
                 vector.update(np.where(np.isinf(lower), NAN, lower), mask)
             else:
                 vector.update(lower, mask, upper=upper)
-            for lane, row in zip(np.array(lanes)[mask], np.array(rows, object)[mask], strict=True):
-                lane.update(list(row))
-            assert offered(vector) == expected(lanes)
+            for entry, row in zip(
+                np.array(entries)[mask], np.array(rows, object)[mask], strict=True
+            ):
+                entry.update(list(row))
+            assert offered(vector) == expected(entries)
             if rng.random() < 0.3:
                 vector.reset(fresh)
-                for lane in np.array(lanes)[fresh]:
-                    lane.reset()
-                assert offered(vector) == expected(lanes)
+                for entry in np.array(entries)[fresh]:
+                    entry.reset()
+                assert offered(vector) == expected(entries)
         end, begun = rng.choice(ENDS), vector.samples > 0
         vector.finish(begun, end=end)
-        for lane in np.array(lanes)[begun]:
-            lane.finish(end)
-        assert offered(vector) == expected(lanes)
+        for entry in np.array(entries)[begun]:
+            entry.finish(end)
+        assert offered(vector) == expected(entries)
 
 
 DUPLICATES: list[Callable[[Any], Any]] = [copy.copy, lambda m: pickle.loads(pickle.dumps(m))]
@@ -109,13 +111,13 @@ def test_duplicates_go_on_alike_and_apart(
     assert offered(vector) == offered(VectorEpisodeMonitor(text, 2, backend=backend))
 
 
-def test_a_lane_that_was_reset_has_no_twin(backend: Backend) -> None:
+def test_an_entry_that_was_reset_has_no_twin(backend: Backend) -> None:
     vector = VectorEpisodeMonitor("eventually(x > 1)", 2, backend=backend, nan="unknown")
     vector.update([[NAN], [0.0]])
     assert identical(vector.upper, [INF, INF])
     assert identical(vector.robustness, [-INF, -1.0])
     vector.reset(np.array([True, False]))
-    # Now that no lane has an unknown sample, one machine runs alone again.
+    # Now that no entry has an unknown sample, one machine runs alone again.
     plain = VectorEpisodeMonitor("eventually(x > 1)", 2, backend=backend)
     plain.update([[5.0], [0.0]])
     plain.reset(np.array([True, False]))
@@ -127,32 +129,34 @@ def test_a_lane_that_was_reset_has_no_twin(backend: Backend) -> None:
 
 @pytest.mark.parametrize("at_once", [True, False])
 def test_a_cut_is_forgotten_by_a_reset(at_once: bool, backend: Backend) -> None:  # noqa: FBT001
-    """Though the other lane keeps a twin, and though none does meanwhile."""
+    """Though the other entry keeps a twin, and though none does meanwhile."""
     vector = VectorEpisodeMonitor("eventually(x > 1)", 2, backend=backend, nan="unknown")
     vector.update([[NAN] if at_once else [0.0], [NAN]])
     vector.finish(end="cut")
-    lanes = [EpisodeMonitor("eventually(x > 1)", backend=backend, nan="unknown") for _ in range(2)]
-    for lane, value in zip(lanes, (NAN if at_once else 0.0, NAN), strict=True):
-        lane.update(value)
-        lane.finish("cut")
+    entries = [
+        EpisodeMonitor("eventually(x > 1)", backend=backend, nan="unknown") for _ in range(2)
+    ]
+    for entry, value in zip(entries, (NAN if at_once else 0.0, NAN), strict=True):
+        entry.update(value)
+        entry.finish("cut")
     for chosen in (0,) if at_once else (1, 0):
         vector.reset(np.arange(2) == chosen)
-        lanes[chosen].reset()
-        assert offered(vector) == expected(lanes)
-    begun = np.array([not lane.finished for lane in lanes])
+        entries[chosen].reset()
+        assert offered(vector) == expected(entries)
+    begun = np.array([not entry.finished for entry in entries])
     vector.update([[NAN], [NAN]], begun)
-    for lane in np.array(lanes)[begun]:
-        lane.update(NAN)
-    assert offered(vector) == expected(lanes)
+    for entry in np.array(entries)[begun]:
+        entry.update(NAN)
+    assert offered(vector) == expected(entries)
 
 
 @pytest.mark.parametrize("text", ["x > 0 or always[1:5](5 > 0)", "always[1:5](5 > 0) or x > 0"])
-def test_a_cut_moves_what_a_lane_shows_into_the_bounds_of_both_ends(
+def test_a_cut_moves_what_an_entry_shows_into_the_bounds_of_both_ends(
     text: str, backend: Backend
 ) -> None:
     """What no sample has reached is 5, so that the trace is worth 5 to 9, and showed inf."""
     vector = VectorEpisodeMonitor(text, 3, backend=backend)
-    lanes = [EpisodeMonitor(text, backend=backend) for _ in range(3)]
+    entries = [EpisodeMonitor(text, backend=backend) for _ in range(3)]
     rows: list[list[float | UncertainValue]] = [
         [UncertainValue(2.0, 9.0)],
         [1.0],
@@ -160,13 +164,13 @@ def test_a_cut_moves_what_a_lane_shows_into_the_bounds_of_both_ends(
     ]
     lower, upper = ends(rows)
     vector.update(lower, upper=upper)
-    for lane, row in zip(lanes, rows, strict=True):
-        lane.update(row)
+    for entry, row in zip(entries, rows, strict=True):
+        entry.update(row)
     for chosen in ([True, False, False], [False, True, True]):
         vector.finish(np.array(chosen), end="cut")
-        for lane in np.array(lanes)[chosen]:
-            lane.finish("cut")
-        assert offered(vector) == expected(lanes)
+        for entry in np.array(entries)[chosen]:
+            entry.finish("cut")
+        assert offered(vector) == expected(entries)
     assert identical(vector.robustness, [9.0, 5.0, 7.0])
 
 
@@ -230,7 +234,7 @@ def test_hold_keeps_an_interval(backend: Backend) -> None:
         ),
     ],
 )
-def test_an_error_leaves_every_lane_as_it_was(
+def test_an_error_leaves_every_entry_as_it_was(
     values: Any,  # noqa: ANN401 - as callers write it
     upper: Any,  # noqa: ANN401
     message: str,

@@ -1,4 +1,4 @@
-// The clocks of temporal operators in many lanes. The definition is rtamt/machines/clocks.py.
+// The clocks of temporal operators in many entries. The definition is rtamt/machines/clocks.py.
 #pragma once
 
 #include <cstddef>
@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/snapshot.hpp"
-#include "lockstep/lanes.hpp"
+#include "batch/entries.hpp"
 
 namespace rtamt {
 
@@ -30,16 +30,16 @@ struct ClockRow {
     bool first;
 };
 
-// One clock; its arrays have an element for every lane.
-class LaneClock {
+// One clock; its arrays have an element for every entry.
+class EntryClock {
 public:
-    LaneClock(ClockRow row, std::size_t num);
+    EntryClock(ClockRow row, std::size_t num);
 
     std::size_t operands() const { return row_.operands.size(); }
     // Takes in the newest values of the parts, a row of each, before which so many samples were
     // fed.
-    void feed(const Lanes& lanes, const std::int64_t* samples, const double* parts);
-    void reset(const Lanes& lanes);
+    void feed(const Entries& entries, const std::int64_t* samples, const double* parts);
+    void reset(const Entries& entries);
     void write_fractions(double* out) const;
     void write_margins(double* out) const;
 
@@ -56,14 +56,14 @@ private:
         std::int64_t shown;
     };
 
-    bool holds(std::size_t operand, std::size_t lane) const;
-    bool fails(std::size_t operand, std::size_t lane) const;
-    bool is_asked(std::size_t lane, std::int64_t samples, const double* parts) const;
-    void step_oldest(std::size_t lane, std::int64_t samples, const double* parts);
-    void step_newest(std::size_t lane, std::int64_t samples, const double* parts);
-    void step_last(std::size_t lane, std::int64_t samples);
-    Counts of_two(std::size_t lane, std::int64_t samples, std::int64_t count) const;
-    std::int64_t ended(bool event, std::int64_t last, std::size_t lane, std::int64_t samples,
+    bool holds(std::size_t operand, std::size_t entry) const;
+    bool fails(std::size_t operand, std::size_t entry) const;
+    bool is_asked(std::size_t entry, std::int64_t samples, const double* parts) const;
+    void step_oldest(std::size_t entry, std::int64_t samples, const double* parts);
+    void step_newest(std::size_t entry, std::int64_t samples, const double* parts);
+    void step_last(std::size_t entry, std::int64_t samples);
+    Counts of_two(std::size_t entry, std::int64_t samples, std::int64_t count) const;
+    std::int64_t ended(bool event, std::int64_t last, std::size_t entry, std::int64_t samples,
                        std::int64_t count) const;
 
     ClockRow row_;
@@ -78,18 +78,18 @@ private:
     std::vector<std::uint8_t> recent_;  // whether it was asked, a ring of rows
 };
 
-// Several clocks over the same parts, each lane with a time of its own.
-class ClockBank {
+// Several clocks over the same parts, each entry with a time of its own.
+class ClockBatch {
 public:
-    ClockBank(std::vector<ClockRow> rows, std::size_t parts, std::size_t num);
+    ClockBatch(std::vector<ClockRow> rows, std::size_t parts, std::size_t num);
 
-    std::size_t num() const { return lanes_.num(); }
+    std::size_t num() const { return entries_.num(); }
     std::size_t parts() const { return parts_; }
     std::size_t size() const { return clocks_.size(); }
     std::size_t operands() const { return operands_; }
     const std::int64_t* samples() const { return samples_.data(); }
 
-    // Takes in a sample in the lanes of the mask: a row of every part.
+    // Takes in a sample in the entries of the mask: a row of every part.
     void feed(const double* parts, const std::uint8_t* mask);
     void reset(const std::uint8_t* mask = nullptr);
     // Writes a row for every clock, and for every operand of every clock.
@@ -100,10 +100,10 @@ public:
     void fields(Snapshot& s);
 
 private:
-    Lanes lanes_;
+    Entries entries_;
     std::size_t parts_;
     std::size_t operands_ = 0;
-    std::vector<LaneClock> clocks_;
+    std::vector<EntryClock> clocks_;
     std::vector<std::int64_t> samples_;
 };
 

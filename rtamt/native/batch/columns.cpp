@@ -1,4 +1,4 @@
-#include "lockstep/columns.hpp"
+#include "batch/columns.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,9 +6,9 @@
 #include <optional>
 #include <utility>
 
-#include "lockstep/initial_columns.hpp"
+#include "batch/initial_columns.hpp"
 
-namespace rtamt::lockstep {
+namespace rtamt::batch {
 namespace {
 
 using episode::FormulaRow;
@@ -173,57 +173,57 @@ public:
           initial_(std::move(initial)),
           values_(values),
           places_(values.samples.size()) {
-        reset(Lanes(values.samples.size()));
+        reset(Entries(values.samples.size()));
     }
 
-    void take(const Lanes& lanes, const double*, RegisterColumns& terms) override {
-        if (lanes.count() == 0) return;
+    void take(const Entries& entries, const double*, RegisterColumns& terms) override {
+        if (entries.count() == 0) return;
         std::int64_t* samples = values_.samples.data();
-        places_.advance(lanes, samples);
-        columns_.find(terms, lanes.count());
+        places_.advance(entries, samples);
+        columns_.find(terms, entries.count());
         Time first = std::numeric_limits<Time>::max();
         Time last = 0;
-        each_stretch(lanes, true,
-                     [&](std::size_t lane, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
+        each_stretch(entries, true,
+                     [&](std::size_t entry, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
                          Time least = first, most = last;
-                         for (const std::int64_t* s = samples + lane; s < samples + lane + n; ++s) {
+                         for (const std::int64_t* s = samples + entry; s < samples + entry + n; ++s) {
                              least = std::min(least, *s);
                              most = std::max(most, *s);
                          }
                          first = least;
                          last = most;
                      });
-        const Taken taken{lanes, places_, samples, first, last, columns_};
+        const Taken taken{entries, places_, samples, first, last, columns_};
         for (const auto& value : initial_) value->take(taken);
-        each_stretch(lanes, true,
-                     [&](std::size_t lane, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
-                         for (std::size_t i = lane; i < lane + n; ++i) ++samples[i];
+        each_stretch(entries, true,
+                     [&](std::size_t entry, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
+                         for (std::size_t i = entry; i < entry + n; ++i) ++samples[i];
                      });
-        conclude(lanes, false);
+        conclude(entries, false);
     }
 
-    void reset(const Lanes& lanes) override {
-        places_.reset(lanes);
-        for (std::size_t i = 0; i < lanes.count(); ++i) {
-            values_.samples[lanes[i]] = 0;
-            values_.finished[lanes[i]] = 0;
+    void reset(const Entries& entries) override {
+        places_.reset(entries);
+        for (std::size_t i = 0; i < entries.count(); ++i) {
+            values_.samples[entries[i]] = 0;
+            values_.finished[entries[i]] = 0;
         }
-        for (const auto& value : initial_) value->reset(lanes);
-        conclude(lanes, false);
-        for (std::size_t i = 0; i < lanes.count(); ++i) values_.now[lanes[i]] = std::nan("");
+        for (const auto& value : initial_) value->reset(entries);
+        conclude(entries, false);
+        for (std::size_t i = 0; i < entries.count(); ++i) values_.now[entries[i]] = std::nan("");
     }
 
-    void finish(const Lanes& lanes, End end) override {
+    void finish(const Entries& entries, End end) override {
         std::vector<std::uint8_t> ending(values_.samples.size());
-        for (std::size_t i = 0; i < lanes.count(); ++i) {
-            const std::uint32_t lane = lanes[i];
-            if (values_.finished[lane]) continue;
-            ending[lane] = values_.finished[lane] = 1;
+        for (std::size_t i = 0; i < entries.count(); ++i) {
+            const std::uint32_t entry = entries[i];
+            if (values_.finished[entry]) continue;
+            ending[entry] = values_.finished[entry] = 1;
             if (end == End::complete)
-                values_.lower[lane] = values_.upper[lane] = values_.now[lane];
+                values_.lower[entry] = values_.upper[entry] = values_.now[entry];
         }
         if (end != End::cut) return;
-        Lanes rest(ending.size());
+        Entries rest(ending.size());
         rest.choose(ending.data());
         conclude(rest, true);
         for (std::size_t i = 0; i < rest.count(); ++i) {
@@ -243,13 +243,13 @@ public:
     }
 
 private:
-    void conclude(const Lanes& lanes, bool ended) {
-        for (const auto& value : initial_) value->conclude(lanes, values_.samples.data(), ended);
+    void conclude(const Entries& entries, bool ended) {
+        for (const auto& value : initial_) value->conclude(entries, values_.samples.data(), ended);
         InitialColumns& result = *initial_.back();
-        each_stretch(lanes, true, [&](std::size_t lane, std::size_t, std::size_t n) {
-            std::copy_n(result.world(kNow) + lane, n, values_.now.data() + lane);
-            std::copy_n(result.world(kLower) + lane, n, values_.lower.data() + lane);
-            std::copy_n(result.world(kUpper) + lane, n, values_.upper.data() + lane);
+        each_stretch(entries, true, [&](std::size_t entry, std::size_t, std::size_t n) {
+            std::copy_n(result.world(kNow) + entry, n, values_.now.data() + entry);
+            std::copy_n(result.world(kLower) + entry, n, values_.lower.data() + entry);
+            std::copy_n(result.world(kUpper) + entry, n, values_.upper.data() + entry);
         });
     }
 
@@ -269,4 +269,4 @@ std::unique_ptr<Episodes> column_episodes(const episode::Program& program,
                                             std::move(builder.initial_columns), values);
 }
 
-}  // namespace rtamt::lockstep
+}  // namespace rtamt::batch

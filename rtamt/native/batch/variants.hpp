@@ -1,4 +1,4 @@
-// Episodes in lockstep with neutral predicates or uncertain values; see episode/variants.hpp.
+// Episodes in batches with neutral predicates or uncertain values; see episode/variants.hpp.
 #pragma once
 
 #include <cmath>
@@ -8,14 +8,14 @@
 #include <vector>
 
 #include "episode/variants.hpp"
-#include "lockstep/bank.hpp"
+#include "batch/machines.hpp"
 
 namespace rtamt {
 
-// The best variant runs until no lane is left whose episode has an uncertain value.
-class BankVariants : public VariantsOf<EpisodeBank> {
+// The best variant runs until no entry is left whose episode has an uncertain value.
+class BatchVariants : public VariantsOf<EpisodeBatch> {
 public:
-    BankVariants(episode::Program program, std::vector<std::size_t> neutral, std::size_t num)
+    BatchVariants(episode::Program program, std::vector<std::size_t> neutral, std::size_t num)
         : VariantsOf(std::move(program), std::move(neutral), num),
           uncertain_(num),
           moved_(num, std::nan("")),
@@ -24,10 +24,10 @@ public:
     std::size_t num() const { return uncertain_.size(); }
     const double* results() const { return several() ? results_.data() : result_->results(); }
 
-    // Takes samples in as DiscreteBank does.
+    // Takes samples in as DiscreteBatch does.
     std::size_t take(const Table& table, const std::uint8_t* mask);
-    // Takes in a sample of every chosen lane that lies between two rows. Returns the first lane in
-    // which a term has no value, without changing any lane, or num().
+    // Takes in a sample of every chosen entry that lies between two rows. Returns the first entry in
+    // which a term has no value, without changing any entry, or num().
     std::size_t take(const Table& lower, const Table& upper, const std::uint8_t* mask);
     void reset(const std::uint8_t* mask = nullptr);
     void finish(const std::uint8_t* mask, End end);
@@ -36,8 +36,8 @@ public:
 private:
     void publish();
 
-    std::vector<std::uint8_t> uncertain_;  // the lanes with an uncertain value
-    std::vector<double> moved_;    // the robustness of lanes that were cut, inside the bounds of all
+    std::vector<std::uint8_t> uncertain_;  // the entries with an uncertain value
+    std::vector<double> moved_;    // the robustness of entries that were cut, inside the bounds of all
     std::vector<double> results_;  // where variants differ
 };
 

@@ -1,4 +1,4 @@
-"""Many signals in lockstep."""
+"""Many signals in batches."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from report import Row, Table
 NUMBERS = (64, 1_024, 4_096)
 SLOW = ("python", "sentil")
 
-THERE = 12  # ns, the floor at any number of lanes where the targets were set
+THERE = 12  # ns, the floor at any number of entries where the targets were set
 
 
 def measure(setting: Setting) -> Iterator[Table]:
@@ -28,8 +28,8 @@ def measure(setting: Setting) -> Iterator[Table]:
 
 
 def monitors(setting: Setting, subjects: dict[str, Subject]) -> Table:
-    """The sliding minimum, and the cost of a call for a single lane."""
-    table = Table("VectorMonitor.update, W1", "ns a lane")
+    """The sliding minimum, and the cost of a call for a single entry."""
+    table = Table("VectorMonitor.update, W1", "ns an entry")
     for k in (100, 1_000):
         for num in NUMBERS:
             if setting.quick and num == 1_024:
@@ -48,7 +48,7 @@ def monitors(setting: Setting, subjects: dict[str, Subject]) -> Table:
 
 def episodes(setting: Setting, subjects: dict[str, Subject]) -> Table:
     """Value and bounds of every episode."""
-    table = Table("VectorEpisodeMonitor.update; +read: bounds and verdict too", "ns a lane")
+    table = Table("VectorEpisodeMonitor.update; +read: bounds and verdict too", "ns an entry")
     cases = (("always(a + b > -2)", "w1", "invariant"), ("resp", "resp", "resp"))
     for label, kind, formula in cases:
         for num in NUMBERS:
@@ -76,7 +76,7 @@ def row(
     entries = {
         column: (
             subject,
-            case | more | {"what": "lockstep", "backend": column, "seconds": 0.01},
+            case | more | {"what": "batches", "backend": column, "seconds": 0.01},
         )
         for column, subject in subjects.items()
         if column not in SLOW or case["num"] <= NUMBERS[0]

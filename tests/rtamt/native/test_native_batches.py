@@ -1,4 +1,4 @@
-"""Banks of native machines: states that are not their own, references, the size of a lane."""
+"""Batches of native machines: states that are not their own, references, the size of an entry."""
 
 import gc
 import pickle
@@ -22,8 +22,8 @@ FOREIGN = (
 )
 
 
-def bank(kind: type[Vector], text: str = TEXT, num: int = 2) -> Any:  # noqa: ANN401 - of either kind
-    """A native bank that has taken a sample."""
+def batch(kind: type[Vector], text: str = TEXT, num: int = 2) -> Any:  # noqa: ANN401 - of either kind
+    """A native batch that has taken a sample."""
     vector = kind(text, num, backend="native")
     vector.update(np.ones((num, 2)))
     return vector._machine
@@ -36,16 +36,16 @@ def bank(kind: type[Vector], text: str = TEXT, num: int = 2) -> Any:  # noqa: AN
         lambda _: b"",
         lambda _: None,
         lambda _: bytes(400),
-        lambda kind: bank(kind, num=3).state(),
-        lambda kind: bank(kind, TEXT.replace("1)", "2)")).state(),
-        lambda kind: bank(kind, TEXT.replace("3]", "4]")).state(),
-        lambda kind: bank(kind, TEXT.replace("always", "eventually")).state(),
-        lambda kind: bank(VectorMonitor if kind is VectorEpisodeMonitor else KINDS[1]).state(),
+        lambda kind: batch(kind, num=3).state(),
+        lambda kind: batch(kind, TEXT.replace("1)", "2)")).state(),
+        lambda kind: batch(kind, TEXT.replace("3]", "4]")).state(),
+        lambda kind: batch(kind, TEXT.replace("always", "eventually")).state(),
+        lambda kind: batch(VectorMonitor if kind is VectorEpisodeMonitor else KINDS[1]).state(),
         lambda kind: kind(TEXT, 2, backend="python")._machine.state(),
     ],
 )
 def test_a_foreign_state_is_refused_and_changes_nothing(kind: type[Vector], state: Any) -> None:  # noqa: ANN401
-    made = bank(kind)
+    made = batch(kind)
     before = made.state()
     with pytest.raises(ValueError, match=FOREIGN):
         made.restore(state(kind))
@@ -54,7 +54,7 @@ def test_a_foreign_state_is_refused_and_changes_nothing(kind: type[Vector], stat
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_damaged_state_is_refused_and_changes_nothing(kind: type[Vector]) -> None:
-    made = bank(kind)
+    made = batch(kind)
     state = made.state()
     for damaged in (state[:-8], state[:24], state + bytes(8)):
         with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
@@ -66,16 +66,16 @@ def test_a_damaged_state_is_refused_and_changes_nothing(kind: type[Vector]) -> N
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_bank_and_its_reader_are_collected_in_a_circle(kind: type[Vector]) -> None:
+def test_a_batch_and_its_reader_are_collected_in_a_circle(kind: type[Vector]) -> None:
     class Reader:
-        bank: object
+        batch: object
 
     reader = Reader()
     program = kind(TEXT, 2).program
     if kind is VectorMonitor:
-        reader.bank = BACKENDS["native"].discrete_bank(program, 2, cast("Any", reader))
+        reader.batch = BACKENDS["native"].discrete_batch(program, 2, cast("Any", reader))
     else:
-        reader.bank = BACKENDS["native"].episode_bank(program, 2, cast("Any", reader))
+        reader.batch = BACKENDS["native"].episode_batch(program, 2, cast("Any", reader))
     gone = weakref.ref(reader)
     del reader
     gc.collect()
@@ -91,10 +91,10 @@ def test_a_reader_that_refuses_nothing_is_noticed() -> None:
         def refuse_finish(self, _: int) -> None: ...
 
     program = VectorMonitor("sqrt(x) > 0", 1).program
-    made = BACKENDS["native"].discrete_bank(program, 1, cast("Any", Reader()))
+    made = BACKENDS["native"].discrete_batch(program, 1, cast("Any", Reader()))
     with pytest.raises(RuntimeError, match=r"^Python did not refuse the call$"):
         made.update(np.array([[-1.0]]))
-    episodes = BACKENDS["native"].episode_bank(program, 1, cast("Any", Reader()))
+    episodes = BACKENDS["native"].episode_batch(program, 1, cast("Any", Reader()))
     with pytest.raises(RuntimeError, match=r"^Python did not refuse the call$"):
         episodes.finish()
 
@@ -103,20 +103,20 @@ def test_a_reader_that_refuses_nothing_is_noticed() -> None:
     "text",
     ["eventually(always[0:{k}](x > 0))", "always((y > 1) implies eventually[0:{k}](x > 0))"],
 )
-def test_long_windows_of_many_lanes_are_those_of_one(text: str) -> None:
+def test_long_windows_of_many_entries_are_those_of_one(text: str) -> None:
     num, k = 3_000, 2_000
     text = text.format(k=k)
-    lanes = VectorEpisodeMonitor(text, num, backend="native")
-    single = {lane: EpisodeMonitor(text, backend="native") for lane in (0, 1_234, num - 1)}
+    entries = VectorEpisodeMonitor(text, num, backend="native")
+    single = {entry: EpisodeMonitor(text, backend="native") for entry in (0, 1_234, num - 1)}
     random = np.random.default_rng(4)
-    width = len(lanes.variables)
+    width = len(entries.variables)
     tables = [np.asfortranarray(random.normal(2.8, 1.0, (num, width))) for _ in range(97)]
     for step in range(2 * k + 500):  # the blocks of a window begin anew every k / 2 samples
         table = tables[step % len(tables)]
-        lanes.update(table)
-        for lane, monitor in single.items():
-            monitor.update(*table[lane])
+        entries.update(table)
+        for entry, monitor in single.items():
+            monitor.update(*table[entry])
         if step % 50 == 0 or step % (k // 2) in {0, 1, k // 2 - 1}:
             for name in ("robustness", "lower", "upper"):
-                found = getattr(lanes, name)[list(single)]
+                found = getattr(entries, name)[list(single)]
                 assert found.tolist() == [getattr(each, name) for each in single.values()]

@@ -1,4 +1,4 @@
-// Registers that are read at time 0 alone, as columns: the values of every lane in three worlds.
+// Registers that are read at time 0 alone, as columns: the values of every entry in three worlds.
 #pragma once
 
 #include <algorithm>
@@ -8,9 +8,9 @@
 #include <optional>
 #include <vector>
 
-#include "lockstep/clamped_columns.hpp"
+#include "batch/clamped_columns.hpp"
 
-namespace rtamt::lockstep {
+namespace rtamt::batch {
 
 class InitialColumns {
 public:
@@ -23,12 +23,12 @@ public:
 
     double* world(World w) { return worlds_[w].data(); }
 
-    // Forgets the samples of the chosen lanes.
-    virtual void reset(const Lanes& lanes) = 0;
+    // Forgets the samples of the chosen entries.
+    virtual void reset(const Entries& entries) = 0;
     virtual void take(const Taken& taken) = 0;
-    // Finds the values of the chosen lanes in every world; if `ended`, without the future of
+    // Finds the values of the chosen entries in every world; if `ended`, without the future of
     // operators that have no end.
-    virtual void conclude(const Lanes& lanes, const std::int64_t* samples, bool ended) = 0;
+    virtual void conclude(const Entries& entries, const std::int64_t* samples, bool ended) = 0;
     virtual void fields(Snapshot& s) {
         for (auto& world : worlds_) s.array(world.data(), world.size());
     }
@@ -43,22 +43,22 @@ public:
     TermColumns(std::size_t num, std::size_t term, std::optional<double> constant)
         : InitialColumns(num), term_(term), constant_(constant) {}
 
-    void reset(const Lanes& lanes) override {
-        for (std::size_t i = 0; i < lanes.count(); ++i)
+    void reset(const Entries& entries) override {
+        for (std::size_t i = 0; i < entries.count(); ++i)
             for (World w : kAll)
-                worlds_[w][lanes[i]] =
+                worlds_[w][entries[i]] =
                     constant_ ? *constant_ : w == kLower ? -kInfinity : kInfinity;
     }
     void take(const Taken& t) override {
         if (t.first > 0) return;
         const double* values = t.columns.at(term_);
-        for (std::size_t i = 0; i < t.lanes.count(); ++i) {
-            const std::uint32_t lane = t.lanes[i];
-            if (t.times[lane] == 0)
-                for (World w : kAll) worlds_[w][lane] = values[i];
+        for (std::size_t i = 0; i < t.entries.count(); ++i) {
+            const std::uint32_t entry = t.entries[i];
+            if (t.times[entry] == 0)
+                for (World w : kAll) worlds_[w][entry] = values[i];
         }
     }
-    void conclude(const Lanes&, const std::int64_t*, bool) override {}
+    void conclude(const Entries&, const std::int64_t*, bool) override {}
 
 private:
     std::size_t term_;
@@ -71,15 +71,15 @@ public:
     MapColumns(std::size_t num, InitialColumns& a, InitialColumns& b)
         : InitialColumns(num), a_(a), b_(b) {}
 
-    void reset(const Lanes&) override {}
+    void reset(const Entries&) override {}
     void take(const Taken&) override {}
-    void conclude(const Lanes& lanes, const std::int64_t*, bool) override {
+    void conclude(const Entries& entries, const std::int64_t*, bool) override {
         for (World w : kAll) {
             const double* a = a_.world(w);
             const double* b = b_.world(w);
             double* out = world(w);
-            each_stretch(lanes, true, [&](std::size_t lane, std::size_t, std::size_t n) {
-                columns::map<choose>(a + lane, b + lane, out + lane, n);
+            each_stretch(entries, true, [&](std::size_t entry, std::size_t, std::size_t n) {
+                columns::map<choose>(a + entry, b + entry, out + entry, n);
             });
         }
     }
@@ -111,54 +111,54 @@ public:
             for (World w : {kLower, kUpper}) open_[w].resize(num);
     }
 
-    void reset(const Lanes& lanes) override {
-        for (std::size_t i = 0; i < lanes.count(); ++i) {
-            const std::uint32_t lane = lanes[i];
-            settled_[lane] = Order::top;
-            world(kNow)[lane] = Order::top;
+    void reset(const Entries& entries) override {
+        for (std::size_t i = 0; i < entries.count(); ++i) {
+            const std::uint32_t entry = entries[i];
+            settled_[entry] = Order::top;
+            world(kNow)[entry] = Order::top;
             if (windows_.empty()) continue;
-            for (World w : {kBest, kWorst}) open_[w][lane] = Order::top;
+            for (World w : {kBest, kWorst}) open_[w][entry] = Order::top;
         }
-        for (const auto& window : windows_) window->reset(lanes);
+        for (const auto& window : windows_) window->reset(entries);
     }
 
     void take(const Taken& t) override {
         for (const std::size_t plain : operand_.plain) fold_plain(t, t.columns.at(plain));
         if (windows_.empty()) return;
         const Seen seen{settled_.data(), world(kNow), open_[kBest].data(), open_[kWorst].data()};
-        each_stretch(t.lanes, true, [&](std::size_t lane, std::size_t, std::size_t n) {
-            std::fill_n(seen.now + lane, n, Order::top);
-            std::fill_n(seen.best + lane, n, Order::top);
-            std::fill_n(seen.worst + lane, n, Order::top);
+        each_stretch(t.entries, true, [&](std::size_t entry, std::size_t, std::size_t n) {
+            std::fill_n(seen.now + entry, n, Order::top);
+            std::fill_n(seen.best + entry, n, Order::top);
+            std::fill_n(seen.worst + entry, n, Order::top);
         });
         for (const auto& window : windows_) window->take(t, begin_, end_, seen);
     }
 
-    void conclude(const Lanes& lanes, const std::int64_t* samples, bool ended) override {
+    void conclude(const Entries& entries, const std::int64_t* samples, bool ended) override {
         const bool to_the_end = ended && end_ == kNever;
         const double* settled = settled_.data();
         double* now = world(kNow);
         double* best_world = world(kBest);
         double* worst_world = world(kWorst);
-        const auto run = [&](std::size_t lane, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
-            const std::size_t stop = lane + n;
+        const auto run = [&](std::size_t entry, std::size_t, std::size_t n) RTAMT_LOOP_BODY {
+            const std::size_t stop = entry + n;
             if (windows_.empty()) {
-                std::copy(settled + lane, settled + stop, now + lane);
-                std::copy(settled + lane, settled + stop, best_world + lane);
-                std::copy(settled + lane, settled + stop, worst_world + lane);
+                std::copy(settled + entry, settled + stop, now + entry);
+                std::copy(settled + entry, settled + stop, best_world + entry);
+                std::copy(settled + entry, settled + stop, worst_world + entry);
             } else {
                 const double* best = open_[kBest].data();
                 const double* worst = open_[kWorst].data();
                 RTAMT_INDEPENDENT
-                for (std::size_t i = lane; i < stop; ++i) {
+                for (std::size_t i = entry; i < stop; ++i) {
                     now[i] = Order::least(now[i], settled[i]);
                     best_world[i] = Order::least(best[i], settled[i]);
                     worst_world[i] = Order::least(worst[i], settled[i]);
                 }
             }
-            if (!to_the_end) add_tails(samples, ended, lane, stop);
+            if (!to_the_end) add_tails(samples, ended, entry, stop);
         };
-        each_stretch(lanes, true, run);
+        each_stretch(entries, true, run);
     }
 
     void fields(Snapshot& s) override {
@@ -186,8 +186,8 @@ private:
         return std::make_unique<ClampedColumns<Order, Reaches<Order>>>(num, window);
     }
 
-    // Adds what unseen samples may be, in the lanes from `lane` to `stop` in which some count.
-    RTAMT_LOOP void add_tails(const std::int64_t* samples, bool ended, std::size_t lane,
+    // Adds what unseen samples may be, in the entries from `entry` to `stop` in which some count.
+    RTAMT_LOOP void add_tails(const std::int64_t* samples, bool ended, std::size_t entry,
                               std::size_t stop) {
         const double best_tail = operand_.tail[kBest];
         const double worst_tail = operand_.tail[kWorst];
@@ -198,7 +198,7 @@ private:
         double* best = world(kBest);
         double* worst = world(kWorst);
         RTAMT_INDEPENDENT
-        for (std::size_t i = lane; i < stop; ++i) {
+        for (std::size_t i = entry; i < stop; ++i) {
             const bool count = samples[i] <= end;
             const double least = Order::least(best[i], best_tail);
             best[i] = count & (there | (samples[i] == first)) ? least : best[i];
@@ -209,19 +209,19 @@ private:
     void fold_plain(const Taken& t, const double* values) {
         double* settled = settled_.data();
         if (t.first >= begin_ && t.last <= end_) {
-            each_stretch(t.lanes, true,
-                         [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
+            each_stretch(t.entries, true,
+                         [&](std::size_t entry, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
                 RTAMT_INDEPENDENT
                 for (std::size_t j = 0; j < n; ++j)
-                    settled[lane + j] = Order::least(settled[lane + j], values[i + j]);
+                    settled[entry + j] = Order::least(settled[entry + j], values[i + j]);
             });
             return;
         }
-        for (std::size_t i = 0; i < t.lanes.count(); ++i) {
-            const std::uint32_t lane = t.lanes[i];
-            const Time time = t.times[lane];
+        for (std::size_t i = 0; i < t.entries.count(); ++i) {
+            const std::uint32_t entry = t.entries[i];
+            const Time time = t.times[entry];
             if (time >= begin_ && time <= end_)
-                settled[lane] = Order::least(settled[lane], values[i]);
+                settled[entry] = Order::least(settled[entry], values[i]);
         }
     }
 
@@ -233,4 +233,4 @@ private:
     std::vector<std::unique_ptr<WindowColumns>> windows_;
 };
 
-}  // namespace rtamt::lockstep
+}  // namespace rtamt::batch

@@ -16,19 +16,19 @@ from rtamt.inputs.samples import NanPolicy, SampleReader, listed, wrong_shape
 from rtamt.program.memory import limit_episode
 from rtamt.program.program import Program
 
-Lanes = NDArray[np.bool_]
+Entries = NDArray[np.bool_]
 """A mask of batch entries."""
 
 
-def numbers_of(mask: Lanes | None, num: int) -> Sequence[int]:
+def numbers_of(mask: Entries | None, num: int) -> Sequence[int]:
     """Return the numbers of the batch entries in a mask; None: all."""
     if mask is None:
         return range(num)
-    lanes: list[int] = np.flatnonzero(mask).tolist()
-    return lanes
+    entries: list[int] = np.flatnonzero(mask).tolist()
+    return entries
 
 
-class LaneReader:
+class BatchReader:
     """Reads samples of many batch entries, and masks of the entries that take them.
 
     Both back-ends use it; the C++ back-end for rare argument forms and for every error.
@@ -51,8 +51,8 @@ class LaneReader:
         self._bounds = bounds
         self.intervals_fit = True
 
-    def update(self, bank: Any, /, values: ArrayLike = (), *args: Any, **named: Any) -> Floats:  # noqa: ANN401 - a machine, and what it takes
-        """Update a bank with a sample by name, or refuse wrong arguments."""
+    def update(self, batch: Any, /, values: ArrayLike = (), *args: Any, **named: Any) -> Floats:  # noqa: ANN401 - a machine, and what it takes
+        """Update a batch with a sample by name, or refuse wrong arguments."""
         arguments = ("mask", "upper") if self._bounds else ("mask",)
         others = dict(zip(arguments, args, strict=False))
         if len(args) > len(arguments) or others.keys() & named.keys():
@@ -70,28 +70,28 @@ class LaneReader:
             )
 
         def held(column: int, default: float) -> Floats:
-            return self._held(bank, column, default)
+            return self._held(batch, column, default)
 
         least, greatest = self.named(named, ("values", *arguments), held)
         mask = others.get("mask")
         result: Floats
-        result = bank.update(least, mask, greatest) if self._bounds else bank.update(least, mask)
+        result = batch.update(least, mask, greatest) if self._bounds else batch.update(least, mask)
         return result
 
-    def _held(self, bank: Any, column: int, default: float) -> Floats:  # noqa: ANN401 - a machine
+    def _held(self, batch: Any, column: int, default: float) -> Floats:  # noqa: ANN401 - a machine
         """Return the value of an absent variable with a default: its last one in each entry."""
-        begun = bank.samples > 0
-        if self._bounds and (unknown := begun & bank.unknown[:, column]).any():
+        begun = batch.samples > 0
+        if self._bounds and (unknown := begun & batch.unknown[:, column]).any():
             raise InputError(
                 f"expected a value for '{self._program.inputs[column]}': batch entry "
                 f"{unknown.argmax()} has no known last value"
             )
-        values: Floats = np.where(begun, bank.inputs[:, column], default)
+        values: Floats = np.where(begun, batch.inputs[:, column], default)
         return values
 
-    def lane(self, lane: int) -> SampleReader:
+    def entry(self, entry: int) -> SampleReader:
         """Return the reader of one batch entry, whose errors name it."""
-        return SampleReader(self._program, self._nan, lane, bounds=self._bounds)
+        return SampleReader(self._program, self._nan, entry, bounds=self._bounds)
 
     def values(self, values: ArrayLike) -> Floats:
         """Return the values as a contiguous array of shape (entries, variables)."""
@@ -156,11 +156,11 @@ class LaneReader:
             tables.append(np.column_stack(rows) if rows else np.empty((self._num, 0)))
         return tables[0], tables[1] if uncertain else None
 
-    def mask(self, mask: ArrayLike | None) -> Lanes | None:
+    def mask(self, mask: ArrayLike | None) -> Entries | None:
         """Return the mask as a contiguous array of booleans; None: all entries."""
         return None if mask is None else self._booleans(mask)
 
-    def _booleans(self, mask: ArrayLike) -> Lanes:
+    def _booleans(self, mask: ArrayLike) -> Entries:
         try:
             chosen = np.asarray(mask)
         except ValueError as ragged:
@@ -178,11 +178,11 @@ class LaneReader:
                 f"{chosen.shape}; without a mask, all entries are updated"
             )
         # numpy miscounts booleans whose bytes are not 0 or 1.
-        booleans: Lanes = np.ascontiguousarray(chosen).view(np.uint8) != 0
+        booleans: Entries = np.ascontiguousarray(chosen).view(np.uint8) != 0
         return booleans
 
     def without_nan(
-        self, table: Floats, chosen: Lanes | None, samples: NDArray[np.int64], inputs: Floats
+        self, table: Floats, chosen: Entries | None, samples: NDArray[np.int64], inputs: Floats
     ) -> Floats:
         """Return the table after the nan policy; rows outside the mask may keep their nan.
 
@@ -201,16 +201,16 @@ class LaneReader:
         if self._nan == "hold":
             refused = missing & (samples == 0)[:, None]
         if refused.any():
-            lane, variable = np.argwhere(refused)[0].tolist()
-            reader = self.lane(lane)
-            reader.refuse_nan(reader.variables[variable], int(samples[lane]))
+            entry, variable = np.argwhere(refused)[0].tolist()
+            reader = self.entry(entry)
+            reader.refuse_nan(reader.variables[variable], int(samples[entry]))
         return np.where(missing, inputs, table)
 
     def ends(
         self,
         table: Floats,
         upper: Floats | None,
-        chosen: Lanes | None,
+        chosen: Entries | None,
         samples: NDArray[np.int64],
         inputs: tuple[Floats, Floats],
     ) -> tuple[Floats, Floats]:
@@ -235,39 +235,39 @@ class LaneReader:
         return least, greatest
 
     def _require_order(
-        self, lower: Floats, upper: Floats, chosen: Lanes | None, samples: NDArray[np.int64]
+        self, lower: Floats, upper: Floats, chosen: Entries | None, samples: NDArray[np.int64]
     ) -> None:
         wrong = out_of_order(lower, upper)
         if chosen is not None:
             wrong &= self._booleans(chosen)[:, None]
         if not wrong.any():
             return
-        lane, variable = np.argwhere(wrong)[0].tolist()
-        least, greatest = float(lower[lane, variable]), float(upper[lane, variable])
+        entry, variable = np.argwhere(wrong)[0].tolist()
+        least, greatest = float(lower[entry, variable]), float(upper[entry, variable])
         name = self._program.variables[variable]
         expected = f"numbers as ends of '{name}', and -inf and inf of what is not known"
         if least == least and greatest == greatest:  # noqa: PLR0124 - neither is nan
             expected = f"a lower end of '{name}' that is not above the upper one"
         raise InputError(
-            f"expected {expected}, got {least!r} and {greatest!r} at sample {samples[lane]} of "
-            f"batch entry {lane}"
+            f"expected {expected}, got {least!r} and {greatest!r} at sample {samples[entry]} of "
+            f"batch entry {entry}"
         )
 
-    def refuse(self, values: Sequence[float | UncertainValue], sample: int, lane: int) -> NoReturn:
+    def refuse(self, values: Sequence[float | UncertainValue], sample: int, entry: int) -> NoReturn:
         """Raise the error that names the first term which is nan in an entry's sample."""
-        self.lane(lane).refuse(values, sample)
+        self.entry(entry).refuse(values, sample)
 
-    def refuse_update(self, lane: int) -> NoReturn:
+    def refuse_update(self, entry: int) -> NoReturn:
         """Raise the error that refuses a sample of a finished episode."""
         raise StateError(
-            f"the episode of batch entry {lane} is finished; reset it before its next update, or "
+            f"the episode of batch entry {entry} is finished; reset it before its next update, or "
             "exclude it with a mask"
         )
 
-    def refuse_finish(self, lane: int) -> NoReturn:
+    def refuse_finish(self, entry: int) -> NoReturn:
         """Raise the error that refuses to finish an episode without a sample."""
         raise StateError(
-            f"finish() needs at least one sample, batch entry {lane} got 0 since its reset; "
+            f"finish() needs at least one sample, batch entry {entry} got 0 since its reset; "
             "exclude it with a mask"
         )
 

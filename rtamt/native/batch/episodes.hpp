@@ -8,11 +8,11 @@
 
 #include "discrete/columns.hpp"
 #include "episode/machine.hpp"
-#include "lockstep/lanes.hpp"
+#include "batch/entries.hpp"
 
-namespace rtamt::lockstep {
+namespace rtamt::batch {
 
-// What every lane gives; each has an element for each lane.
+// What every entry gives; each has an element for each entry.
 struct EpisodeValues {
     explicit EpisodeValues(std::size_t num)
         : samples(num), finished(num), now(num), lower(num), upper(num) {}
@@ -31,17 +31,17 @@ public:
     Episodes& operator=(const Episodes&) = delete;
     virtual ~Episodes() = default;
 
-    // Takes in one sample of every chosen lane. The inputs are a column for each variable, of all
-    // lanes; the terms are columns of the chosen ones.
-    virtual void take(const Lanes& lanes, const double* inputs, RegisterColumns& terms) = 0;
-    virtual void reset(const Lanes& lanes) = 0;
-    // Ends the traces of the chosen lanes, of at least one sample each; those that have ended
+    // Takes in one sample of every chosen entry. The inputs are a column for each variable, of all
+    // entries; the terms are columns of the chosen ones.
+    virtual void take(const Entries& entries, const double* inputs, RegisterColumns& terms) = 0;
+    virtual void reset(const Entries& entries) = 0;
+    // Ends the traces of the chosen entries, of at least one sample each; those that have ended
     // already stay as they are.
-    virtual void finish(const Lanes& lanes, End end) = 0;
+    virtual void finish(const Entries& entries, End end) = 0;
     virtual void fields(Snapshot& s) = 0;
 };
 
 // Makes the episodes of a program; the values are theirs to write.
 std::unique_ptr<Episodes> episodes_of(const episode::Program& program, EpisodeValues& values);
 
-}  // namespace rtamt::lockstep
+}  // namespace rtamt::batch

@@ -1,16 +1,16 @@
-// Folds of the last elements of every lane.
+// Folds of the last elements of every entry.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 
 #include "core/folds.hpp"
-#include "lockstep/slots.hpp"
+#include "batch/slots.hpp"
 
-namespace rtamt::lockstep {
+namespace rtamt::batch {
 
-// The fold of the last `length` elements of every lane, 1 or more: SlidingWindow in columns. What
-// it gives is right for lanes that have pushed so many, whatever the slots held before: a lane that
+// The fold of the last `length` elements of every entry, 1 or more: SlidingWindow in columns. What
+// it gives is right for entries that have pushed so many, whatever the slots held before: an entry that
 // begins anew clears nothing.
 template <class F>
 class RingFold {
@@ -27,10 +27,10 @@ public:
         for (std::size_t i = 0; i < num_; ++i) identity.put(i, F::identity);
     }
 
-    // Pushes an element of n lanes from `lane` on, which have one place. In the first block, where
-    // no lane has pushed enough, `out` is left as it is, and no memory of earlier blocks is touched.
+    // Pushes an element of n entries from `entry` on, which have one place. In the first block, where
+    // no entry has pushed enough, `out` is left as it is, and no memory of earlier blocks is touched.
     template <class In>
-    RTAMT_LOOP void push(std::uint64_t place, std::size_t lane, std::size_t n, In in,
+    RTAMT_LOOP void push(std::uint64_t place, std::size_t entry, std::size_t n, In in,
                          View<Element> out) {
         if (block_ == 0) {
             for (std::size_t i = 0; i < n; ++i) out.put(i, in[i]);
@@ -39,12 +39,12 @@ public:
         const auto offset = static_cast<std::size_t>(place % block_);
         const std::size_t half = place / block_ % 2 * block_;
         const auto slot = [&](std::size_t k) RTAMT_LOOP_BODY {
-            return slots_.at(kBlocks + k, lane);
+            return slots_.at(kBlocks + k, entry);
         };
         const auto front = slot(half + offset);
-        const auto oldest = offset + ahead_ == block_ ? slots_.at(kIdentity, lane)
+        const auto oldest = offset + ahead_ == block_ ? slots_.at(kIdentity, entry)
                                                       : slot(half + offset + ahead_);
-        const auto prefix = slots_.at(kPrefix, lane);
+        const auto prefix = slots_.at(kPrefix, entry);
         if (place < block_) {
             RTAMT_INDEPENDENT
             for (std::size_t i = 0; i < n; ++i) {
@@ -54,8 +54,8 @@ public:
             return;
         }
         const auto back = slot(block_ - half + (block_ - 1 - offset));
-        const auto middle = slots_.at(kMiddle, lane);
-        const auto suffix = slots_.at(kSuffix, lane);
+        const auto middle = slots_.at(kMiddle, entry);
+        const auto suffix = slots_.at(kSuffix, entry);
         const auto run = [&]<bool kFresh>() RTAMT_LOOP_BODY {
             RTAMT_INDEPENDENT
             for (std::size_t i = 0; i < n; ++i) {
@@ -86,4 +86,4 @@ private:
     Slots<Element> slots_;
 };
 
-}  // namespace rtamt::lockstep
+}  // namespace rtamt::batch

@@ -1,10 +1,10 @@
-#include "lockstep/variants.hpp"
+#include "batch/variants.hpp"
 
 #include <algorithm>
 
 namespace rtamt {
 
-std::size_t BankVariants::take(const Table& table, const std::uint8_t* mask) {
+std::size_t BatchVariants::take(const Table& table, const std::uint8_t* mask) {
     const std::size_t bad = result_->take(table, mask);
     if (several() && bad == num()) {
         if (worst_) worst_->take(table, mask);
@@ -14,7 +14,7 @@ std::size_t BankVariants::take(const Table& table, const std::uint8_t* mask) {
     return bad;
 }
 
-std::size_t BankVariants::take(const Table& lower, const Table& upper, const std::uint8_t* mask) {
+std::size_t BatchVariants::take(const Table& lower, const Table& upper, const std::uint8_t* mask) {
     const std::size_t terms = ranges().terms();
     least_terms_.resize(terms * num());
     greatest_terms_.resize(terms * num());
@@ -22,15 +22,15 @@ std::size_t BankVariants::take(const Table& lower, const Table& upper, const std
     std::vector<double> low(variables());
     std::vector<double> high(variables());
     std::size_t i = 0;
-    for (std::size_t lane = 0; lane < num(); ++lane) {
-        if (mask != nullptr && !mask[lane]) continue;
-        const auto row = static_cast<std::ptrdiff_t>(lane);
+    for (std::size_t entry = 0; entry < num(); ++entry) {
+        if (mask != nullptr && !mask[entry]) continue;
+        const auto row = static_cast<std::ptrdiff_t>(entry);
         for (std::size_t v = 0; v < variables(); ++v) {
             low[v] = lower.at(v)[row * lower.row];
             high[v] = upper.at(v)[row * upper.row];
-            uncertain[lane] |= !same(low[v], high[v]);
+            uncertain[entry] |= !same(low[v], high[v]);
         }
-        if (!ranges().find(low.data(), high.data(), 1)) return lane;
+        if (!ranges().find(low.data(), high.data(), 1)) return entry;
         for (std::size_t k = 0; k < terms; ++k) {
             least_terms_[k * num() + i] = ranges()[k].lower;
             greatest_terms_[k * num() + i] = ranges()[k].upper;
@@ -51,44 +51,44 @@ std::size_t BankVariants::take(const Table& lower, const Table& upper, const std
     return num();
 }
 
-void BankVariants::reset(const std::uint8_t* mask) {
-    each([=](EpisodeBank& bank) { bank.reset(mask); });
-    for (std::size_t lane = 0; lane < num(); ++lane) {
-        if (mask != nullptr && !mask[lane]) continue;
-        uncertain_[lane] = 0;
-        moved_[lane] = std::nan("");
+void BatchVariants::reset(const std::uint8_t* mask) {
+    each([=](EpisodeBatch& batch) { batch.reset(mask); });
+    for (std::size_t entry = 0; entry < num(); ++entry) {
+        if (mask != nullptr && !mask[entry]) continue;
+        uncertain_[entry] = 0;
+        moved_[entry] = std::nan("");
     }
     if (std::find(uncertain_.begin(), uncertain_.end(), 1) == uncertain_.end()) join();
     publish();
 }
 
-void BankVariants::finish(const std::uint8_t* mask, End end) {
+void BatchVariants::finish(const std::uint8_t* mask, End end) {
     if (!several()) return result_->finish(mask, end);
     const std::vector<std::uint8_t> before(finished(), finished() + num());
     const std::vector<double> robustness(results(), results() + num());
-    each([=](EpisodeBank& bank) { bank.finish(mask, end); });
-    for (std::size_t lane = 0; lane < num(); ++lane)
-        if (end == End::cut && finished()[lane] && !before[lane])
-            moved_[lane] = moved(robustness[lane], lower()[lane], upper()[lane]);
+    each([=](EpisodeBatch& batch) { batch.finish(mask, end); });
+    for (std::size_t entry = 0; entry < num(); ++entry)
+        if (end == End::cut && finished()[entry] && !before[entry])
+            moved_[entry] = moved(robustness[entry], lower()[entry], upper()[entry]);
     publish();
 }
 
-void BankVariants::publish() {
+void BatchVariants::publish() {
     if (!several()) return;
-    for (std::size_t lane = 0; lane < num(); ++lane)
-        results_[lane] = moved_[lane] == moved_[lane] ? moved_[lane] : result_->results()[lane];
+    for (std::size_t entry = 0; entry < num(); ++entry)
+        results_[entry] = moved_[entry] == moved_[entry] ? moved_[entry] : result_->results()[entry];
 }
 
-void BankVariants::fields(Snapshot& s) {
+void BatchVariants::fields(Snapshot& s) {
     fields_of_all(s, num());
     if (!several()) return;
     s.array(uncertain_.data(), uncertain_.size());
     s.array(moved_.data(), moved_.size());
     publish();
-    each([&](EpisodeBank& bank) {
-        for (std::size_t lane = 0; lane < num(); ++lane)
-            s.require(bank.samples()[lane] == samples()[lane] &&
-                      bank.finished()[lane] == finished()[lane]);
+    each([&](EpisodeBatch& batch) {
+        for (std::size_t entry = 0; entry < num(); ++entry)
+            s.require(batch.samples()[entry] == samples()[entry] &&
+                      batch.finished()[entry] == finished()[entry]);
     });
 }
 

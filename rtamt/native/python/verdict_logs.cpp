@@ -1,5 +1,5 @@
-// What several banks of episodes find together, lane by lane. The definitions are in
-// rtamt/machines/books.py.
+// What several batches of episodes find together, entry by entry. The definitions are in
+// rtamt/machines/verdict_logs.py.
 #include <nanobind/nanobind.h>
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/widest.hpp"
-#include "lockstep/variants.hpp"
+#include "batch/variants.hpp"
 #include "python/arrays.hpp"
 #include "python/encoding.hpp"
 #include "python/object.hpp"
@@ -16,26 +16,26 @@
 namespace rtamt {
 namespace {
 
-using EpisodeObject = Object<BankVariants>;
-using Banks = std::vector<EpisodeObject*>;
+using EpisodeObject = Object<BatchVariants>;
+using Batches = std::vector<EpisodeObject*>;
 
-// The banks of a tuple, one or more, all of as many lanes.
-Banks banks_of(const nb::tuple& objects) {
-    Banks banks;
+// The batches of a tuple, one or more, all of as many entries.
+Batches batches_of(const nb::tuple& objects) {
+    Batches batches;
     for (nb::handle object : objects) {
-        banks.push_back(&nb::cast<EpisodeObject&>(object));
-        if (banks.back()->machine.num() != banks.front()->machine.num())
-            throw nb::value_error("expected banks of as many lanes");
+        batches.push_back(&nb::cast<EpisodeObject&>(object));
+        if (batches.back()->machine.num() != batches.front()->machine.num())
+            throw nb::value_error("expected batches of as many entries");
     }
-    if (banks.empty()) throw nb::value_error("expected a bank, got none");
-    return banks;
+    if (batches.empty()) throw nb::value_error("expected a batch, got none");
+    return batches;
 }
 
 // The elements of a contiguous array of so many; they stay where they are while the array exists.
 template <class T>
 T* elements_of(nb::handle array, std::size_t n) {
     void* found = Numpy::instance().elements<T>(array.ptr(), n);
-    if (found == nullptr) throw nb::value_error("expected contiguous arrays of the banks' shape");
+    if (found == nullptr) throw nb::value_error("expected contiguous arrays of the batches' shape");
     return static_cast<T*>(found);
 }
 
@@ -57,52 +57,52 @@ RTAMT_LOOP void fold_least(const double* values, const std::uint8_t* over, bool 
         return;
     }
     RTAMT_INDEPENDENT
-    for (std::size_t lane = 0; lane < num; ++lane) {
-        const double x = over != nullptr && over[lane] ? -0.0 : values[lane];
-        const double before = first ? x : out[lane];
-        // A lane without samples has no robustness by any specification.
+    for (std::size_t entry = 0; entry < num; ++entry) {
+        const double x = over != nullptr && over[entry] ? -0.0 : values[entry];
+        const double before = first ? x : out[entry];
+        // An entry without samples has no robustness by any specification.
         const double known = before != before ? before : lesser(before, x);
-        out[lane] = x != x ? x : known;
+        out[entry] = x != x ? x : known;
     }
 }
 
 nb::object least(const nb::tuple& objects, const std::string& name, nb::handle failed) {
-    const Banks banks = banks_of(objects);
-    const std::size_t num = banks.front()->machine.num();
+    const Batches batches = batches_of(objects);
+    const std::size_t num = batches.front()->machine.num();
     double* out = nullptr;
     const std::uint8_t* ended =
-        failed.is_none() ? nullptr : elements_of<std::uint8_t>(failed, banks.size() * num);
+        failed.is_none() ? nullptr : elements_of<std::uint8_t>(failed, batches.size() * num);
     nb::object array = new_doubles(num, out);
-    for (std::size_t k = 0; k < banks.size(); ++k) {
-        const BankVariants& bank = banks[k]->machine;
-        const double* values = name == "robustness" ? bank.results()
-                               : name == "lower"    ? bank.lower()
-                                                    : bank.upper();
+    for (std::size_t k = 0; k < batches.size(); ++k) {
+        const BatchVariants& batch = batches[k]->machine;
+        const double* values = name == "robustness" ? batch.results()
+                               : name == "lower"    ? batch.lower()
+                                                    : batch.upper();
         const std::uint8_t* over = ended == nullptr ? nullptr : ended + k * num;
         widest<fold_least>(values, over, k == 0, out, num);
     }
     return array;
 }
 
-// Whether a lane of the mask has a flag.
+// Whether an entry of the mask has a flag.
 RTAMT_LOOP void find_both(const std::uint8_t* flags, const std::uint8_t* mask, std::size_t num,
                           bool* found) {
     std::uint8_t any = 0;
     if (mask == nullptr)
-        for (std::size_t lane = 0; lane < num; ++lane) any |= flags[lane];
+        for (std::size_t entry = 0; entry < num; ++entry) any |= flags[entry];
     else
-        for (std::size_t lane = 0; lane < num; ++lane) any |= mask[lane] != 0 ? flags[lane] : 0;
+        for (std::size_t entry = 0; entry < num; ++entry) any |= mask[entry] != 0 ? flags[entry] : 0;
     *found = any != 0;
 }
 
-// Feeds every bank its columns of a table. Returns the first bank that has to read its samples by
-// itself, or how many banks there are.
+// Feeds every batch its columns of a table. Returns the first batch that has to read its samples by
+// itself, or how many batches there are.
 std::size_t feed(const nb::tuple& objects, const nb::tuple& columns, nb::handle table,
                  nb::handle mask) {
-    const Banks banks = banks_of(objects);
-    const std::size_t num = banks.front()->machine.num();
-    if (nb::len(columns) != banks.size())
-        throw nb::value_error("expected columns for every bank");
+    const Batches batches = batches_of(objects);
+    const std::size_t num = batches.front()->machine.num();
+    if (nb::len(columns) != batches.size())
+        throw nb::value_error("expected columns for every batch");
     const std::uint8_t* chosen = nullptr;
     if (!mask.is_none()) {
         chosen = static_cast<const std::uint8_t*>(
@@ -113,89 +113,89 @@ std::size_t feed(const nb::tuple& objects, const nb::tuple& columns, nb::handle 
     Table all = Numpy::instance().table(table.ptr(), static_cast<Py_ssize_t>(num), width);
     if (all.data == nullptr) return 0;
     std::vector<std::size_t> picked;
-    for (std::size_t k = 0; k < banks.size(); ++k) {
-        BankVariants& bank = banks[k]->machine;
+    for (std::size_t k = 0; k < batches.size(); ++k) {
+        BatchVariants& batch = batches[k]->machine;
         picked.clear();
         for (nb::handle column : nb::cast<nb::tuple>(columns[k]))
             picked.push_back(nb::cast<std::size_t>(column));
-        if (picked.size() != bank.variables() ||
+        if (picked.size() != batch.variables() ||
             std::any_of(picked.begin(), picked.end(), [=](std::size_t at) { return at >= width; }))
             throw nb::value_error("expected a column of the table for every variable");
         bool over = false;
-        widest<find_both>(bank.finished(), chosen, num, &over);
+        widest<find_both>(batch.finished(), chosen, num, &over);
         if (over) return k;
         all.picked = picked.data();
-        if (bank.take(all, chosen) < num) return k;
+        if (batch.take(all, chosen) < num) return k;
     }
-    return banks.size();
+    return batches.size();
 }
 
-// Ends the traces of the lanes of the mask; false, and nothing is done, if one has no sample.
+// Ends the traces of the entries of the mask; false, and nothing is done, if one has no sample.
 bool finish(const nb::tuple& objects, nb::handle mask, const std::string& end) {
-    const Banks banks = banks_of(objects);
-    const std::size_t num = banks.front()->machine.num();
+    const Batches batches = batches_of(objects);
+    const std::size_t num = batches.front()->machine.num();
     const End reading = end_of(end);
     const std::uint8_t* chosen = mask_of(mask, num);
-    for (const EpisodeObject* bank : banks)
-        for (std::size_t lane = 0; lane < num; ++lane)
-            if ((chosen == nullptr || chosen[lane]) && bank->machine.samples()[lane] == 0)
+    for (const EpisodeObject* batch : batches)
+        for (std::size_t entry = 0; entry < num; ++entry)
+            if ((chosen == nullptr || chosen[entry]) && batch->machine.samples()[entry] == 0)
                 return false;
-    for (EpisodeObject* bank : banks) bank->machine.finish(chosen, reading);
+    for (EpisodeObject* batch : batches) batch->machine.finish(chosen, reading);
     return true;
 }
 
-// Whether a verdict that was open is decided. Few are: it is found without a branch for each lane.
+// Whether a verdict that was open is decided. Few are: it is found without a branch for each entry.
 RTAMT_LOOP void find_new(const std::int64_t* settled_at, const double* lower, const double* upper,
                          const std::uint8_t* failed, std::size_t num, bool* found) {
     std::uint64_t any = 0;
-    for (std::size_t lane = 0; lane < num; ++lane) {
-        const auto open = static_cast<std::uint64_t>(settled_at[lane]);
-        any |= open & (~bits_of(lower[lane]) | bits_of(upper[lane]) |
-                       (std::uint64_t{failed[lane]} << 63));
+    for (std::size_t entry = 0; entry < num; ++entry) {
+        const auto open = static_cast<std::uint64_t>(settled_at[entry]);
+        any |= open & (~bits_of(lower[entry]) | bits_of(upper[entry]) |
+                       (std::uint64_t{failed[entry]} << 63));
     }
     *found = any >> 63 != 0;
 }
 
-int verdict_in(const BankVariants& bank, std::size_t lane, bool failed) {
-    return failed ? -1 : verdict_of(bank.lower()[lane], bank.upper()[lane]);
+int verdict_in(const BatchVariants& batch, std::size_t entry, bool failed) {
+    return failed ? -1 : verdict_of(batch.lower()[entry], batch.upper()[entry]);
 }
 
-// Writes the verdicts that are new, in lanes of the mask, into the book.
+// Writes the verdicts that are new, in entries of the mask, into the verdict log.
 void note(const nb::tuple& objects, nb::handle mask, nb::handle settled_at, nb::handle violated, nb::handle failed,
           nb::handle first, nb::handle violated_at) {
-    const Banks banks = banks_of(objects);
-    const std::size_t num = banks.front()->machine.num();
-    auto* decided = elements_of<std::int64_t>(settled_at, banks.size() * num);
-    auto* broken = elements_of<std::uint8_t>(violated, banks.size() * num);
-    const auto* ended = elements_of<std::uint8_t>(failed, banks.size() * num);
+    const Batches batches = batches_of(objects);
+    const std::size_t num = batches.front()->machine.num();
+    auto* decided = elements_of<std::int64_t>(settled_at, batches.size() * num);
+    auto* broken = elements_of<std::uint8_t>(violated, batches.size() * num);
+    const auto* ended = elements_of<std::uint8_t>(failed, batches.size() * num);
     auto* by = elements_of<std::int64_t>(first, num);
     auto* at = elements_of<std::int64_t>(violated_at, num);
     const std::uint8_t* chosen = mask_of(mask, num);
-    for (std::size_t k = 0; k < banks.size(); ++k) {
-        const BankVariants& bank = banks[k]->machine;
-        const double* lower = bank.lower();
-        const double* upper = bank.upper();
+    for (std::size_t k = 0; k < batches.size(); ++k) {
+        const BatchVariants& batch = batches[k]->machine;
+        const double* lower = batch.lower();
+        const double* upper = batch.upper();
         std::int64_t* row = decided + k * num;
         const std::uint8_t* over = ended + k * num;
         bool any = chosen != nullptr;
         if (!any) widest<find_new>(row, lower, upper, over, num, &any);
         if (!any) continue;
-        for (std::size_t lane = 0; lane < num; ++lane) {
-            if (chosen != nullptr && !chosen[lane]) continue;
-            if (row[lane] >= 0 || bank.samples()[lane] == 0) continue;
-            const int verdict = verdict_in(bank, lane, over[lane] != 0);
+        for (std::size_t entry = 0; entry < num; ++entry) {
+            if (chosen != nullptr && !chosen[entry]) continue;
+            if (row[entry] >= 0 || batch.samples()[entry] == 0) continue;
+            const int verdict = verdict_in(batch, entry, over[entry] != 0);
             if (verdict == 0) continue;
-            row[lane] = bank.samples()[lane] - 1;
+            row[entry] = batch.samples()[entry] - 1;
             if (verdict > 0) continue;
-            broken[k * num + lane] = 1;
-            if (at[lane] >= 0) continue;
-            by[lane] = static_cast<std::int64_t>(k);
-            at[lane] = row[lane];
+            broken[k * num + entry] = 1;
+            if (at[entry] >= 0) continue;
+            by[entry] = static_cast<std::int64_t>(k);
+            at[entry] = row[entry];
         }
     }
 }
 
-// Forgets the lanes of the mask in the book.
+// Forgets the entries of the mask in the verdict log.
 void forget(nb::handle mask, std::size_t specs, std::size_t num, nb::handle settled_at,
             nb::handle violated, nb::handle failed, nb::handle first, nb::handle violated_at) {
     const std::uint8_t* chosen = mask_of(mask, num);
@@ -204,23 +204,23 @@ void forget(nb::handle mask, std::size_t specs, std::size_t num, nb::handle sett
     auto* ended = elements_of<std::uint8_t>(failed, specs * num);
     auto* by = elements_of<std::int64_t>(first, num);
     auto* at = elements_of<std::int64_t>(violated_at, num);
-    for (std::size_t lane = 0; lane < num; ++lane) {
-        if (chosen != nullptr && !chosen[lane]) continue;
-        by[lane] = at[lane] = -1;
-        for (std::size_t i = lane; i < specs * num; i += num) {
+    for (std::size_t entry = 0; entry < num; ++entry) {
+        if (chosen != nullptr && !chosen[entry]) continue;
+        by[entry] = at[entry] = -1;
+        for (std::size_t i = entry; i < specs * num; i += num) {
             decided[i] = -1;
             broken[i] = ended[i] = 0;
         }
     }
 }
 
-// So many lanes, by their numbers, all below num.
+// So many entries, by their numbers, all below num.
 struct Chosen {
-    Chosen(nb::handle lanes, std::size_t num)
-        : count(nb::len(lanes)), at(elements_of<std::int64_t>(lanes, count)) {
+    Chosen(nb::handle entries, std::size_t num)
+        : count(nb::len(entries)), at(elements_of<std::int64_t>(entries, count)) {
         for (std::size_t i = 0; i < count; ++i)
             if (at[i] < 0 || static_cast<std::size_t>(at[i]) >= num)
-                throw nb::index_error("expected the numbers of lanes");
+                throw nb::index_error("expected the numbers of entries");
     }
     std::size_t operator[](std::size_t i) const { return static_cast<std::size_t>(at[i]); }
 
@@ -243,12 +243,12 @@ nb::object grid(const char* dtype, std::size_t rows, std::size_t columns, T*& el
     return array;
 }
 
-// The outcomes of these lanes, as `BankOutcomes` in rtamt/machines/books.py names them.
-nb::tuple outcomes(const nb::tuple& objects, nb::handle lanes, nb::handle failed,
+// The outcomes of these entries, as `BatchOutcomes` in rtamt/machines/verdict_logs.py names them.
+nb::tuple outcomes(const nb::tuple& objects, nb::handle entries, nb::handle failed,
                    nb::handle settled_at) {
-    const Banks banks = banks_of(objects);
-    const std::size_t num = banks.front()->machine.num(), specs = banks.size();
-    const Chosen chosen(lanes, num);
+    const Batches batches = batches_of(objects);
+    const std::size_t num = batches.front()->machine.num(), specs = batches.size();
+    const Chosen chosen(entries, num);
     const auto* ended = elements_of<std::uint8_t>(failed, specs * num);
     const auto* decided = elements_of<std::int64_t>(settled_at, specs * num);
     double* robustness = nullptr;
@@ -268,15 +268,15 @@ nb::tuple outcomes(const nb::tuple& objects, nb::handle lanes, nb::handle failed
     std::fill(success, success + chosen.count, std::uint8_t{1});
     std::fill(open, open + chosen.count, std::uint8_t{0});
     for (std::size_t k = 0; k < specs; ++k) {
-        const BankVariants& bank = banks[k]->machine;
+        const BatchVariants& batch = batches[k]->machine;
         for (std::size_t i = 0; i < chosen.count; ++i) {
-            const std::size_t lane = chosen[i];
-            const bool is = bank.samples()[lane] > 0;
-            const double value = is ? bank.results()[lane] : 0.0;
-            const int verdict = is ? verdict_in(bank, lane, ended[k * num + lane] != 0) : 0;
+            const std::size_t entry = chosen[i];
+            const bool is = batch.samples()[entry] > 0;
+            const double value = is ? batch.results()[entry] : 0.0;
+            const int verdict = is ? verdict_in(batch, entry, ended[k * num + entry] != 0) : 0;
             *robustness++ = value;
             *verdicts++ = static_cast<std::int8_t>(verdict);
-            *when = decided[k * num + lane];
+            *when = decided[k * num + entry];
             *known++ = *when++ >= 0;
             *satisfied++ = verdict > 0;
             *by_end++ = verdict < 0 && !std::signbit(value);
@@ -308,25 +308,25 @@ struct Spread {
 };
 
 template <class T>
-void scatter(const Numpy::Rows& from, const std::uint8_t* has, const Chosen& lanes,
+void scatter(const Numpy::Rows& from, const std::uint8_t* has, const Chosen& entries,
              std::size_t num, void* elements) {
     const T* values = reinterpret_cast<const T*>(from.data);
     T* to = static_cast<T*>(elements);
     for (std::size_t row = 0; row < from.count; ++row, to += num)
-        for (std::size_t i = 0; i < lanes.count; ++i, ++values)
-            if (has == nullptr || has[row * lanes.count + i]) to[lanes[i]] = *values;
+        for (std::size_t i = 0; i < entries.count; ++i, ++values)
+            if (has == nullptr || has[row * entries.count + i]) to[entries[i]] = *values;
 }
 
 // Objects are counted; numpy writes no object as null, or as None.
-void scatter_objects(const Numpy::Rows& from, const std::uint8_t* has, const Chosen& lanes,
+void scatter_objects(const Numpy::Rows& from, const std::uint8_t* has, const Chosen& entries,
                      std::size_t num, void* elements) {
     auto* const* values = reinterpret_cast<PyObject* const*>(from.data);
     auto** to = static_cast<PyObject**>(elements);
     for (std::size_t row = 0; row < from.count; ++row, to += num)
-        for (std::size_t i = 0; i < lanes.count; ++i, ++values) {
-            if ((has != nullptr && !has[row * lanes.count + i]) || *values == nullptr) continue;
+        for (std::size_t i = 0; i < entries.count; ++i, ++values) {
+            if ((has != nullptr && !has[row * entries.count + i]) || *values == nullptr) continue;
             Py_INCREF(*values);
-            Py_XSETREF(to[lanes[i]], *values);
+            Py_XSETREF(to[entries[i]], *values);
         }
 }
 
@@ -334,27 +334,27 @@ void set_item(nb::handle place, nb::handle key, nb::handle value) {
     if (PyDict_SetItem(place.ptr(), key.ptr(), value.ptr()) != 0) nb::raise_python_error();
 }
 
-// Writes an array of all lanes, and its mask, under two keys of a dictionary, or of one for each
+// Writes an array of all entries, and its mask, under two keys of a dictionary, or of one for each
 // row; no row without an element. False, and nothing is written, if the value or what says which
 // elements there are is no contiguous array of doubles, 64-bit integers, bools or objects.
-bool spread_one(const nb::tuple& column, const Chosen& lanes, std::size_t num) {
+bool spread_one(const nb::tuple& column, const Chosen& entries, std::size_t num) {
     const Numpy& numpy = Numpy::instance();
     const nb::object place = column[0], key = column[1], mask_key = column[2];
     const nb::object value = column[3], there = column[4];
-    const Numpy::Rows from = numpy.rows(value.ptr(), lanes.count);
+    const Numpy::Rows from = numpy.rows(value.ptr(), entries.count);
     if (from.data == nullptr) return false;
     const std::uint8_t* has = nullptr;
     if (!there.is_none()) {
         has = static_cast<const std::uint8_t*>(
-            numpy.elements<std::uint8_t>(there.ptr(), from.count * lanes.count));
+            numpy.elements<std::uint8_t>(there.ptr(), from.count * entries.count));
         if (has == nullptr) return false;
     }
     if (from.single != PyDict_Check(place.ptr())) return false;
     if (!from.single && nb::len(place) != from.count) return false;
     const auto some = [&](std::size_t row) {
-        if (has == nullptr) return lanes.count > 0;
-        const std::uint8_t* begin = has + row * lanes.count;
-        return std::any_of(begin, begin + lanes.count, [](std::uint8_t is) { return is != 0; });
+        if (has == nullptr) return entries.count > 0;
+        const std::uint8_t* begin = has + row * entries.count;
+        return std::any_of(begin, begin + entries.count, [](std::uint8_t is) { return is != 0; });
     };
     bool any = false;
     for (std::size_t row = 0; row < from.count; ++row) any = any || some(row);
@@ -362,15 +362,15 @@ bool spread_one(const nb::tuple& column, const Chosen& lanes, std::size_t num) {
     const Spread held(from, from.dtype, num), mask(from, numpy.bools(), num);
     if (held.elements == nullptr || mask.elements == nullptr) return false;
     if (numpy.are_objects(from))
-        scatter_objects(from, has, lanes, num, held.elements);
+        scatter_objects(from, has, entries, num, held.elements);
     else if (from.size == 1)
-        scatter<std::uint8_t>(from, has, lanes, num, held.elements);
+        scatter<std::uint8_t>(from, has, entries, num, held.elements);
     else
-        scatter<std::uint64_t>(from, has, lanes, num, held.elements);  // the bits of a number
+        scatter<std::uint64_t>(from, has, entries, num, held.elements);  // the bits of a number
     auto* mark = static_cast<std::uint8_t*>(mask.elements);
     for (std::size_t row = 0; row < from.count; ++row, mark += num)
-        for (std::size_t i = 0; i < lanes.count; ++i)
-            mark[lanes[i]] = has == nullptr || has[row * lanes.count + i];
+        for (std::size_t i = 0; i < entries.count; ++i)
+            mark[entries[i]] = has == nullptr || has[row * entries.count + i];
     if (from.single) {
         set_item(place, key, held.array);
         set_item(place, mask_key, mask.array);
@@ -386,8 +386,8 @@ bool spread_one(const nb::tuple& column, const Chosen& lanes, std::size_t num) {
 }
 
 // Spreads columns until one that it cannot; returns how many.
-std::size_t spread(const nb::list& columns, nb::handle lanes, std::size_t num) {
-    const Chosen chosen(lanes, num);
+std::size_t spread(const nb::list& columns, nb::handle entries, std::size_t num) {
+    const Chosen chosen(entries, num);
     std::size_t done = 0;
     for (nb::handle column : columns) {
         if (!spread_one(nb::cast<nb::tuple>(column), chosen, num)) break;
@@ -396,38 +396,38 @@ std::size_t spread(const nb::list& columns, nb::handle lanes, std::size_t num) {
     return done;
 }
 
-// Resets the lanes of the mask in every bank.
+// Resets the entries of the mask in every batch.
 void reset_all(const nb::tuple& objects, nb::handle mask) {
-    const Banks banks = banks_of(objects);
-    const std::uint8_t* chosen = mask_of(mask, banks.front()->machine.num());
-    for (EpisodeObject* bank : banks) {
-        require_idle(*bank);
-        bank->machine.reset(chosen);
+    const Batches batches = batches_of(objects);
+    const std::uint8_t* chosen = mask_of(mask, batches.front()->machine.num());
+    for (EpisodeObject* batch : batches) {
+        require_idle(*batch);
+        batch->machine.reset(chosen);
     }
 }
 
 }  // namespace
 
-void bind_books(nb::module_& m) {
-    m.def("feed_banks", feed, nb::arg("banks"), nb::arg("columns"), nb::arg("table"),
+void bind_verdict_logs(nb::module_& m) {
+    m.def("feed_batches", feed, nb::arg("batches"), nb::arg("columns"), nb::arg("table"),
           nb::arg("mask").none(),
-          "Feed every bank its columns of a table; return the first that has to read them itself.");
-    m.def("least_of_banks", least, nb::arg("banks"), nb::arg("name"), nb::arg("failed").none(),
-          "The least robustness, or bound, over the banks, of every lane.");
-    m.def("finish_banks", finish, nb::arg("banks"), nb::arg("mask").none(), nb::arg("end"),
-          "End the episodes of the lanes; false, and nothing is done, if one has no sample.");
-    m.def("note_verdicts", note, nb::arg("banks"), nb::arg("mask").none(), nb::arg("settled_at"), nb::arg("violated"),
+          "Feed every batch its columns of a table; return the first that has to read them itself.");
+    m.def("least_of_batches", least, nb::arg("batches"), nb::arg("name"), nb::arg("failed").none(),
+          "The least robustness, or bound, over the batches, of every entry.");
+    m.def("finish_batches", finish, nb::arg("batches"), nb::arg("mask").none(), nb::arg("end"),
+          "End the episodes of the entries; false, and nothing is done, if one has no sample.");
+    m.def("note_verdicts", note, nb::arg("batches"), nb::arg("mask").none(), nb::arg("settled_at"), nb::arg("violated"),
           nb::arg("failed"), nb::arg("first"), nb::arg("violated_at"),
-          "Write the verdicts that are new into a book.");
+          "Write the verdicts that are new into a log.");
     m.def("forget_verdicts", forget, nb::arg("mask").none(), nb::arg("specs"), nb::arg("num"),
           nb::arg("settled_at"), nb::arg("violated"), nb::arg("failed"), nb::arg("first"),
-          nb::arg("violated_at"), "Forget the lanes of the mask in a book.");
-    m.def("outcomes_of_banks", outcomes, nb::arg("banks"), nb::arg("lanes"), nb::arg("failed"),
-          nb::arg("settled_at"), "The outcomes of these lanes.");
-    m.def("spread_lanes", spread, nb::arg("columns"), nb::arg("lanes"), nb::arg("num"),
-          "Write arrays of all lanes into dictionaries; return how many columns were written.");
-    m.def("reset_banks", reset_all, nb::arg("banks"), nb::arg("mask").none(),
-          "Forget the lanes of the mask.");
+          nb::arg("violated_at"), "Forget the entries of the mask in a log.");
+    m.def("outcomes_of_batches", outcomes, nb::arg("batches"), nb::arg("entries"), nb::arg("failed"),
+          nb::arg("settled_at"), "The outcomes of these entries.");
+    m.def("spread_entries", spread, nb::arg("columns"), nb::arg("entries"), nb::arg("num"),
+          "Write arrays of all entries into dictionaries; return how many columns were written.");
+    m.def("reset_batches", reset_all, nb::arg("batches"), nb::arg("mask").none(),
+          "Forget the entries of the mask.");
 }
 
 }  // namespace rtamt

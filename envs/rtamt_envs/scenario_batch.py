@@ -17,7 +17,7 @@ _FIRST = np.ones(1, np.bool_)
 _Generators = Sequence[np.random.Generator]
 
 
-class ScenarioLanes:
+class ScenarioBatch:
     """A batch of simulations of a scenario: their states, parameters and observations.
 
     An environment has a batch of one; a vector environment and a search have many.
@@ -108,9 +108,9 @@ class ScenarioLanes:
         """Return the actions of the baseline at the last observations, shape (n, actions)."""
         self._refuse_unbegun(np.ones(len(self.steps), np.bool_))
         actions = np.zeros((len(self.steps), len(self._low)))
-        for lane, action in enumerate(actions):
-            time = int(self.steps[lane]) * self._scenario.period
-            self._scenario.baseline(time, self.observations[lane], self.parameters[lane], action)
+        for entry, action in enumerate(actions):
+            time = int(self.steps[entry]) * self._scenario.period
+            self._scenario.baseline(time, self.observations[entry], self.parameters[entry], action)
         return actions
 
     def _act(self, actions: Floats, chosen: Bools, generators: _Generators, record: Floats) -> None:
@@ -141,9 +141,9 @@ class ScenarioLanes:
 
     def _refuse_nan(self, actions: Floats, chosen: Bools) -> None:
         """Raise InputError if an action of a chosen simulation is nan."""
-        for step, lane, index in np.argwhere(np.isnan(actions) & chosen[:, None]):
+        for step, entry, index in np.argwhere(np.isnan(actions) & chosen[:, None]):
             where = f" of step {step}" if len(actions) > 1 else ""
-            where += f" in environment {lane}" if len(chosen) > 1 else ""
+            where += f" in environment {entry}" if len(chosen) > 1 else ""
             raise InputError(
                 f"expected a number as action {self._scenario.actions[index].name!r}{where}, "
                 "got nan"
@@ -153,8 +153,8 @@ class ScenarioLanes:
         """Return random numbers, shape (steps, n, noise), each from its own generator."""
         noise = np.zeros((steps, len(chosen), self._scenario.noise))
         if self._scenario.noise:
-            for lane in np.flatnonzero(chosen).tolist():
-                noise[:, lane] = generators[lane].standard_normal(noise[:, lane].shape)
+            for entry in np.flatnonzero(chosen).tolist():
+                noise[:, entry] = generators[entry].standard_normal(noise[:, entry].shape)
         return noise
 
 
@@ -177,9 +177,9 @@ def _start(
     states: Floats,
     observations: Floats,
 ) -> None:
-    for lane in range(len(states)):
-        if chosen[lane]:
-            start(parameters[lane], noise[0, lane], states[lane], observations[lane])
+    for entry in range(len(states)):
+        if chosen[entry]:
+            start(parameters[entry], noise[0, entry], states[entry], observations[entry])
 
 
 @compiled
@@ -198,16 +198,16 @@ def _roll(
 ) -> None:
     """Step each simulation through its actions; store the observations if ``made`` has room."""
     applied = np.empty(len(low))
-    for lane in range(len(states)):
-        if chosen[lane]:
-            seen = observations[lane]
+    for entry in range(len(states)):
+        if chosen[entry]:
+            seen = observations[entry]
             for k in range(len(actions)):
                 for i in range(len(low)):
-                    applied[i] = min(max(actions[k, lane, i], low[i]), high[i])
-                step(applied, parameters[lane], noise[k, lane], states[lane], seen)
+                    applied[i] = min(max(actions[k, entry, i], low[i]), high[i])
+                step(applied, parameters[entry], noise[k, entry], states[entry], seen)
                 if k < len(record):
-                    record[k, lane] = seen
-            steps[lane] += len(actions)
+                    record[k, entry] = seen
+            steps[entry] += len(actions)
 
 
 @compiled
@@ -224,11 +224,11 @@ def _follow(
     observations: Floats,
     record: Floats,
 ) -> None:
-    for lane in range(len(states)):
-        if chosen[lane]:
-            seen = observations[lane]
+    for entry in range(len(states)):
+        if chosen[entry]:
+            seen = observations[entry]
             for k in range(len(record)):
-                baseline(steps[lane] * period, seen, parameters[lane], action)
-                step(action, parameters[lane], noise[k, lane], states[lane], seen)
-                record[k, lane] = seen
-                steps[lane] += 1
+                baseline(steps[entry] * period, seen, parameters[entry], action)
+                step(action, parameters[entry], noise[k, entry], states[entry], seen)
+                record[k, entry] = seen
+                steps[entry] += 1

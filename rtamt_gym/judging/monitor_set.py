@@ -36,7 +36,7 @@ Assessment = tuple[float, float, float]
 """Robustness of the samples so far, and its lower and upper bound."""
 
 Feed = Callable[..., Assessment]
-"""Gives one sample to the monitors of a panel; takes the arguments of a `Read`."""
+"""Gives one sample to the monitors of a monitor set; takes the arguments of a `Read`."""
 
 Take = Callable[..., object]
 """A `Feed` without a result."""
@@ -44,7 +44,7 @@ Take = Callable[..., object]
 Monitors = dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
 
-PanelResult = tuple[str, tuple[float, float, float], Verdict, int | None, int | None]
+MonitorSetResult = tuple[str, tuple[float, float, float], Verdict, int | None, int | None]
 """The result of a specification: its name; its robustness with the lower and upper bound; its
 verdict; the sample that decided it, or None; the last sample if only the end decided it."""
 
@@ -54,10 +54,10 @@ SeeValues = Callable[[Sequence[float]], None]
 _Pick = Callable[[Sequence[float]], tuple[float, ...]]
 
 
-class Panel:
+class MonitorSet:
     """The monitors of several specifications, updated together, and their decided verdicts.
 
-    `rtamt_gym.judging.vector_panel.VectorPanel` does the same for a batch.
+    `rtamt_gym.judging.vector_monitor_set.VectorMonitorSet` does the same for a batch.
 
     Attributes:
         monitors: The monitors of each specification: ``(robustness source, judge)``.
@@ -459,9 +459,9 @@ class Panel:
             outcomes[name]["progress"] = np.float64(progress)
         return outcomes
 
-    def results(self) -> list[PanelResult]:
+    def results(self) -> list[MonitorSetResult]:
         """Return the result of every specification so far."""
-        results: list[PanelResult] = []
+        results: list[MonitorSetResult] = []
         for name, (_, judge) in self.monitors.items():
             bounds = judge.robustness, judge.lower, self._upper(name, judge)
             sample = self._settled.get(name)
@@ -528,7 +528,7 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
     parts: Sequence[tuple[Callable[..., float], int, _Pick | None, EpisodeMonitor]],
     size: int,
     reads: Sequence[Read] | None,
-    fed: Panel,
+    fed: MonitorSet,
     note: Callable[[], None],
     see: SeeValues | None,
 ) -> Feed:
@@ -541,7 +541,7 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
             that selects several, and the judge.
         size: The number of values of a sample.
         reads: The readers of the values; None if the first argument is the sample itself.
-        fed: The panel of the monitors.
+        fed: The monitor set of the monitors.
         note: Called after a sample that decides a verdict.
         see: Called with the values of every sample after all monitors took it.
     """

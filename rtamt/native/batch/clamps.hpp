@@ -4,7 +4,7 @@
 
 #include "core/folds.hpp"
 
-namespace rtamt::lockstep {
+namespace rtamt::batch {
 
 struct Least {
     static constexpr double top = kInfinity;  // the best
@@ -95,4 +95,4 @@ struct Reached {
     static Element combine(Element x, Element y) { return Order::most(x, y); }
 };
 
-}  // namespace rtamt::lockstep
+}  // namespace rtamt::batch

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.inputs.arrays import Floats
+from rtamt.inputs.batch import BatchReader, numbers_of
 from rtamt.inputs.between import UncertainValue
-from rtamt.inputs.lanes import LaneReader, numbers_of
 from rtamt.inputs.samples import ends_of, in_between
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.episode.machine import PythonEpisodeVariants
@@ -23,12 +23,12 @@ _Machine = PythonDiscreteMachine | PythonEpisodeVariants
 _M = TypeVar("_M", PythonDiscreteMachine, PythonEpisodeVariants)
 
 
-class _PythonBank(StateFields, Generic[_M]):
+class _PythonBatch(StateFields, Generic[_M]):
     """Machines of one program, each with its own time."""
 
     STATE = ("_machines",)
 
-    def __init__(self, machines: Iterable[_M], reader: LaneReader) -> None:
+    def __init__(self, machines: Iterable[_M], reader: BatchReader) -> None:
         self._machines: list[_M] = list(machines)
         self._reader = reader
 
@@ -37,8 +37,8 @@ class _PythonBank(StateFields, Generic[_M]):
         return np.array([machine.samples for machine in self._machines], dtype=np.int64)
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        for lane in numbers_of(self._reader.mask(mask), len(self._machines)):
-            self._machines[lane].reset()
+        for entry in numbers_of(self._reader.mask(mask), len(self._machines)):
+            self._machines[entry].reset()
 
     def _each(self, name: str) -> Floats:
         return np.array([getattr(machine, name) for machine in self._machines], dtype=np.float64)
@@ -59,11 +59,11 @@ def _absent(values: object) -> bool:
     return isinstance(values, tuple) and not values
 
 
-class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
+class PythonDiscreteBatch(_PythonBatch[PythonDiscreteMachine]):
     """Machines on samples in a batch."""
 
-    def __init__(self, program: Program, num: int, reader: LaneReader) -> None:
-        machines = (PythonDiscreteMachine(program, reader.lane(i), ()) for i in range(num))
+    def __init__(self, program: Program, num: int, reader: BatchReader) -> None:
+        machines = (PythonDiscreteMachine(program, reader.entry(i), ()) for i in range(num))
         super().__init__(machines, reader)
         self._variables = program.inputs
 
@@ -78,24 +78,24 @@ class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
         if named or _absent(values):
             return self._reader.update(self, values, mask, **named)
         table, chosen = self._reader.values(values), self._reader.mask(mask)
-        lanes = numbers_of(chosen, len(self._machines))
+        entries = numbers_of(chosen, len(self._machines))
         inputs = np.array([_inputs(m, table.shape[1]) for m in self._machines])
         table = self._reader.without_nan(table, chosen, self.samples, inputs)
         rows = table.tolist()
-        for lane in lanes:
-            rows[lane] += _rates(self._machines[lane], rows[lane])
-        terms = [self._machines[lane].terms(rows[lane]) for lane in lanes]
-        for lane, known in zip(lanes, terms, strict=True):
-            self._machines[lane].take(known, rows[lane])
+        for entry in entries:
+            rows[entry] += _rates(self._machines[entry], rows[entry])
+        terms = [self._machines[entry].terms(rows[entry]) for entry in entries]
+        for entry, known in zip(entries, terms, strict=True):
+            self._machines[entry].take(known, rows[entry])
         return self._each("result")
 
 
-class PythonEpisodeBank(_PythonBank[PythonEpisodeVariants]):
+class PythonEpisodeBatch(_PythonBatch[PythonEpisodeVariants]):
     """Machines that bound the robustness of episodes, in a batch."""
 
-    def __init__(self, program: Program, num: int, reader: LaneReader) -> None:
+    def __init__(self, program: Program, num: int, reader: BatchReader) -> None:
         super().__init__(
-            (PythonEpisodeVariants(program, reader.lane(i)) for i in range(num)), reader
+            (PythonEpisodeVariants(program, reader.entry(i)) for i in range(num)), reader
         )
         self._variables = program.inputs
 
@@ -111,19 +111,19 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeVariants]):
         table = self._reader.values(values)
         above = None if upper is None else self._reader.values(upper)
         chosen = self._reader.mask(mask)
-        lanes = numbers_of(chosen, len(self._machines))
-        self._require_open(lanes)
+        entries = numbers_of(chosen, len(self._machines))
+        self._require_open(entries)
         last = [_inputs(m, table.shape[1]) for m in self._machines]
         before = tuple(np.array([[ends_of(x)[i] for x in row] for row in last]) for i in (0, 1))
         ends = self._reader.ends(table, above, chosen, self.samples, (before[0], before[1]))
         lower, upper_ends = (column.tolist() for column in ends)
         samples = []
-        for lane in lanes:
-            machine = self._machines[lane]
-            row = [*map(in_between, lower[lane], upper_ends[lane])]
+        for entry in entries:
+            machine = self._machines[entry]
+            row = [*map(in_between, lower[entry], upper_ends[entry])]
             samples.append(machine.terms(row + _rates(machine, row)))
-        for lane, sample in zip(lanes, samples, strict=True):
-            self._machines[lane].take(sample)
+        for entry, sample in zip(entries, samples, strict=True):
+            self._machines[entry].take(sample)
         return self._each("result")
 
     @property
@@ -159,15 +159,15 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeVariants]):
         return np.array([machine.finished for machine in self._machines])
 
     def finish(self, mask: ArrayLike | None = None, end: End = "complete") -> Floats:
-        lanes = numbers_of(self._reader.mask(mask), len(self._machines))
-        for lane in lanes:
-            if self._machines[lane].samples == 0:
-                self._reader.refuse_finish(lane)
-        for lane in lanes:
-            self._machines[lane].finish(end)
+        entries = numbers_of(self._reader.mask(mask), len(self._machines))
+        for entry in entries:
+            if self._machines[entry].samples == 0:
+                self._reader.refuse_finish(entry)
+        for entry in entries:
+            self._machines[entry].finish(end)
         return self.robustness
 
-    def _require_open(self, lanes: Sequence[int]) -> None:
-        for lane in lanes:
-            if self._machines[lane].finished:
-                self._reader.refuse_update(lane)
+    def _require_open(self, entries: Sequence[int]) -> None:
+        for entry in entries:
+            if self._machines[entry].finished:
+                self._reader.refuse_update(entry)

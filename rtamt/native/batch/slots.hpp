@@ -1,4 +1,4 @@
-// Slots: each holds an element of every lane, as columns of the element's numbers.
+// Slots: each holds an element of every entry, as columns of the element's numbers.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 #include "core/columns.hpp"
 #include "core/snapshot.hpp"
 
-namespace rtamt::lockstep {
+namespace rtamt::batch {
 
 // Numbers, 0.0 at first. The operating system gives the memory when it is first written to.
 class Numbers {
@@ -38,7 +38,7 @@ private:
     std::unique_ptr<double[], Free> data_;
 };
 
-// The elements of a slot from a lane on. An element is a struct of doubles, or a double.
+// The elements of a slot from an entry on. An element is a struct of doubles, or a double.
 template <class Element>
 class View {
 public:
@@ -81,8 +81,8 @@ public:
     Slots(std::size_t slots, std::size_t num)
         : stride_((num + 7) / 8 * 8 + 8), numbers_(View<Element>::width * slots * stride_) {}
 
-    View<Element> at(std::size_t slot, std::size_t lane = 0) {
-        return {numbers_.data() + View<Element>::width * slot * stride_ + lane, stride_};
+    View<Element> at(std::size_t slot, std::size_t entry = 0) {
+        return {numbers_.data() + View<Element>::width * slot * stride_ + entry, stride_};
     }
     void clear() { numbers_.clear(); }
     void fields(Snapshot& s) { numbers_.fields(s); }
@@ -92,4 +92,4 @@ private:
     Numbers numbers_;
 };
 
-}  // namespace rtamt::lockstep
+}  // namespace rtamt::batch

@@ -1,4 +1,4 @@
-"""Cases side by side in lanes are those one by one, to the last bit, whenever each is stopped."""
+"""Vectorized cases equal single ones to the last bit, whenever each is stopped."""
 
 from typing import Any, get_args
 
@@ -53,7 +53,7 @@ def spaces(env: gym.Env[Any, Any]) -> st.SearchStrategy[Space]:
 @pytest.mark.slow
 @settings(max_examples=examples(40))
 @given(data=st.data())
-def test_lanes_are_single_runs_to_the_last_bit(data: st.DataObject) -> None:
+def test_environments_are_single_runs_to_the_last_bit(data: st.DataObject) -> None:
     env = environment(data.draw(st.sampled_from(SCENARIOS)))
     space = data.draw(spaces(env))
     unit = st.lists(st.floats(0, 1), min_size=space.dimension, max_size=space.dimension)
@@ -68,11 +68,11 @@ def test_lanes_are_single_runs_to_the_last_bit(data: st.DataObject) -> None:
     }
     cases = [space.case(point) for point in points]
     batch = data.draw(st.integers(2, 4))
-    with Runner(env, names, batch=batch, **options) as lanes:
-        assert lanes.vectorized
+    with Runner(env, names, batch=batch, **options) as entries:
+        assert entries.vectorized
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(lanes, "simulate", never)
-            side_by_side = dict(lanes.run(cases, seeds))
+            patch.setattr(entries, "simulate", never)
+            side_by_side = dict(entries.run(cases, seeds))
     with Runner(env, names, batch=1, **options) as alone:
         assert not alone.vectorized
         one_by_one = dict(alone.run(cases, seeds))
@@ -84,7 +84,7 @@ def test_lanes_are_single_runs_to_the_last_bit(data: st.DataObject) -> None:
 
 
 def never(*_: object) -> Any:  # noqa: ANN401
-    raise AssertionError("a case of lanes ran alone")
+    raise AssertionError("a case of environments ran alone")
 
 
 def same(one: Trial, other: Trial) -> bool:
@@ -94,7 +94,7 @@ def same(one: Trial, other: Trial) -> bool:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_scenario_runs_its_own_inputs_in_lanes(
+def test_every_scenario_runs_its_own_inputs_in_environments(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Runner(environment(name), duration=2) as runner:
@@ -109,7 +109,7 @@ def test_every_scenario_runs_its_own_inputs_in_lanes(
 
 
 @pytest.mark.parametrize("stop", get_args(Stop))
-def test_a_whole_episode_in_lanes_is_truncated_as_alone(stop: Stop) -> None:
+def test_a_whole_episode_in_environments_is_truncated_as_alone(stop: Stop) -> None:
     env = environment("rtamt/RequestGrant-v0")
     cases = [{"limit": limit, "noise": 0.5} for limit in (0.0, 2.0, 4.0, 8.0)]
     rows = [dict(Runner(env, stop=stop, batch=batch).run(cases, range(4))) for batch in (1, 3, 100)]
@@ -129,7 +129,7 @@ def test_a_whole_episode_in_lanes_is_truncated_as_alone(stop: Stop) -> None:
     )
 
 
-def test_lanes_that_are_over_stop_and_are_given_before_the_others() -> None:
+def test_environments_that_are_over_stop_and_are_given_before_the_others() -> None:
     env = environment("rtamt/AutomaticTransmission-v0")
     full, none = ({"throttle": held, "brake": 0.0} for held in (100.0, 0.0))
     with Runner(env, "AT2", stop="violation", duration=20) as runner:
@@ -141,12 +141,12 @@ def test_lanes_that_are_over_stop_and_are_given_before_the_others() -> None:
     assert (held.ended, held.simulated) == ("duration", 20.0)
 
 
-def test_what_no_lane_can_run_runs_alone() -> None:
+def test_what_no_environment_can_run_runs_alone() -> None:
     env = environment("rtamt/AutomaticTransmission-v0")
     cases: list[dict[str, float | Waveform]] = [
-        {"throttle": Waveform([0.0], [50.0]), "brake": 0.0},  # in a lane
+        {"throttle": Waveform([0.0], [50.0]), "brake": 0.0},  # in an environment
         {"throttle": Waveform([0.0], [50.0])},  # the baseline brakes
-        {},  # the baseline drives, in a lane
+        {},  # the baseline drives, in an environment
     ]
     with Runner(env, "AT2", duration=1) as runner, Runner(env, "AT2", duration=1, batch=1) as alone:
         rows, others = dict(runner.run(cases)), dict(alone.run(cases))
@@ -154,7 +154,7 @@ def test_what_no_lane_can_run_runs_alone() -> None:
     assert all(same(rows[i], others[i]) for i in range(3))
 
 
-def test_an_error_of_a_lane_is_in_its_row_and_the_others_go_on() -> None:
+def test_an_error_of_an_environment_is_in_its_row_and_the_others_go_on() -> None:
     env = environment("rtamt/RequestGrant-v0")
     cases = [{"delay": 1.0}, {"dealy": 1.0}, {"delay": 2.0}, {"request": 9.0}]
     with Runner(env) as runner:
@@ -207,7 +207,7 @@ def wrapped() -> gym.Env[Any, Any]:
 
 
 @pytest.mark.parametrize(
-    ("options", "in_lanes"),
+    ("options", "vectorized"),
     [
         ({}, True),
         ({"signals": {"req": "obs[0]", "gnt": "obs[1]"}}, True),
@@ -218,9 +218,9 @@ def wrapped() -> gym.Env[Any, Any]:
         ({"batch": 1}, False),
     ],
 )
-def test_lanes_are_taken_where_they_give_the_same(options: Any, in_lanes: bool) -> None:  # noqa: ANN401, FBT001
+def test_environments_are_taken_where_they_give_the_same(options: Any, vectorized: bool) -> None:  # noqa: ANN401, FBT001
     with Runner(wrapped(), **options) as runner:
-        assert runner.vectorized == in_lanes
+        assert runner.vectorized == vectorized
         rows = dict(runner.run([{"delay": 1.0}, {"delay": 0.5}], [3, 4]))
         for row in rows.values():
             run = runner.simulate(row.case, row.seed)
@@ -236,7 +236,7 @@ def test_lanes_are_taken_where_they_give_the_same(options: Any, in_lanes: bool) 
         ({"substeps": True}, "specification 'granted' has bounds in time, but "),
     ],
 )
-def test_what_no_lane_reads_is_refused_in_the_words_of_a_single_run(
+def test_what_no_environment_reads_is_refused_in_the_words_of_a_single_run(
     options: Any,  # noqa: ANN401
     said: str,
 ) -> None:

@@ -1,11 +1,11 @@
-// The banks as Python classes. The definition is rtamt/machines/bank.py.
+// The batches as Python classes. The definition is rtamt/machines/batch.py.
 #include <nanobind/nanobind.h>
 
 #include <algorithm>
 #include <utility>
 #include <vector>
 
-#include "lockstep/variants.hpp"
+#include "batch/variants.hpp"
 #include "python/arrays.hpp"
 #include "python/encoding.hpp"
 #include "python/object.hpp"
@@ -14,7 +14,7 @@
 namespace rtamt {
 namespace {
 
-using EpisodeObject = Object<BankVariants>;
+using EpisodeObject = Object<BatchVariants>;
 
 // The elements of an array, and what keeps them where they are.
 template <class Elements>
@@ -58,16 +58,16 @@ Held<Table> table_of(const Object<B>& object, nb::handle values) {
 nb::object finished(const EpisodeObject& object) {
     static const NewArray array("bool");
     return array.make<bool>(object.machine.num(),
-                                  [&](std::size_t lane) { return object.machine.finished()[lane] != 0; });
+                                  [&](std::size_t entry) { return object.machine.finished()[entry] != 0; });
 }
 
 nb::object unknown(const EpisodeObject& object) {
     static const NewArray array("bool");
-    const BankVariants& bank = object.machine;
-    const std::size_t num = bank.num();
-    const std::size_t width = bank.variables();
+    const BatchVariants& batch = object.machine;
+    const std::size_t num = batch.num();
+    const std::size_t width = batch.variables();
     const nb::object found = array.make<bool>(num * width, [&](std::size_t i) {
-        return !same(bank.inputs()[i], bank.upper_inputs()[i]);
+        return !same(batch.inputs()[i], batch.upper_inputs()[i]);
     });
     return found.attr("reshape")(width, num).attr("T");
 }
@@ -76,8 +76,8 @@ nb::object verdicts(const EpisodeObject& object) {
     static const NewArray array("int8");
     const double* lower = object.machine.lower();
     const double* upper = object.machine.upper();
-    return array.make<std::int8_t>(object.machine.num(), [=](std::size_t lane) {
-        return static_cast<std::int8_t>(verdict_of(lower[lane], upper[lane]));
+    return array.make<std::int8_t>(object.machine.num(), [=](std::size_t entry) {
+        return static_cast<std::int8_t>(verdict_of(lower[entry], upper[entry]));
     });
 }
 
@@ -85,13 +85,13 @@ template <class B>
 nb::object samples(const Object<B>& object) {
     static const NewArray array("int64");
     return array.template make<std::int64_t>(
-        object.machine.num(), [&](std::size_t lane) { return object.machine.samples()[lane]; });
+        object.machine.num(), [&](std::size_t entry) { return object.machine.samples()[entry]; });
 }
 
 template <class B>
-nb::object inputs_of(const B& bank, const double* inputs) {
-    const std::size_t width = bank.variables();
-    return doubles(inputs, bank.num() * width).attr("reshape")(width, bank.num()).attr("T");
+nb::object inputs_of(const B& batch, const double* inputs) {
+    const std::size_t width = batch.variables();
+    return doubles(inputs, batch.num() * width).attr("reshape")(width, batch.num()).attr("T");
 }
 
 template <class B>
@@ -99,39 +99,39 @@ nb::object inputs(const Object<B>& object) {
     return inputs_of(object.machine, object.machine.inputs());
 }
 
-// Has the reader refuse the first chosen lane that is not allowed.
+// Has the reader refuse the first chosen entry that is not allowed.
 template <class B, class Allowed>
 void require(const Object<B>& object, const std::uint8_t* mask, Allowed allowed, const char* call) {
-    for (std::size_t lane = 0; lane < object.machine.num(); ++lane)
-        if ((mask == nullptr || mask[lane]) && !allowed(lane)) refuse(object.reader, call, lane);
+    for (std::size_t entry = 0; entry < object.machine.num(); ++entry)
+        if ((mask == nullptr || mask[entry]) && !allowed(entry)) refuse(object.reader, call, entry);
 }
 
 // A row of a table.
 template <class B>
-std::vector<double> row_of(const B& bank, const Table& table, std::size_t lane) {
+std::vector<double> row_of(const B& batch, const Table& table, std::size_t entry) {
     std::vector<double> row;
-    for (std::size_t i = 0; i < bank.variables(); ++i)
-        row.push_back(table.at(i)[static_cast<std::ptrdiff_t>(lane) * table.row]);
+    for (std::size_t i = 0; i < batch.variables(); ++i)
+        row.push_back(table.at(i)[static_cast<std::ptrdiff_t>(entry) * table.row]);
     return row;
 }
 
-nb::object update_discrete(Object<DiscreteBank>& object, nb::handle values, nb::handle mask) {
-    DiscreteBank& bank = object.machine;
+nb::object update_discrete(Object<DiscreteBatch>& object, nb::handle values, nb::handle mask) {
+    DiscreteBatch& batch = object.machine;
     const nb::object plain = table_of(object, values).array;
     const auto chosen = mask_of(object, mask);
     const auto table = table_of(object, plain);  // no code of the caller runs after this
-    if (bank.take(table.elements, chosen.elements) < bank.num()) {
+    if (batch.take(table.elements, chosen.elements) < batch.num()) {
         const nb::object policy = object.reader.attr("without_nan");
         const nb::object filled = policy(plain, chosen.array, samples(object), inputs(object));
         const auto numbers = table_of(object, filled);
-        const std::size_t lane = bank.take(numbers.elements, chosen.elements);
-        if (lane < bank.num()) {
-            const std::vector<double> sample = row_of(bank, numbers.elements, lane);
+        const std::size_t entry = batch.take(numbers.elements, chosen.elements);
+        if (entry < batch.num()) {
+            const std::vector<double> sample = row_of(batch, numbers.elements, entry);
             refuse(object.reader, "refuse", list_of(sample.data(), sample.size()),
-                   bank.samples()[lane], lane);
+                   batch.samples()[entry], entry);
         }
     }
-    return doubles(bank.results(), bank.num());
+    return doubles(batch.results(), batch.num());
 }
 
 // The rare forms of an update, which the reader resolves or refuses: values by name.
@@ -142,74 +142,74 @@ nb::object update_by_name(O& object, const nb::args& args, const nb::kwargs& nam
 
 void require_open(const EpisodeObject& object, const std::uint8_t* mask) {
     require(
-        object, mask, [&](std::size_t lane) { return !object.machine.finished()[lane]; },
+        object, mask, [&](std::size_t entry) { return !object.machine.finished()[entry]; },
         "refuse_update");
 }
 
 nb::object update_episodes(EpisodeObject& object, nb::handle values, nb::handle mask,
                            nb::handle upper) {
-    BankVariants& bank = object.machine;
+    BatchVariants& batch = object.machine;
     const nb::object plain = table_of(object, values).array;
     nb::object above = nb::none();
     if (!upper.is_none()) above = table_of(object, upper).array;
     const auto chosen = mask_of(object, mask);
     const auto table = table_of(object, plain);  // no code of the caller runs after this
     require_open(object, chosen.elements);
-    if (above.is_none() && bank.take(table.elements, chosen.elements) == bank.num())
-        return doubles(bank.results(), bank.num());
+    if (above.is_none() && batch.take(table.elements, chosen.elements) == batch.num())
+        return doubles(batch.results(), batch.num());
     const nb::object ends = object.reader.attr("ends")(
         plain, above, chosen.array, samples(object),
-        nb::make_tuple(inputs(object), inputs_of(bank, bank.upper_inputs())));
+        nb::make_tuple(inputs(object), inputs_of(batch, batch.upper_inputs())));
     const auto least = table_of(object, ends[0]);
     const auto greatest = table_of(object, ends[1]);
     require_open(object, chosen.elements);  // other threads run while the reader reads
-    const std::size_t lane = bank.take(least.elements, greatest.elements, chosen.elements);
-    if (lane < bank.num()) {
-        const std::vector<double> low = row_of(bank, least.elements, lane);
-        const std::vector<double> high = row_of(bank, greatest.elements, lane);
+    const std::size_t entry = batch.take(least.elements, greatest.elements, chosen.elements);
+    if (entry < batch.num()) {
+        const std::vector<double> low = row_of(batch, least.elements, entry);
+        const std::vector<double> high = row_of(batch, greatest.elements, entry);
         refuse(object.reader, "refuse", sample_between(low.data(), high.data(), low.size()),
-               bank.samples()[lane], lane);
+               batch.samples()[entry], entry);
     }
-    return doubles(bank.results(), bank.num());
+    return doubles(batch.results(), batch.num());
 }
 
 template <class B>
-void reset_lanes(Object<B>& object, nb::handle mask) {
+void reset_entries(Object<B>& object, nb::handle mask) {
     object.machine.reset(mask_of(object, mask).elements);
 }
 
 nb::object finish(EpisodeObject& object, nb::handle mask, const std::string& end) {
-    BankVariants& bank = object.machine;
+    BatchVariants& batch = object.machine;
     const End reading = end_of(end);
     const auto chosen = mask_of(object, mask);
     require(
-        object, chosen.elements, [&](std::size_t lane) { return bank.samples()[lane] > 0; },
+        object, chosen.elements, [&](std::size_t entry) { return batch.samples()[entry] > 0; },
         "refuse_finish");
-    bank.finish(chosen.elements, reading);
-    return doubles(bank.results(), bank.num());
+    batch.finish(chosen.elements, reading);
+    return doubles(batch.results(), batch.num());
 }
 
 template <auto values>
-nb::object of_lanes(const EpisodeObject& object) {
+nb::object of_entries(const EpisodeObject& object) {
     return doubles((object.machine.*values)(), object.machine.num());
 }
 
-// Adds a class with what both banks have to a module.
+// Adds a class with what both batches have to a module.
 template <class B>
-nb::class_<Object<B>> bank_class(nb::module_& m, const char* name, const char* doc) {
+nb::class_<Object<B>> batch_class(nb::module_& m, const char* name, const char* doc) {
     auto made = machine_class<Object<B>>(m, name, doc);
-    made.def_prop_ro("samples", samples<B>, "The number of samples of every lane since its reset.")
-        .def_prop_ro("inputs", inputs<B>, "The last sample of every lane; 0 before the first.")
-        .def("reset", reset_lanes<B>, nb::arg("mask").none() = nb::none(),
-             "Return the lanes that the mask chooses to the state before their first sample.");
+    made.def_prop_ro("samples", samples<B>, "The number of samples of every entry since its reset.")
+        .def_prop_ro("inputs", inputs<B>, "The last sample of every entry; 0 before the first.")
+        .def("reset", reset_entries<B>, nb::arg("mask").none() = nb::none(),
+             "Return the entries that the mask chooses to the state before their first sample.");
     return made;
 }
 
-void construct_discrete(Object<DiscreteBank>* self, const nb::sequence& rows, std::size_t terms,
+void construct_discrete(Object<DiscreteBatch>* self, const nb::sequence& rows, std::size_t terms,
                         const nb::tuple& variables, std::size_t result, std::int64_t latency,
                         std::size_t num, nb::object reader) {
-    new (self) Object<DiscreteBank>{
-        DiscreteBank(discrete_rows(rows), terms, nb::len(variables), {result, latency}, num),
+    new (self) Object<DiscreteBatch>{
+        DiscreteBatch(discrete_rows(rows), terms, nb::len(variables), {result, latency}, num),
         std::move(reader)};
 }
 
@@ -218,7 +218,7 @@ void construct_episode(EpisodeObject* self, const nb::sequence& terms, const nb:
                        const nb::tuple& variables, std::size_t num, nb::object reader,
                        const nb::sequence& neutral) {
     new (self) EpisodeObject{
-        BankVariants({discrete_rows(terms), nb::len(variables), formula_rows(formulas),
+        BatchVariants({discrete_rows(terms), nb::len(variables), formula_rows(formulas),
                       registers_of(initial), registers_of(streams)},
                      registers_of(neutral), num),
         std::move(reader)};
@@ -226,46 +226,46 @@ void construct_episode(EpisodeObject* self, const nb::sequence& terms, const nb:
 
 }  // namespace
 
-void bind_banks(nb::module_& m) {
-    bank_class<DiscreteBank>(
-        m, "DiscreteBank",
-        "Runs a program in many lanes, as rtamt.machines.protocols.DiscreteBank says.\n\n"
+void bind_batches(nb::module_& m) {
+    batch_class<DiscreteBatch>(
+        m, "DiscreteBatch",
+        "Runs a program in many entries, as rtamt.machines.protocols.DiscreteBatch says.\n\n"
         "Args:\n"
         "    rows: The program, as rtamt.program.encoding encodes it.\n"
         "    terms: The number of rows that are arithmetic over the sample.\n"
         "    variables: Names of the inputs.\n"
         "    result: Register that update returns.\n"
         "    latency: Samples by which the result is late.\n"
-        "    num: The number of lanes.\n"
+        "    num: The number of entries.\n"
         "    reader: Reads the rare forms of arrays, and raises all errors.")
         .def("__init__", construct_discrete, nb::arg("rows"), nb::arg("terms"),
              nb::arg("variables"), nb::arg("result"), nb::arg("latency"), nb::arg("num"),
              nb::arg("reader"))
         .def("update", update_discrete, nb::arg("values").none(),
              nb::arg("mask").none() = nb::none(),
-             "Take in a sample in each lane that the mask chooses; return the results of all.")
-        .def("update", update_by_name<Object<DiscreteBank>>, nb::arg("args"), nb::arg("named"));
+             "Take in a sample in each entry that the mask chooses; return the results of all.")
+        .def("update", update_by_name<Object<DiscreteBatch>>, nb::arg("args"), nb::arg("named"));
 
-    bank_class<BankVariants>(
-        m, "EpisodeBank",
-        "Bounds the robustness of many episodes, as rtamt.machines.protocols.EpisodeBank says.\n\n"
+    batch_class<BatchVariants>(
+        m, "EpisodeBatch",
+        "Bounds the robustness of many episodes, as rtamt.machines.protocols.EpisodeBatch says.\n\n"
         "Args:\n"
         "    terms, formulas, initial, streams, variables, neutral: As for EpisodeMachine.\n"
-        "    num: The number of lanes.\n"
+        "    num: The number of entries.\n"
         "    reader: Reads the rare forms of arrays, and raises all errors.")
         .def("__init__", construct_episode, nb::arg("terms"), nb::arg("formulas"),
              nb::arg("initial"), nb::arg("streams"), nb::arg("variables"), nb::arg("num"),
              nb::arg("reader"), nb::arg("neutral") = nb::tuple())
         .def("update", update_episodes, nb::arg("values").none(),
              nb::arg("mask").none() = nb::none(), nb::arg("upper").none() = nb::none(),
-             "Take in a sample in each lane that the mask chooses, known or between the values and\n"
+             "Take in a sample in each entry that the mask chooses, known or between the values and\n"
              "the upper ones; return the results of all.")
         .def("update", update_by_name<EpisodeObject>, nb::arg("args"), nb::arg("named"))
-        .def_prop_ro("robustness", of_lanes<&BankVariants::results>,
+        .def_prop_ro("robustness", of_entries<&BatchVariants::results>,
                      "The robustness if the episodes ended now.")
-        .def_prop_ro("lower", of_lanes<&BankVariants::lower>,
+        .def_prop_ro("lower", of_entries<&BatchVariants::lower>,
                      "The least robustness over all continuations.")
-        .def_prop_ro("upper", of_lanes<&BankVariants::upper>,
+        .def_prop_ro("upper", of_entries<&BatchVariants::upper>,
                      "The greatest robustness over all continuations.")
         .def_prop_ro("verdict", verdicts,
                      "1 if the sign bit of lower is clear, -1 if that of upper is set, else 0.")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rtamt import Specification, VectorEpisodeMonitor, Verdict, holds
 from rtamt.errors import Argument
-from rtamt.internal import VerdictBook
+from rtamt.internal import VerdictLog
 from rtamt.typing import End
 from rtamt_gym.judging.costs import Cost, VectorCostMeter
 from rtamt_gym.judging.infos import VERDICTS, SpecRows, optional_keys, outcome, spec_state
@@ -28,7 +28,7 @@ from rtamt_gym.judging.obligations import Obligation, Obligations
 from rtamt_gym.judging.stages import VectorStageProgress
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.shaping import least
-from rtamt_gym.signals.columns import Floats, Lanes
+from rtamt_gym.signals.columns import Entries, Floats
 
 VectorMonitors = dict[str, tuple[VectorEpisodeMonitor | VectorInstantMonitor, VectorEpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
@@ -36,11 +36,11 @@ VectorMonitors = dict[str, tuple[VectorEpisodeMonitor | VectorInstantMonitor, Ve
 Numbers = NDArray[np.int64]
 
 
-class VectorPanel:
-    """`Panel` for a batch: its arrays have an element for every environment.
+class VectorMonitorSet:
+    """`MonitorSet` for a batch: its arrays have an element for every environment.
 
-    It takes the arguments of `Panel`, the number of environments, and the names of the columns of
-    the tables.
+    It takes the arguments of `MonitorSet`, the number of environments, and the names of the columns
+    of the tables.
 
     Attributes:
         monitors: The monitors of each specification: ``(robustness source, judge)``.
@@ -63,7 +63,7 @@ class VectorPanel:
         )
         self._names = np.array([*self.monitors, None], dtype=object)
         self._judges = [judge for _, judge in self.monitors.values()]
-        self._book = VerdictBook(self._judges)
+        self._log = VerdictLog(self._judges)
         self._columns = tuple(
             tuple(columns.index(name) for name in spec.variables) for spec in specs.values()
         )
@@ -107,17 +107,17 @@ class VectorPanel:
     @property
     def violated_at(self) -> NDArray[np.int64]:
         """The sample that showed the first violation, the last one if only the end did; or -1."""
-        return self._book.violated_at
+        return self._log.violated_at
 
-    def any_violated(self, at: Numbers | None = None) -> Lanes:
+    def any_violated(self, at: Numbers | None = None) -> Entries:
         """Whether each of the environments `at` violates a specification; None: of all."""
-        rows = self._book.violated if at is None else self._book.violated.take(at, axis=1)
-        violated: Lanes = np.logical_or.reduce(rows)
+        rows = self._log.violated if at is None else self._log.violated.take(at, axis=1)
+        violated: Entries = np.logical_or.reduce(rows)
         return violated
 
     def violated_by(self, at: Numbers) -> NDArray[np.object_]:
         """Return the specification that was violated first in each of `at`, or None."""
-        names: NDArray[np.object_] = self._names[self._book.first.take(at)]
+        names: NDArray[np.object_] = self._names[self._log.first.take(at)]
         return names
 
     @property
@@ -127,20 +127,20 @@ class VectorPanel:
 
     def undecided(self, at: Numbers) -> NDArray[np.bool_]:
         """Return the undecided verdicts: a row per specification, a column for each of `at`."""
-        return self._book.settled_at.take(at, axis=1) < 0
+        return self._log.settled_at.take(at, axis=1) < 0
 
     def knows(self, above: Mapping[str, float]) -> NDArray[np.bool_]:
-        """Return where every robustness is final or certain to stay above, as in `Panel.knows`."""
-        known = np.ones(self._book.num, np.bool_)
+        """Return where every robustness is final or stays above, as `MonitorSet.knows` does."""
+        known = np.ones(self._log.num, np.bool_)
         for name, (_, judge) in self.monitors.items():
             lower = judge.lower
             known &= (lower == judge.upper) | (lower > above.get(name, math.inf))
         return known
 
-    def violated(self, names: Collection[str]) -> Lanes:
+    def violated(self, names: Collection[str]) -> Entries:
         """Return whether each environment certainly violates a specification of these."""
         rows = [name in names for name in self.monitors]
-        violated: Lanes = np.logical_or.reduce(self._book.violated[rows])
+        violated: Entries = np.logical_or.reduce(self._log.violated[rows])
         return violated
 
     def satisfied(self, at: Numbers) -> NDArray[np.bool_]:
@@ -157,103 +157,103 @@ class VectorPanel:
         """The minimum progress over the requirements in stages; None without stages."""
         return None if self._stages is None else self._stages.least
 
-    def success(self, at: Numbers) -> Lanes:
+    def success(self, at: Numbers) -> Entries:
         """Whether each of the environments `at` satisfies all specifications."""
-        failed: Lanes = np.logical_or.reduce(
-            self.undecided(at) | self._book.violated.take(at, axis=1)
+        failed: Entries = np.logical_or.reduce(
+            self.undecided(at) | self._log.violated.take(at, axis=1)
         )
         return ~failed
 
-    def reset(self, lanes: Lanes | None = None) -> None:
+    def reset(self, entries: Entries | None = None) -> None:
         """Forget the episodes of the environments in the mask; None: of all."""
         if not self._whole:
             for source, _ in self.monitors.values():
-                source.reset(lanes)
-        self._book.reset(lanes)
+                source.reset(entries)
+        self._log.reset(entries)
         if self._meter is not None:
-            self._meter.reset(lanes)
+            self._meter.reset(entries)
         if self._owing is not None:
-            self._owing.reset(lanes)
+            self._owing.reset(entries)
         if self._stages is not None:
-            self._stages.reset(lanes)
+            self._stages.reset(entries)
 
-    def feed(self, table: Floats, lanes: Lanes | None = None) -> None:
+    def feed(self, table: Floats, entries: Entries | None = None) -> None:
         """Take a row of the table for each environment in the mask; None: for all.
 
         Tables in Fortran order are fastest.
         """
         self._lower = self._upper = None
         if self._whole:
-            self.robustness = self._book.feed(table, self._columns, lanes)
+            self.robustness = self._log.feed(table, self._columns, entries)
         else:
             sources = [source for source, _ in self.monitors.values()]
             self.robustness = least(
                 [
-                    source.update(table[:, list(columns)], lanes)
+                    source.update(table[:, list(columns)], entries)
                     for source, columns in zip(sources, self._columns, strict=True)
                 ]
             )
-            self._book.note()
+            self._log.note()
         if self._meter is not None:
-            self._meter.feed(table, lanes)
+            self._meter.feed(table, entries)
         if self._owing is not None:
-            self._owing.feed(table, lanes)
+            self._owing.feed(table, entries)
         if self._stages is not None:
-            self._stages.feed(table, lanes)
+            self._stages.feed(table, entries)
 
-    def cut_windows(self, lanes: Lanes) -> frozenset[str]:
-        """Return the names of `Panel.cut_windows` in any environment in the mask."""
-        index, names = lanes.nonzero()[0], set()
+    def cut_windows(self, entries: Entries) -> frozenset[str]:
+        """Return the names of `MonitorSet.cut_windows` in any environment in the mask."""
+        index, names = entries.nonzero()[0], set()
         would = self.undecided(index) & [holds(judge.robustness[index]) for judge in self._judges]
         for name, judge, rows in zip(self.monitors, self._judges, would, strict=True):
             if judge.specification.timed and rows.any():
                 another = copy.deepcopy(judge)
-                another.finish(lanes, end="cut")
+                another.finish(entries, end="cut")
                 if (rows & (another.verdict[index] == 0)).any():
                     names.add(str(name))
         return frozenset(names)
 
-    def finish(self, lanes: Lanes, end: AtTermination | End = "complete") -> None:
-        """End the traces of the environments in the mask, as `Panel.finish` does."""
-        if np.count_nonzero(lanes) == 0:
+    def finish(self, entries: Entries, end: AtTermination | End = "complete") -> None:
+        """End the traces of the environments in the mask, as `MonitorSet.finish` does."""
+        if np.count_nonzero(entries) == 0:
             return
         self._lower = self._upper = None
         if end == "failure":
-            self._book.fail(lanes)
+            self._log.fail(entries)
             return
-        self._book.finish(lanes, end=end)
+        self._log.finish(entries, end=end)
         if self._stages is not None:
-            self._stages.finish(lanes, end)
+            self._stages.finish(entries, end)
         if self._whole:
-            self.robustness = self._book.least("robustness")
+            self.robustness = self._log.least("robustness")
         else:
             self.robustness = least([source.robustness for source, _ in self.monitors.values()])
 
-    def take_costs(self, stepped: Lanes | None) -> dict[str, Floats] | None:
+    def take_costs(self, stepped: Entries | None) -> dict[str, Floats] | None:
         """Return the costs of the step of the environments in the mask; None: of all.
 
         None if nothing measures costs.
         """
-        return None if self._meter is None else self._meter.take(self._book.violated, stepped)
+        return None if self._meter is None else self._meter.take(self._log.violated, stepped)
 
     @property
     def lower(self) -> Floats:
         """The lower bound of the robustness."""
         if self._lower is None:
-            self._lower = self._book.least("lower")
+            self._lower = self._log.least("lower")
         return self._lower
 
     @property
     def upper(self) -> Floats:
         """The upper bound of the robustness."""
         if self._upper is None:
-            self._upper = self._book.least("upper")
+            self._upper = self._log.least("upper")
         return self._upper
 
     def _uppers(self) -> list[Floats]:
         """Return the upper bounds of each specification."""
         uppers = [judge.upper for judge in self._judges]
-        failed = self._book.failed
+        failed = self._log.failed
         if not failed.any():
             return uppers
         return [np.where(row, -0.0, upper) for row, upper in zip(failed, uppers, strict=True)]
@@ -262,7 +262,7 @@ class VectorPanel:
         """Return the values of all monitors."""
         verdicts = [
             np.where(failed, -1.0, judge.verdict)
-            for failed, judge in zip(self._book.failed, self._judges, strict=True)
+            for failed, judge in zip(self._log.failed, self._judges, strict=True)
         ]
         return MonitorValues(
             [source.robustness for source, _ in self.monitors.values()],
@@ -283,7 +283,7 @@ class VectorPanel:
         """
         curves: list[float] = []
         verdicts: list[Verdict] = []
-        failed = self._book.failed
+        failed = self._log.failed
         for row, (source, judge) in enumerate(self.monitors.values()):
             lost = bool(failed[row, index])
             upper = -0.0 if lost else judge.upper.item(index)
@@ -304,22 +304,22 @@ class VectorPanel:
                 progress.get(name),
             )
             for (name, (source, judge)), upper, failed in zip(
-                self.monitors.items(), self._uppers(), self._book.failed, strict=True
+                self.monitors.items(), self._uppers(), self._log.failed, strict=True
             )
         }
 
     def spread(self, columns: Sequence[Any], at: Numbers) -> None:
         """Write arrays of all environments from values of the environments `at`."""
-        self._book.spread(columns, at)
+        self._log.spread(columns, at)
 
     def outcomes(self, at: Numbers) -> SpecRows:
         """Return the outcome of every specification so far, in the environments `at`."""
         return self.ends(at)[0]
 
-    def ends(self, at: Numbers) -> tuple[SpecRows, Lanes, Lanes]:
+    def ends(self, at: Numbers) -> tuple[SpecRows, Entries, Entries]:
         """Return the outcomes in `at`, whether all are satisfied, and whether one is undecided."""
-        ends = self._book.outcomes(at)
-        ended = ends.settled & self._book.open_at_end.take(at, axis=1)
+        ends = self._log.outcomes(at)
+        ended = ends.settled & self._log.open_at_end.take(at, axis=1)
         outcomes = outcome(
             ends.robustness,
             ends.verdicts,

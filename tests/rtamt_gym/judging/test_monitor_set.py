@@ -21,9 +21,9 @@ from strategies import VARIABLES, Trace, formulas, length, sample, traces
 import rtamt
 from rtamt import Formula
 from rtamt_gym import EvaluationOptions, StlMonitor, StlReward
+from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.judging.monitors import InstantMonitor, VectorInstantMonitor, pick
-from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.vector_panel import VectorPanel
+from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
 
 SIGNALS = {"a": "obs[0]", "b": "obs[1]", "c": ("info['c']", None)}
 SPECS = st.lists(formulas(depth=2, endless=True), min_size=1, max_size=3).map(
@@ -149,8 +149,8 @@ def test_what_stays_above_a_number_is_known(above: dict[str, float], *, certain:
     """It is 2 or more from the first sample on, so it is not certain to stay above 2."""
     specs = {"task": rtamt.parse("eventually(x > 0)")}
     single, many = (
-        Panel(specs, EvaluationOptions()),
-        VectorPanel(specs, 2, EvaluationOptions(), ["x"]),
+        MonitorSet(specs, EvaluationOptions()),
+        VectorMonitorSet(specs, 2, EvaluationOptions(), ["x"]),
     )
     single.feeder(["x"])([2.0])
     many.feed(np.array([[2.0], [-2.0]]))

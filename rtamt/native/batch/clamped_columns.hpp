@@ -1,11 +1,11 @@
 // Clamped windows inside a fold over times, in columns.
 #pragma once
 
-#include "lockstep/clamps.hpp"
-#include "lockstep/formula_columns.hpp"
-#include "lockstep/ring.hpp"
+#include "batch/clamps.hpp"
+#include "batch/formula_columns.hpp"
+#include "batch/ring.hpp"
 
-namespace rtamt::lockstep {
+namespace rtamt::batch {
 
 // Registers of the columns of one clamped window; at its fold's times, all its values.
 struct ClampedWindow {
@@ -30,7 +30,7 @@ class WindowColumns {
 public:
     virtual ~WindowColumns() = default;
     virtual void take(const Taken& taken, Time begin, Time end, const Seen& seen) = 0;
-    virtual void reset(const Lanes& lanes) = 0;
+    virtual void reset(const Entries& entries) = 0;
     virtual void fields(Snapshot& s) = 0;
 };
 
@@ -54,24 +54,24 @@ public:
         find_elements(t, begin, end);
         const auto in = elements_.at(0);
         const auto folded = folded_.at(0);
-        each_stretch(t.lanes, t.places.together(),
-                     [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
-                         ring_.push(t.places.of(lane), lane, n, in.from(i), folded.from(i));
+        each_stretch(t.entries, t.places.together(),
+                     [&](std::size_t entry, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
+                         ring_.push(t.places.of(entry), entry, n, in.from(i), folded.from(i));
                      });
         if (t.first < window_.hi) fold_young(t);
-        each_stretch(t.lanes, t.places.together(),
-                     [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
-                         settle(t, lane, n, in.from(i), folded.from(i), seen);
+        each_stretch(t.entries, t.places.together(),
+                     [&](std::size_t entry, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
+                         settle(t, entry, n, in.from(i), folded.from(i), seen);
                      });
     }
 
-    void reset(const Lanes& lanes) override {
-        if (lanes.all()) {
+    void reset(const Entries& entries) override {
+        if (entries.all()) {
             delayed_.clear();
             ring_.clear();
         }
         const auto since_begin = since_begin_.at(0);
-        for (std::size_t i = 0; i < lanes.count(); ++i) since_begin.put(lanes[i], F::identity);
+        for (std::size_t i = 0; i < entries.count(); ++i) since_begin.put(entries[i], F::identity);
     }
     void fields(Snapshot& s) override {
         since_begin_.fields(s);
@@ -86,7 +86,7 @@ private:
         const double* best = t.columns.at(kMin ? window_.greatest : window_.least);
         const double* worst = t.columns.at(kMin ? window_.least : window_.greatest);
         const auto out = elements_.at(0);
-        const std::size_t count = t.lanes.count();
+        const std::size_t count = t.entries.count();
         widely([&]() RTAMT_LOOP_BODY {
             RTAMT_INDEPENDENT
             for (std::size_t i = 0; i < count; ++i)
@@ -94,22 +94,22 @@ private:
         });
         if (t.first >= begin && t.last <= end) return;
         for (std::size_t i = 0; i < count; ++i) {  // only windows that begin in time count
-            const Time time = t.times[t.lanes[i]];
+            const Time time = t.times[t.entries[i]];
             if (time < begin || time > end)
                 out.put(i, F::element(operand[i], Order::top, Order::top));
         }
     }
 
-    // The window of a lane that has just begun holds all its samples.
+    // The window of an entry that has just begun holds all its samples.
     void fold_young(const Taken& t) {
         const auto since_begin = since_begin_.at(0);
         const auto in = elements_.at(0);
         const auto folded = folded_.at(0);
-        each_stretch(t.lanes, true,
-                     [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
-                         const auto all = since_begin.from(lane), from = in.from(i);
+        each_stretch(t.entries, true,
+                     [&](std::size_t entry, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
+                         const auto all = since_begin.from(entry), from = in.from(i);
                          const auto out = folded.from(i);
-                         const std::int64_t* times = t.times + lane;
+                         const std::int64_t* times = t.times + entry;
                          const Time hi = window_.hi;
                          RTAMT_INDEPENDENT
                          for (std::size_t j = 0; j < n; ++j) {
@@ -120,14 +120,14 @@ private:
                      });
     }
 
-    RTAMT_LOOP void settle(const Taken& t, std::size_t lane, std::size_t n, View<Element> in,
+    RTAMT_LOOP void settle(const Taken& t, std::size_t entry, std::size_t n, View<Element> in,
                 View<Element> folded, const Seen& seen) {
         const auto delayed =
-            delayed_.at(static_cast<std::size_t>(t.places.of(lane) % length_), lane);
-        double* settled = seen.settled + lane;
-        double* now = seen.now + lane;
-        double* best = seen.best + lane;
-        double* worst = seen.worst + lane;
+            delayed_.at(static_cast<std::size_t>(t.places.of(entry) % length_), entry);
+        double* settled = seen.settled + entry;
+        double* now = seen.now + entry;
+        double* best = seen.best + entry;
+        double* worst = seen.worst + entry;
         const auto open = [&](std::size_t i, Element x) RTAMT_LOOP_BODY {
             now[i] = Order::least(now[i], F::now(x));
             best[i] = Order::least(best[i], F::best(x));
@@ -143,7 +143,7 @@ private:
             }
             return;
         }
-        const std::int64_t* times = t.times + lane;
+        const std::int64_t* times = t.times + entry;
         const Time hi = window_.hi;
         RTAMT_INDEPENDENT
         for (std::size_t i = 0; i < n; ++i) {
@@ -157,8 +157,8 @@ private:
 
     ClampedWindow window_;
     std::size_t length_;
-    Slots<Element> since_begin_;  // the fold of all elements of lanes that have up to `length`
-    Slots<Element> elements_;     // of the chosen lanes, as are their folds
+    Slots<Element> since_begin_;  // the fold of all elements of entries that have up to `length`
+    Slots<Element> elements_;     // of the chosen entries, as are their folds
     Slots<Element> folded_;
     Slots<Kept> delayed_;  // what is kept of the last elements
     RingFold<F> ring_;
@@ -175,26 +175,26 @@ public:
     void take(const Taken& t, Time, Time, const Seen& seen) override {
         const double* operand = t.columns.at(window_.operand);
         const auto folded = folded_.at(0);
-        each_stretch(t.lanes, t.places.together(),
-                     [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
-                         ring_.push(t.places.of(lane), lane, n, operand + i, folded.from(i));
+        each_stretch(t.entries, t.places.together(),
+                     [&](std::size_t entry, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
+                         ring_.push(t.places.of(entry), entry, n, operand + i, folded.from(i));
                      });
-        each_stretch(t.lanes, true,
-                     [&](std::size_t lane, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
-                         settle(t, lane, n, operand + i, folded.from(i), seen);
+        each_stretch(t.entries, true,
+                     [&](std::size_t entry, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
+                         settle(t, entry, n, operand + i, folded.from(i), seen);
                      });
     }
-    void reset(const Lanes& lanes) override {
-        if (lanes.all()) ring_.clear();
+    void reset(const Entries& entries) override {
+        if (entries.all()) ring_.clear();
     }
     void fields(Snapshot& s) override { ring_.fields(s); }
 
 private:
-    RTAMT_LOOP void settle(const Taken& t, std::size_t lane, std::size_t n, const double* operand,
+    RTAMT_LOOP void settle(const Taken& t, std::size_t entry, std::size_t n, const double* operand,
                 View<double> folded, const Seen& seen) {
-        double* settled = seen.settled + lane;
-        double* now = seen.now + lane;
-        double* worst = seen.worst + lane;
+        double* settled = seen.settled + entry;
+        double* now = seen.now + entry;
+        double* worst = seen.worst + entry;
         RTAMT_INDEPENDENT
         for (std::size_t i = 0; i < n; ++i) {
             now[i] = Order::least(now[i], operand[i]);
@@ -206,7 +206,7 @@ private:
             for (std::size_t i = 0; i < n; ++i) settled[i] = Order::least(settled[i], folded[i]);
             return;
         }
-        const std::int64_t* times = t.times + lane;
+        const std::int64_t* times = t.times + entry;
         const Time hi = window_.hi;
         RTAMT_INDEPENDENT
         for (std::size_t i = 0; i < n; ++i) {
@@ -220,4 +220,4 @@ private:
     RingFold<Reached<Order>> ring_;
 };
 
-}  // namespace rtamt::lockstep
+}  // namespace rtamt::batch

@@ -1,13 +1,13 @@
-// What a call of take works on: columns with a value for each chosen lane.
+// What a call of take works on: columns with a value for each chosen entry.
 #pragma once
 
 #include <vector>
 
 #include "discrete/columns.hpp"
 #include "episode/streams.hpp"
-#include "lockstep/lanes.hpp"
+#include "batch/entries.hpp"
 
-namespace rtamt::lockstep {
+namespace rtamt::batch {
 
 using episode::kAll;
 using episode::kLower;
@@ -17,7 +17,7 @@ using episode::kUpper;
 using episode::Time;
 using episode::World;
 
-// The terms of the chosen lanes, and what min and max make of them.
+// The terms of the chosen entries, and what min and max make of them.
 class FormulaColumns {
 public:
     FormulaColumns(std::size_t terms, std::size_t num) : terms_(terms), num_(num) {}
@@ -32,7 +32,7 @@ public:
         return out;
     }
 
-    // Finds the values of the first `count` chosen lanes from their terms.
+    // Finds the values of the first `count` chosen entries from their terms.
     void find(const RegisterColumns& terms, std::size_t count) {
         from_ = &terms;
         for (const Map& m : maps_) {
@@ -63,14 +63,14 @@ private:
     std::vector<Map> maps_;
 };
 
-// A call of take: the chosen lanes, the times of their samples, and columns of the values there.
+// A call of take: the chosen entries, the times of their samples, and columns of the values there.
 struct Taken {
-    const Lanes& lanes;
+    const Entries& entries;
     const Places& places;
-    const std::int64_t* times;  // of all lanes
-    Time first;                 // of the times of the chosen lanes
+    const std::int64_t* times;  // of all entries
+    Time first;                 // of the times of the chosen entries
     Time last;
     const FormulaColumns& columns;
 };
 
-}  // namespace rtamt::lockstep
+}  // namespace rtamt::batch
