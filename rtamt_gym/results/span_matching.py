@@ -14,7 +14,8 @@ Status = Literal["same", "moved", "longer", "shorter", "new", "gone", "part", "u
 
 ``same``, ``moved``, ``longer`` and ``shorter`` have a partner in the other recording. ``new`` is in
 B only and ``gone`` in A only. ``part`` has no partner, but the other recording is violated all the
-time. ``undecided`` has no partner, and the other recording does not show whether it has one.
+time, without a break; at its two ends, up to the tolerance may be outside. ``undecided`` has no
+partner, and the other recording does not show whether it has one.
 """
 
 ROUNDING: Final = 1e-14
@@ -195,19 +196,18 @@ class _Side:
     def __init__(self, spans: RecordedSpans, tolerance: float, slack: float) -> None:
         self.limit, self._slack = tolerance + slack, slack
         self._satisfied = spans.satisfied
+        self._recorded = spans.recorded
         outside = TimeSpan(-math.inf, spans.recorded.start), TimeSpan(spans.recorded.stop, math.inf)
-        inside = [*spans.violated, *spans.unknown]
-        self._not_satisfied = _union([*inside, *outside])
-        self._near_violated = _union(spans.violated, tolerance)
-        self._near_not_satisfied = _union([*_union(inside, tolerance), *outside])
+        self._violated = _union(spans.violated, slack)
+        self._not_satisfied = _union([*spans.violated, *spans.unknown, *outside], slack)
 
     def covers(self, span: TimeSpan) -> bool:
         """Return whether the recording is nowhere satisfied for certain in a span."""
-        return self._contains(self._near_not_satisfied, span)
+        return self._contains(self._not_satisfied, span)
 
     def alone(self, span: TimeSpan, word: Literal["new", "gone"], *, ahead: bool) -> Status:
         """Return the status of a violation of the other recording that has no partner."""
-        if self._contains(self._near_violated, span):
+        if self._contains(self._violated, span):
             return "part"
         if ahead and self._satisfied:
             return word
@@ -218,15 +218,31 @@ class _Side:
         return _outside(self._not_satisfied, span)
 
     def _contains(self, union: Sequence[TimeSpan], span: TimeSpan) -> bool:
-        return _outside(union, span) <= min(self._slack, (span.stop - span.start) / 2)
+        """Return whether one stretch contains a span, but for the tolerance at its two ends.
+
+        A stretch that only touches the span does not contain it. Time that is not recorded has no
+        tolerance, because nothing was violated or unknown there.
+        """
+        place = max(bisect_right(union, span.start, key=lambda other: other.start) - 1, 0)
+        while place < len(union) and union[place].start < span.stop:
+            start, stop = union[place].start, union[place].stop
+            common = min(stop, span.stop) - max(start, span.start)
+            shorter = min(stop - start, span.stop - span.start)
+            early = self._slack if start == self._recorded.stop else self.limit
+            late = self._slack if stop == self._recorded.start else self.limit
+            if common > min(self._slack, shorter / 2) and (
+                start - span.start <= early and span.stop - stop <= late
+            ):
+                return True
+            place += 1
+        return False
 
 
-def _union(spans: Iterable[TimeSpan], margin: float = 0.0) -> list[TimeSpan]:
-    """Return the union of spans that are widened at both ends, in order."""
+def _union(spans: Iterable[TimeSpan], slack: float) -> list[TimeSpan]:
+    """Return the stretches of spans with gaps of at most the slack, in order."""
     result = list[TimeSpan]()
-    for span in sorted(spans):
-        start, stop = span.start - margin, span.stop + margin
-        if result and start <= result[-1].stop:
+    for start, stop, _ in sorted(spans):
+        if result and start <= result[-1].stop + slack:
             result[-1] = TimeSpan(result[-1].start, max(result[-1].stop, stop))
         else:
             result.append(TimeSpan(start, stop))

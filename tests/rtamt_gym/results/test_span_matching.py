@@ -89,19 +89,24 @@ class Letters(NamedTuple):
     def at(self, second: int) -> str:
         return letter_at(self.letters, self.begin, second)
 
-    def near(self, span: TimeSpan, wanted: str) -> bool:
-        """Whether each second of a span is near one with a wanted letter, or not recorded."""
-        tolerance = self.tolerance
-        return all(
-            any(self.at(second + i) in wanted for i in range(-tolerance, tolerance + 1))
-            or ("u" in wanted and self.at(second) == "o")
-            for second in seconds_of(span)
-        )
+    def covers(self, span: TimeSpan, wanted: str) -> bool:
+        """Whether all seconds have a wanted letter, but for the tolerance at each end.
+
+        Seconds that are not recorded have no tolerance.
+        """
+        seconds = seconds_of(span)
+        for first, last in itertools.combinations_with_replacement(seconds, 2):
+            letters = {self.at(second) for second in range(first, last + 1)}
+            ends = max(first - seconds[0], seconds[-1] - last)
+            limit = 0 if letters == {"o"} else self.tolerance
+            if letters <= {*wanted} and ends <= limit:
+                return True
+        return False
 
     def alone(self, span: TimeSpan, word: Status) -> Status:
-        if self.near(span, "v"):
+        if self.covers(span, "v"):
             return "part"
-        return "undecided" if self.near(span, "vu") else word
+        return "undecided" if self.covers(span, "vuo") else word
 
     def satisfied(self, span: TimeSpan) -> int:
         return sum(self.at(second) == "s" for second in seconds_of(span))
@@ -142,7 +147,7 @@ def test_statuses_match_every_second(
         own = one.violated[backwards[j]]
         assert found.of_b[j] == found.of_a[backwards[j]]
         assert found.of_b[j] == partner_status(own, span, of_a, of_b)
-    assert found.open_b == sum(not of_a.near(span, "vu") for span in two.unknown)
+    assert found.open_b == sum(not of_a.covers(span, "vuo") for span in two.unknown)
 
 
 @settings(max_examples=examples(200))
@@ -195,8 +200,8 @@ def test_single_instants_of_dense_time(tolerance: float) -> None:
     b = RecordedSpans([TimeSpan(2, 4), instant(5), instant(10), instant(20)], [], span)
     found = match_spans(a, b, tolerance)
     assert found.pairs == ((0, 0), (1, 2))
-    # the half-open violation of A ends before 5 s
-    assert found.of_b == ("shorter", "part" if tolerance else "new", "same", "new")
+    # the half-open violation of A ends before 5 s, so the instant is a violation of its own
+    assert found.of_b == ("shorter", "new", "same", "new")
 
 
 def test_violation_after_the_recording() -> None:
@@ -222,3 +227,23 @@ def test_split_violation_is_not_new() -> None:
     short = RecordedSpans([TimeSpan(0, 10)], [], span)
     reaching = RecordedSpans([TimeSpan(0, 6), TimeSpan(9, 90)], [], span)
     assert match_spans(short, reaching, 1).of_b == ("shorter", "new")
+
+
+def test_tolerance_does_not_excuse_neighbours() -> None:
+    span = TimeSpan(0, 10)
+    one = RecordedSpans([TimeSpan(5, 6)], [], span)
+    three = RecordedSpans([TimeSpan(4, 4.5), TimeSpan(5, 6), TimeSpan(6.5, 7)], [], span)
+    assert match_spans(one, three, 1).of_b == ("new", "same", "new")
+    assert match_spans(three, one, 1).of_a == ("gone", "same", "gone")
+    unknown = RecordedSpans([], [TimeSpan(4, 4.5), TimeSpan(6.5, 7)], span)
+    assert match_spans(unknown, one, 1).of_b == ("new",)
+    assert match_spans(one, unknown, 1).open_b == 2
+
+
+def test_tolerance_does_not_fill_a_gap() -> None:
+    span = TimeSpan(0, 20)
+    a = RecordedSpans([TimeSpan(0, 6), TimeSpan(6.5, 12)], [], span)
+    b = RecordedSpans([TimeSpan(0, 5.8), TimeSpan(5.9, 6.9), TimeSpan(7, 12.2)], [], span)
+    assert match_spans(a, b, 0.3).of_b == ("same", "new", "moved")
+    # at its own end, a violation may reach out of the other by the tolerance
+    assert match_spans(a, b, 0.6).of_b == ("same", "part", "same")
