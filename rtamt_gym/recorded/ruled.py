@@ -37,6 +37,7 @@ def read_ruled(
     """Read a trace and its period: the stated one, the one of its samples, or None."""
     row = format_of(path)
     columns = checked_columns(path, row, columns)
+    _check_absent(columns, dense=reading.dense)
     if row.bag:
         read: tuple[Trace | EventTrace, Fraction | None] = import_module(row.module).read_bag(
             path, specs, reading, columns
@@ -148,14 +149,28 @@ def checked_columns(path: str, row: Format, columns: Columns) -> Columns:
     if columns.wide is not None:
         if not row.table:
             raise InputError(f"{shown(path)}: expected a table for --wide, got {row.name}")
-        if columns.missing == "hold":
-            raise InputError(
-                "expected --missing unknown or --missing drop with --wide, got hold. An absent "
-                "object has no value."
-            )
         if columns.missing == "raise":  # values of absent objects are unknown
             columns = replace(columns, missing="unknown")
     return columns
+
+
+def _check_absent(columns: Columns, *, dense: bool) -> None:
+    """Check that no value of an absent object is held."""
+    if columns.wide is None or columns.missing not in ("hold", "drop"):
+        return
+    holding = {
+        "--dense": dense,
+        "--jitter": columns.jitter is not None,
+        "--max-gap": columns.max_gap is not None,
+    }
+    option = next((name for name, holds in holding.items() if holds), "")
+    if columns.missing == "drop" and not option:
+        return  # the samples at which all objects exist
+    combined = f" with {option}, which holds values" if columns.missing == "drop" else ""
+    raise InputError(
+        f"expected --missing unknown with --wide, got {columns.missing}{combined}. An absent "
+        "object has no value."
+    )
 
 
 @contextmanager

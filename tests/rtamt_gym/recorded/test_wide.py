@@ -149,7 +149,7 @@ def test_wide_groups(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     [
         (LOG, ["--wide", "nam"], "No column 'nam'."),
         (LOG, ["--wide", "name", "--wide", "x"], "one column of objects, got name and x"),
-        (LOG, ["--wide", "name", "--missing", "hold"], "--missing drop with --wide, got hold"),
+        (LOG, ["--wide", "name", "--missing", "hold"], "--missing unknown with --wide, got hold."),
         (LOG + "3,Ego,2\n", ["--wide", "name"], "line 9: expected times of 'Ego' that increase"),
         (LOG + "2,B2,2\n", ["--wide", "name"], "got a time before the row above"),
         (LOG + "4,,2\n", ["--wide", "name"], "expected the name of an object for --wide"),
@@ -164,6 +164,52 @@ def test_wide_errors(
     log.write_text(text)
     assert main(["monitor", SPEC, str(log), *options]) == 2
     assert error in capsys.readouterr().err
+
+
+GONE = pd.DataFrame(
+    [
+        (k / 10, name, float(x))
+        for k in range(8)
+        for name, x in (("Ego", k), ("B2", k + 12))
+        if name == "Ego" or not 3 <= k < 6
+    ],
+    columns=["time", "name", "x"],
+)
+"""B2 is absent from 0.3 s to 0.5 s; the distance is 12 otherwise."""
+GONE_SPECS = "always(x.B2 - x.Ego < 14)", "always(x.B2 - x.Ego > 11)"
+
+
+@pytest.mark.parametrize("end", [".csv", ".parquet"])
+@pytest.mark.parametrize(
+    "options", [["--dense"], ["--jitter", "5%"], ["--max-gap", "1s"], ["--by", "run", "--dense"]]
+)
+@pytest.mark.parametrize("spec", GONE_SPECS)
+def test_absent_objects_never_hold(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    end: str,
+    options: list[str],
+    spec: str,
+) -> None:
+    """No treatment of empty cells gives an absent object the value that it had before."""
+    log = written(tmp_path, GONE.assign(run=1), end)
+    words = ["monitor", spec, log, "--wide", "name", *options]
+    assert main(words) == 3
+    capsys.readouterr()
+    for missing in ("drop", "hold"):
+        assert main([*words, "--missing", missing]) == 2
+        output = capsys.readouterr()
+        text = " ".join((output.out + output.err).split())
+        assert f"expected --missing unknown with --wide, got {missing}" in text
+
+
+def test_wide_drop_keeps_common_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without an option that holds values, the samples of all objects are what pandas selects."""
+    late = GONE[(GONE["name"] == "Ego") | (GONE["time"] > 0.5)]
+    log = written(tmp_path, late, ".csv")
+    table = late.pivot_table("x", "time", "name").dropna()
+    code, found = judged(capsys, GONE_SPECS[0], log, "--wide", "name", "--missing", "drop")
+    assert (code, found["trials"][0]["extent"]["samples"]) == (0, len(table))
 
 
 OBD = (
