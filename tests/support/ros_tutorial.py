@@ -87,7 +87,8 @@ def play_tutorial(generation: int, folder: Path) -> Played:
             codes[name] = started[name].ended()
 
         stop("robot")
-        patiently(lambda: "odom stale" in monitor.output)
+        stale = re.compile("(cmd|odom) stale")  # one may be stale a sample before the other
+        patiently(lambda: stale.search(monitor.output) is not None)
         if generation == 1:
             stop("bag")
         said = monitor.output
