@@ -47,6 +47,9 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "z3": ("check",),
     "rich": ("watch",),
     "rerun": ("rerun",),
+    "distributed": ("dask",),
+    "ray": ("ray",),
+    "fsspec": ("urls",),
 }
 """The extras that install each optional package, the smallest first; ``all`` installs each
 but what is installed alone."""

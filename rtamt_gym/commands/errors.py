@@ -22,6 +22,7 @@ from rtamt_gym.tables import shorten
 
 _CALLED: Final[Mapping[str, str]] = {
     "constants": "constant",
+    "defaults": "default",
     "nan": "missing",
     "ranges": "range",
     "rates": "rate",
@@ -34,9 +35,11 @@ _OF_RESULTS: Final[Mapping[str, str]] = {"compare": "evaluate"}
 """The command that makes what a command reads, whose options an error may speak of too."""
 
 _WRITTEN: Final[Mapping[str, str]] = {
+    "defaults": "{}",
     "dense": "leave out {}",
     "duration": "give {} 30, in seconds",
     "policy": "{} names one",
+    "signals": "{}",
     "space": "write {} mass=1:2",
 }
 """What a user writes where a Python caller writes code or calls another function."""

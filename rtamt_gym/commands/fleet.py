@@ -9,16 +9,16 @@ import argparse
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import fields
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from uuid import uuid4
 
 from rtamt import InputError
+from rtamt.errors import Argument
+from rtamt_gym.commands.fleet_backends import check_packages, is_lost, wait_for_any, workers_of
 from rtamt_gym.commands.fleet_folder import FleetFolder
 from rtamt_gym.commands.fleet_worker import (
     FileRow,
@@ -52,9 +52,6 @@ _FIRST: Final = 20
 
 _MOST: Final = 5000
 """The maximum number of files in a batch."""
-
-_WAIT: Final = 60
-"""The seconds until a scheduler must have a worker."""
 
 _AGAIN: Final = 3
 """How often a batch is sent whose worker is lost."""
@@ -102,16 +99,22 @@ def judge_into(
     verify: bool,
 ) -> tuple[pa.Table, int]:
     """Judge files into a folder; return its rows, and the number of unchanged files."""
+    if scheduler is not None and backend is None:
+        raise InputError(
+            "expected ",
+            Argument("backend", "dask"),
+            " or ",
+            Argument("backend", "ray"),
+            " with ",
+            Argument("scheduler"),
+            f" {scheduler}, got none",
+        )
     if several := next((path for path in paths if path == "-" or file_of(path) != path), ""):
         raise InputError(
-            f"--results: expected files with one trace each, got {several!r}. Leave --results out "
-            "to judge the traces of a file."
+            f"expected files with one trace each, got {several!r}. Judge the traces of this file "
+            "without a folder of results."
         )
-    if any("://" in path for path in paths):
-        try:
-            import_module("fsspec")  # the workers need it
-        except ModuleNotFoundError as error:
-            raise _needing(error, "a URL", "urls") from None
+    check_packages(backend, paths)
     job = FleetJob(asked, verify, version())
     with FleetFolder(results, identity_of(asked), [*asked.specs]) as folder:
         known = folder.known()
@@ -119,7 +122,7 @@ def judge_into(
         same = 0
         with (
             progress("judging", len(tasks), " files") as advance,
-            _workers(backend, scheduler, processes) as (count, submit),
+            workers_of(backend, scheduler, processes) as (count, submit),
         ):
             for rows in _results(job, tasks, count, submit):
                 folder.add(row for row in rows if "same" not in row)
@@ -164,16 +167,16 @@ def _results(
             while len(running) < 2 * count and (again or batches.left):
                 batch, tries = again.popleft() if again else (batches.take(), 1)
                 running[submit(run, batch)] = batch, tries
-            for future in _finished([*running]):
+            for future in wait_for_any([*running]):
                 batch, tries = running.pop(future)
                 try:
                     rows = future.result()
                 except InputError:
                     raise
                 except Exception as error:
-                    if _is_over(error):
+                    if is_lost(error):
                         raise InputError(
-                            f"the scheduler is lost: {error}. Run the command again: it continues."
+                            f"the scheduler is lost: {error}. Try again: finished files are kept."
                         ) from error
                     if tries < _AGAIN:
                         again.append((batch, tries + 1))
@@ -221,124 +224,6 @@ class _Batches:
         self._seconds = mean if self._seconds is None else (self._seconds + mean) / 2
 
 
-def _finished(futures: Sequence[Any]) -> Sequence[Any]:
-    """Return futures that are done, and wait for one."""
-    if hasattr(futures[0], "hex"):  # of Ray
-        import ray
-
-        done, _ = ray.wait([future.reference for future in futures], num_returns=1)
-        return [future for future in futures if future.reference in done]
-    if type(futures[0]).__module__.startswith("distributed"):
-        import distributed
-
-        return list(distributed.wait([*futures], return_when="FIRST_COMPLETED").done)
-    return list(wait(futures, return_when=FIRST_COMPLETED).done)
-
-
-def _is_over(error: Exception) -> bool:
-    """Return whether an error is about the scheduler, so that no worker can be asked."""
-    return not _LOST.isdisjoint(kind.__name__ for kind in type(error).__mro__)
-
-
-_LOST: Final = frozenset(
-    ["CancelledError", "FutureCancelledError", "CommClosedError", "RaySystemError"]
-)
-"""The names of errors of Dask and Ray without a scheduler."""
-
-
-@contextmanager
-def _workers(
-    backend: str | None, scheduler: str | None, processes: int
-) -> Iterator[tuple[int, Callable[..., Any]]]:
-    """Yield the number of workers, and a function that sends a task to one."""
-    if backend is None:
-        with ThreadPoolExecutor(processes) as pool:
-            yield processes, pool.submit
-        return
-    if backend == "dask":
-        yield from _dask(scheduler)
-        return
-    yield from _ray(scheduler)
-
-
-def _needing(error: ModuleNotFoundError, what: str, extra: str) -> ModuleNotFoundError:
-    """Return the error with the extra that installs a package."""
-    return ModuleNotFoundError(
-        f"{what} needs {error.name}, which is not installed; from the checkout: "
-        f"pip install '.[{extra}]'",
-        name=error.name,
-    )
-
-
-def _dask(scheduler: str | None) -> Iterator[tuple[int, Callable[..., Any]]]:
-    try:
-        from distributed import Client
-    except ModuleNotFoundError as error:
-        raise _needing(error, "--backend dask", "dask") from None
-    try:
-        client = Client(scheduler, timeout=10)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(
-            f"--scheduler: cannot reach a Dask scheduler at {scheduler}: {error}. Start one with "
-            "dask scheduler, and give its address, such as tcp://host:8786."
-        ) from error
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=_WAIT)
-        except TimeoutError:
-            raise InputError(
-                f"--scheduler: no worker has come to {client.scheduler.address} in {_WAIT} s. "
-                "Start workers with dask worker ADDRESS, and run the command again."
-            ) from None
-        count = sum(client.nthreads().values())
-        yield count, partial(client.submit, pure=False)
-
-
-def _ray(scheduler: str | None) -> Iterator[tuple[int, Callable[..., Any]]]:
-    try:
-        import ray
-    except ModuleNotFoundError as error:
-        raise _needing(error, "--backend ray", "ray") from None
-    try:
-        if not ray.is_initialized():
-            ray.init(scheduler, log_to_driver=False)
-    except (ConnectionError, ValueError, RuntimeError) as error:
-        raise InputError(
-            f"--scheduler: cannot reach Ray at {scheduler}: {error}. Start it with ray start "
-            "--head, and give its address, such as host:6379."
-        ) from error
-    remote = ray.remote(max_retries=0)(lambda run, batch: run(batch))
-    count = max(1, int(ray.cluster_resources().get("CPU", 1)))
-    yield count, lambda run, batch: _RayFuture(remote.remote(run, batch))
-
-
-class _RayFuture:
-    """A result of Ray with the methods of a future."""
-
-    def __init__(self, reference: Any) -> None:  # noqa: ANN401 - Ray is optional
-        self.reference = reference
-
-    def hex(self) -> str:
-        """Return the name of the result."""
-        return str(self.reference.hex())
-
-    def result(self) -> list[FileRow]:
-        """Return the result, or raise its error."""
-        import ray
-
-        try:
-            rows: list[FileRow] = ray.get(self.reference)
-        except ray.exceptions.RayTaskError as error:
-            raise error.cause from error
-        return rows
-
-    def cancel(self) -> None:
-        """End the task."""
-        import ray
-
-        ray.cancel(self.reference, force=True)
-
-
 def _summary(asked: TracesAsked, folder: Path, table: pa.Table, count: int, same: int) -> int:
     """Print a summary of the rows of files that are there; return the exit code."""
     import pyarrow.compute as pc
@@ -362,6 +247,7 @@ def _summary(asked: TracesAsked, folder: Path, table: pa.Table, count: int, same
     if bad.num_rows > _WORST:
         lines.append(f"  and {bad.num_rows - _WORST} more")
     lines += _triggered(there, [*asked.specs])
+    lines += _noted(there)
     lines += [*identified_texts(asked.specs), *asked.ignored]
     lines.append(f"results: {folder / RESULTS}")
     print(*lines, sep="\n", flush=True)
@@ -376,6 +262,18 @@ def _triggered(table: pa.Table, names: Sequence[str]) -> Iterator[str]:
         if triggered < len(counts):
             never = "" if triggered else "never "
             yield f"{never}triggered: {name} in {triggered} of {counted(len(counts), 'file')}"
+
+
+def _noted(table: pa.Table) -> Iterator[str]:
+    """Yield a line about the files with notes, with the first note."""
+    rows = table.select(["path", "notes"]).to_pylist()
+    noted = [row for row in rows if row["notes"]]
+    if noted:
+        note = shorten(noted[0]["notes"].partition("\n")[0], 100)
+        yield (
+            f"notes on {counted(len(noted), 'file')}, in the column notes of the results, such as "
+            f"{noted[0]['path']}: {note.removeprefix(noted[0]['path'] + ': ')}"
+        )
 
 
 _WORDS: Final = ("violated", "undecided", "satisfied", "failed")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.fleet_worker import FileRow, KnownFile, Mark
@@ -46,12 +47,12 @@ class FleetFolder(LockedFolder):
         try:
             import pyarrow.parquet
         except ModuleNotFoundError as error:
-            raise naming_extra(error, "--results") from None
+            raise naming_extra(error, "a folder of results") from None
         self._parquet = pyarrow.parquet
         self._schema = _schema(requirements)
         identity = json.loads(json.dumps(identity))
         if path.exists() and not path.is_dir():
-            raise InputError(f"--results: expected a folder, got the file {path}")
+            raise InputError("expected ", Argument("results"), f" as a folder, got the file {path}")
         path.mkdir(parents=True, exist_ok=True)
         self._check(identity)
         self._lock = locked(path, "rtamt monitor")
@@ -137,15 +138,17 @@ class FleetFolder(LockedFolder):
             others = [name for name in names if not is_own(name)]
             if others:
                 raise InputError(
-                    f"--results: expected a new folder or the folder of an earlier run, got "
-                    f"{self.path}, which holds {listing(sorted(others)[:3])}"
+                    "expected ",
+                    Argument("results"),
+                    f" as a new folder or the folder of an earlier run, got {self.path}, which "
+                    f"holds {listing(sorted(others)[:3])}",
                 )
             return
         stored = json.loads(file.read_text(encoding="utf-8"))
         for key in dict.fromkeys([*identity, *stored]):
             if identity.get(key) != stored.get(key):
                 raise InputError(
-                    f"--results: {self.path} holds other results: their {key} "
+                    f"{self.path} holds other results: their {key} "
                     f"{differing(stored, key)}, not {short_text(identity.get(key))}. Give another "
                     "folder, or the same specification and options."
                 )
@@ -171,7 +174,7 @@ class FleetFolder(LockedFolder):
         except OSError as error:
             raise InputError(
                 f"cannot write {self.path / name}: {error.strerror or error}. Free space, or make "
-                "the folder writable, and run the command again: it continues."
+                "the folder writable, and try again: finished files are kept."
             ) from error
 
 

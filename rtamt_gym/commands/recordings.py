@@ -15,7 +15,7 @@ from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.fleet import judge_into
 from rtamt_gym.commands.specs import with_stages
-from rtamt_gym.commands.traces import TracesAsked, checked_request
+from rtamt_gym.commands.traces import TracesAsked, checked_request, trace_paths
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.options.evaluation import EvaluationOptions, StagesLike, View
 from rtamt_gym.recorded.columns import Columns
@@ -57,7 +57,8 @@ def judge_recordings(
 
     Args:
         specs: As for `StlMonitor`.
-        files: The paths or URLs of files, each of one trace.
+        files: The paths or URLs of files, each of one trace. Folders and patterns, such as
+            ``"runs/*.csv"``, are searched as ``rtamt monitor`` does.
         results: The folder of the results. A program and the command can use it in turn.
         columns: How columns are read: the column options of ``rtamt monitor`` by name, such as
             ``{"signals": {"speed": "Vehicle Speed [km/h]"}, "time_unit": "ms"}``. Default: as the
@@ -75,8 +76,8 @@ def judge_recordings(
         ``results.parquet``, sorted by path.
 
     Raises:
-        InputError: If the folder holds other results or another program uses it; on a wrong option;
-            or if the cluster cannot be reached.
+        InputError: If the folder holds other results or another program uses it; if there are no
+            files; on a wrong option; or if the cluster cannot be reached.
         SpecificationError: As `StlMonitor` does.
         ModuleNotFoundError: If a package of the cluster or pyarrow is missing.
 
@@ -99,8 +100,10 @@ def judge_recordings(
     _check_names("columns", own, [f.name for f in fields(Columns) if f.name not in _INNER])
     _check_names("judge_recordings()", reading, [*RecordedKeywords.__annotations__])
     loaded = load_specs(specs)
-    asked = TracesAsked(loaded, EvaluationOptions(**reading), Columns(**own))
-    paths = [os.fspath(file) for file in files]
+    paths, ignored = trace_paths([os.fspath(file) for file in files])
+    if not paths:
+        raise InputError("expected one or more files, got none")
+    asked = TracesAsked(loaded, EvaluationOptions(**reading), Columns(**own), ignored=ignored)
     asked, paths = checked_request(asked, loaded, paths)
     asked = replace(asked, reading=with_stages(asked.specs, asked.reading))
     table, _ = judge_into(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, get_args
 
 import rtamt
 from rtamt import InputError
-from rtamt.errors import nearest, shown
+from rtamt.errors import Argument, nearest, shown
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import LISTED, SEPARATOR
 from rtamt_gym.commands.collection import without_collection
@@ -281,7 +281,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
 
         traces = [*(trace for trace in traces if trace != LISTED), *listed_paths(listed)]
     as_files = options.folders == "files"
-    paths, ignored = _found(traces, as_files=as_files)
+    paths, ignored = trace_paths(traces, as_files=as_files)
     texts = [p for word in specs for p in _files(word, [".stl"], [], pattern=word.endswith(".stl"))]
     constants = read_constants(options.constant)
     every = read_requirements(texts, constants)
@@ -341,8 +341,11 @@ def checked_request(
         paths = [*groups]
     if columns.start == "known" and not reading.dense and not any(map(samples_clocks, files)):
         raise InputError(
-            "expected --start known with --dense or with a bag or log, where variables start at "
-            "times of their own"
+            "expected ",
+            Argument("start", "known"),
+            " with ",
+            Argument("dense", True),  # noqa: FBT003 - the value of the argument
+            " or with a bag or log, where variables start at times of their own",
         )
     _check_signals(columns, every)
     starts_of(requirements, columns)
@@ -360,40 +363,59 @@ def _check_forms(columns: Columns, *, dense: bool) -> None:
         raise InputError("expected --by COLUMN with --sorted, got none")
     if columns.long is not None and not dense:
         raise InputError(
-            "expected --dense with --long, because each row is an event of one variable"
+            "expected ",
+            Argument("dense", True),  # noqa: FBT003 - the value of the argument
+            " with ",
+            Argument("long"),
+            ", because each row is an event of one variable",
         )
     if columns.long is not None and columns.wide is not None:
-        raise InputError("expected --long or --wide, got both")
+        raise InputError("expected ", Argument("long"), " or ", Argument("wide"), ", got both")
 
 
 def _check_period(columns: Columns, traces: Sequence[str], *, dense: bool) -> None:
     """Refuse ``--period`` next to options that read times."""
     if dense:
-        raise InputError("expected --period or --dense, which reads events at any time")
+        raise InputError(
+            "expected ",
+            Argument("period"),
+            " or ",
+            Argument("dense", True),  # noqa: FBT003 - the value of the argument
+            ", which reads events at any time",
+        )
     if all(map(is_bag, traces)):
         return
     clocks = all(map(samples_clocks, traces))
-    for option, value in {"--jitter": columns.jitter, "--max-gap": columns.max_gap}.items():
-        if value is not None and not (clocks and option == "--max-gap"):
-            raise InputError(f"expected --period, which leaves the times aside, or {option}")
+    for name, value in {"jitter": columns.jitter, "max_gap": columns.max_gap}.items():
+        if value is not None and not (clocks and name == "max_gap"):
+            raise InputError(
+                "expected ",
+                Argument("period"),
+                ", which leaves the times aside, or ",
+                Argument(name),
+            )
 
 
 def _check_signals(columns: Columns, specs: Mapping[str, rtamt.Specification]) -> None:
-    """Refuse ``--signal`` for a name that no specification reads."""
+    """Refuse ``signals`` for a name that no specification reads."""
     variables = variables_of(specs)
     for name in columns.signals:
         if name not in variables and name not in _messages(specs):
             hint = nearest(name, variables) or f"; they read {listing(variables)}"
-            raise InputError(f"--signal: no specification reads {name!r}{hint}")
+            raise InputError(
+                Argument("signals", words='columns["signals"]'),
+                f": no specification reads {name!r}{hint}",
+            )
 
 
 def _check_defaults(columns: Columns, specs: Mapping[str, rtamt.Specification]) -> None:
-    """Refuse ``--default`` for a variable without one."""
+    """Refuse ``defaults`` for a variable without one."""
     known = sorted({name for spec in specs.values() for name in spec.defaults})
     for name in columns.defaults:
         if name not in known:
             hint = nearest(name, known) or f"; they declare one for {listing(known)}"
-            raise InputError(f"--default: no specification declares one for {name!r}{hint}")
+            where = Argument("defaults", words='columns["defaults"]')
+            raise InputError(where, f": no specification declares one for {name!r}{hint}")
 
 
 def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None:
@@ -487,7 +509,7 @@ def _names_file(word: str) -> bool:
     return Path(word).exists() or re.search(r"[\s(<>]", word) is None
 
 
-def _found(words: Sequence[str], *, as_files: bool) -> tuple[list[str], list[str]]:
+def trace_paths(words: Sequence[str], *, as_files: bool = False) -> tuple[list[str], list[str]]:
     """Return the paths of the traces, each once, and a text for each folder with other files.
 
     A word is the path of a file, a folder or a pattern. A folder with a format of its own counts

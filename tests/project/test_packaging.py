@@ -167,10 +167,16 @@ def test_an_error_names_extras_that_install_the_package(
     for package, extras in EXTRAS.items():
         if package in ALONE:
             continue
-        # Not in `all`, so the environment of the tests does not have it.
-        names = {"rerun-sdk"} if package == "rerun" else {*map(str.lower, providers[package])}
+        names = {*map(str.lower, _APART.get(package) or providers[package])}
         for extra in extras:
             assert names & needed_by(distribution, extra), (package, extra)
+
+
+_APART = {
+    **{name: [name] for name in ("distributed", "fsspec", "ray")},
+    "rerun": ["rerun-sdk"],
+}
+"""The distributions of packages that are not in `all`: the tests run without them."""
 
 
 def needed_by(distribution: importlib.metadata.Distribution, extra: str) -> set[str]:

@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pyarrow.parquet as pq
@@ -167,6 +168,73 @@ def test_a_foreign_folder_is_refused(folder: Path, capsys: Output) -> None:
 def test_options_of_results_need_the_folder(option: str, capsys: Output) -> None:
     assert main(["monitor", *SPECS, option, "--", "runs"]) == 2
     assert "expected --results DIR with" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "package", "extra"),
+    [
+        (["--backend", "dask"], "distributed", "dask"),
+        (["--backend", "ray"], "ray", "ray"),
+        (["--", "s3://bucket/a.csv"], "fsspec", "urls"),
+    ],
+)
+def test_missing_packages_leave_no_folder(
+    more: list[str], package: str, extra: str, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    files = more[1:] if more[0] == "--" else ["runs"]
+    options = [] if more[0] == "--" else more
+    assert judge(*options, files=files) == 2
+    assert capsys.readouterr().err == (
+        f"rtamt: error: {package} is not installed; from the checkout: pip install '.[{extra}]'\n"
+    )
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize(
+    ("url", "error"),
+    [
+        ("s3://b/a.csv", ImportError("Install s3fs to access S3")),
+        ("filecache::s4://b/a.csv", ValueError("Protocol not known: s4")),
+    ],
+)
+def test_missing_file_systems_leave_no_folder(
+    url: str, error: Exception, monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    def class_of(protocol: str) -> None:
+        if protocol != "filecache":
+            raise error
+
+    fsspec = SimpleNamespace(get_filesystem_class=class_of)
+    monkeypatch.setitem(sys.modules, "fsspec", fsspec)
+    assert judge(files=[url]) == 2
+    scheme = url.partition("://")[0].rpartition(":")[2]
+    expected = f"cannot open URLs with {scheme}:// ({error}). Install the package"
+    assert expected in capsys.readouterr().err
+    assert not Path("results").exists()
+
+
+def test_a_scheduler_needs_a_backend(capsys: Output) -> None:
+    assert judge("--scheduler", "tcp://x:1") == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: expected --backend dask or --backend ray with --scheduler tcp://x:1, got "
+        "none\n"
+    )
+    assert not Path("results").exists()
+
+
+def test_the_summary_counts_files_with_notes(folder: Path, capsys: Output) -> None:
+    judge()
+    assert "notes on" not in capsys.readouterr().out
+    for i in (3, 4):
+        (folder / f"runs/r{i:03d}.csv").write_text("time,x,y\n0,1,1\n1,1,1\n2,1,1\n")
+    judge()
+    notes = {path: row["notes"] for path, row in rows().items() if row["notes"]}
+    assert {*notes} == {"runs/r003.csv", "runs/r004.csv"}
+    line = next(
+        line for line in capsys.readouterr().out.splitlines() if line.startswith("notes on 2 files")
+    )
+    assert "such as runs/r003.csv: " in line
 
 
 def test_the_summary_lists_requirements_that_were_not_triggered(capsys: Output) -> None:

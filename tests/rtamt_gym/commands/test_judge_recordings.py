@@ -67,8 +67,16 @@ def test_signals_of_other_columns(files: list[Path], tmp_path: Path) -> None:
         ({"workers": 0}, "expected workers of 1 or more, got 0"),
         ({"columns": {"signal": {}}}, "columns got an unexpected option 'signal'; .*signals"),
         ({"nan": "hold"}, r"judge_recordings\(\) got an unexpected option 'nan'"),
-        ({"columns": {"signals": {"y": "x"}}}, "no specification reads 'y'"),
-        ({"dense": True, "period": 1}, "expected --period or --dense"),
+        (
+            {"columns": {"signals": {"y": "x"}}},
+            r"^columns\[.signals.\]: no specification reads 'y'",
+        ),
+        ({"columns": {"defaults": ("y",)}}, r"^columns\[.defaults.\]: no specification declares"),
+        ({"columns": {"long": ("a", "b")}}, "expected dense=True with long="),
+        ({"columns": {"start": "known"}}, "expected start='known' with dense=True"),
+        ({"columns": {"jitter": 0.05}, "period": 1}, "expected period=, .* or jitter="),
+        ({"scheduler": "a:1"}, "expected backend='dask' or backend='ray' with scheduler= a:1"),
+        ({"dense": True, "period": 1}, "expected period= or dense=True"),
     ],
 )
 def test_wrong_options_are_refused(
@@ -82,6 +90,38 @@ def test_wrong_options_are_refused(
 def test_one_path_is_refused(tmp_path: Path) -> None:
     with pytest.raises(rtamt.InputTypeError, match=r"expected a list of files, got 'a\.csv'"):
         judge_recordings(LOW, "a.csv", tmp_path / "results")
+
+
+def test_no_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(rtamt.InputError, match="expected one or more files, got none"):
+        judge_recordings(LOW, [], tmp_path / "results")
+    assert not (tmp_path / "results").exists()
+
+
+def test_folders_and_patterns_are_searched(files: list[Path], tmp_path: Path) -> None:
+    (tmp_path / "notes.md").touch()
+    (tmp_path / "x").mkdir()
+    columns = {"time_unit": "ms"}
+    listed = judge_recordings(SPECS, files, tmp_path / "x/listed", columns=columns)
+    searched: list[list[Path | str]] = [
+        [tmp_path],
+        [str(tmp_path / "[a-c].csv")],
+        [*files, tmp_path],
+    ]
+    for number, words in enumerate(searched):
+        results = tmp_path / f"x/{number}"
+        table = judge_recordings(SPECS, words, results, columns=columns)
+        left = ["wall", "worker"]
+        assert table.drop_columns(left).equals(listed.drop_columns(left))
+    with pytest.raises(rtamt.InputError, match="no file has a name like"):
+        judge_recordings(SPECS, [str(tmp_path / "d*.csv")], tmp_path / "x/none")
+
+
+def test_folder_errors_name_the_argument(files: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(rtamt.InputError, match=r"^expected results= as a new folder"):
+        judge_recordings(LOW, files, tmp_path)
+    with pytest.raises(rtamt.InputError, match=r"^expected results= as a folder, got the file"):
+        judge_recordings(LOW, files, files[0])
 
 
 def test_other_results_are_refused(files: list[Path], tmp_path: Path) -> None:
