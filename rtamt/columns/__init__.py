@@ -19,6 +19,7 @@ from rtamt.columns.objects import (
     names_objects,
     next_episode,
     objects_in,
+    tells_objects,
 )
 from rtamt.columns.times import (
     are_clock_numbers,
@@ -55,5 +56,6 @@ __all__ = [
     "plausible_units",
     "split_times",
     "stated_period",
+    "tells_objects",
     "unit_of_times",
 ]

@@ -181,7 +181,7 @@ def objects_in(
         if codes is not None and _recur(codes) and _share(codes, filled)
     }
     for name, codes in several.items():
-        if _tells_objects(name, cells[name], read):
+        if tells_objects(name, cells[name], read):
             return Objects(name, _values(cells[name], codes))
     rising = times is not None and bool((times[1:] > times[:-1]).all())
     for name, values in cells.items():
@@ -214,8 +214,21 @@ def _mixed(
     return any((evident & change).any() for change in changes)
 
 
-def _tells_objects(name: str, values: NDArray[Any], read: Collection[str]) -> bool:
-    """Return whether values that occur again are names or numbers of objects."""
+def tells_objects(name: str, values: NDArray[Any], read: Collection[str]) -> bool:
+    """Return whether values that occur again are names or numbers of objects.
+
+    Args:
+        name: The column.
+        values: Its values in the order of rows, shape (rows,): numbers or texts.
+        read: The columns that formulas read.
+
+    Example:
+        >>> plates = np.array(["P3", "P7", "P12"] * 2)
+        >>> tells_objects("plate", plates, ["speed"]), tells_objects("test", np.arange(3), [])
+        (True, True)
+        >>> tells_objects("plate", np.sort(plates), ["speed"])
+        False
+    """
     if names_objects(name):
         return True
     named = read_name(name).words

@@ -7,7 +7,7 @@ import math
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final
@@ -151,7 +151,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     groups = parser.add_argument_group("groups")
     add_options(
         groups,
-        Option("--by COLUMN", "evaluate the rows of each value of a column as a trace of its own"),
+        Option(
+            "--by COLUMN",
+            "evaluate the rows of each value of a column as a trace of its own",
+            several=True,
+        ),
         Option("--max-groups N", "most groups at one time", default=100_000, read=positive),
         Option(
             "--group-idle TIME",
@@ -289,7 +293,7 @@ def _settings(options: argparse.Namespace) -> WatchOptions:
         reading,
         columns,
         options.format,
-        options.by,
+        _group_column(options.by),
         options.max_groups,
         None if group_idle is None else read_seconds("--group-idle", group_idle),
         options.every,
@@ -297,6 +301,16 @@ def _settings(options: argparse.Namespace) -> WatchOptions:
         options.skip_bad,
         None if least is None else read_seconds("--min-duration", least),
     )
+
+
+def _group_column(names: Sequence[str]) -> str | None:
+    """Return the column of groups; None without one."""
+    if len({*names}) > 1:
+        raise InputError(
+            f"--by: expected one column, got {listing(names)}. Write one column that names the "
+            "groups, or evaluate the recording with rtamt monitor."
+        )
+    return names[0] if names else None
 
 
 class _Output:

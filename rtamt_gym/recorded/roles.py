@@ -87,7 +87,7 @@ class RowTable:
             return
         timed = rows.times is not None
         late = rows.times is not None and not rises(rows.times)
-        uneven = rows.times is not None and not _are_even(rows.times)
+        uneven = rows.times is not None and not are_even(rows.times)
         first = self.recording.names[0]
         names = [
             name
@@ -295,7 +295,7 @@ def has_footer(values: NDArray[np.generic]) -> bool:
     return read is not None and rises(read) and floats_in([last]) is None
 
 
-def _are_even(times: NDArray[np.generic]) -> bool:
+def are_even(times: NDArray[np.generic]) -> bool:
     """Return whether times are at even distances, up to 5% of the usual one."""
     kind = times.dtype.kind
     with np.errstate(over="ignore", invalid="ignore"):

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from itertools import takewhile
+from collections.abc import Collection
+from itertools import islice, takewhile
 from typing import Final, Protocol
 
 import numpy as np
 
-from rtamt.columns import are_flags, count_restart, flagged_row, names_objects, next_episode
+from rtamt.columns import (
+    are_flags,
+    count_restart,
+    flagged_row,
+    may_tell_objects,
+    names_objects,
+    next_episode,
+    tells_objects,
+)
 from rtamt_gym.recorded.cells import floats_in
-from rtamt_gym.recorded.roles import has_footer
+from rtamt_gym.recorded.dates import RawTimes
+from rtamt_gym.recorded.roles import are_even, has_footer
+from rtamt_gym.watching.clock import plain_times
 from rtamt_gym.watching.rows import ColumnCells, RowFault, cell_text
 
 _KEYS: Final = 10_000
@@ -28,26 +39,31 @@ class Guard(Protocol):
 
     name: str
 
-    def check(self, cells: ColumnCells) -> None:
-        """Take in the cells of a block; raise RowFault at the row that shows another trace."""
+    def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
+        """Take in the cells of a block and its times; raise RowFault at a row of another trace."""
 
     def finish(self) -> str:
         """Return the fault that the end of the stream shows; empty without one."""
 
 
-def guards_of(name: str, *, texts: bool, timed: bool, first: bool) -> list[Guard]:
+def guards_of(
+    name: str, read: Collection[str], *, texts: bool, timed: bool, first: bool
+) -> list[Guard]:
     """Return the checks of a column that no requirement reads.
 
     Args:
         name: The column.
+        read: The columns that requirements read.
         texts: Whether it holds texts.
         timed: Whether the stream has times; without them, numbers of rows may start again.
         first: Whether it is the first column.
     """
     if flagged_row(name):
         return [FlagGuard(name, timed=timed)]
-    guards: list[Guard] = [ObjectGuard(name, texts=texts)]
-    return guards if timed else [*guards, CountGuard(name, first=first)]
+    guards: list[Guard] = [ObjectGuard(name, read, texts=texts)]
+    if not timed:
+        return [*guards, CountGuard(name, first=first)]
+    return [*guards, OrderGuard(name, read)] if texts else guards
 
 
 def _another_trace(name: str) -> str:
@@ -70,8 +86,9 @@ class FlagGuard:
         self._last: list[str] = []
         self._flags = True
 
-    def check(self, cells: ColumnCells) -> None:
+    def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
         """Take in the cells of a block."""
+        del times
         if not self._flags:
             return
         texts = [cell_text(cell).strip().lower() for cell in cells]
@@ -104,8 +121,9 @@ class CountGuard:
         self._checked = self._falls = 0
         self._footer = False
 
-    def check(self, cells: ColumnCells) -> None:
+    def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
         """Take in the cells of a block."""
+        del times
         if self._footer:
             self._counts = False
         if not self._counts:
@@ -150,56 +168,118 @@ class CountGuard:
         return _another_trace(self.name) if self._falls and self._restart() is not None else ""
 
 
+def _several_values(row: int, name: str, value: str) -> RowFault:
+    return RowFault(
+        row,
+        f"expected one trace, but '{name}', which no requirement reads, has several values, the "
+        f"last of which is {value!r}. Give --by {name} to judge each by itself, or --one-trace if "
+        "all rows are one trace.",
+        skippable=False,
+    )
+
+
 class ObjectGuard:
-    """Notices that a column tells several objects or episodes.
+    """Notices that a column tells several objects or episodes by its name.
 
     Args:
         name: The column.
+        read: The columns that requirements read.
         texts: Whether it holds texts.
     """
 
-    def __init__(self, name: str, *, texts: bool) -> None:
-        self.name, self._texts = name, texts
-        self._named = names_objects(name) or (texts and names_objects(name, texts=True))
-        self._values: set[str] = set()
+    def __init__(self, name: str, read: Collection[str], *, texts: bool) -> None:
+        self.name, self._read, self._texts = name, read, texts
+        self._certain = names_objects(name) or (texts and names_objects(name, texts=True))
+        self._named = self._certain or may_tell_objects(name, read, timed=True)
+        self._values: dict[str, None] = {}
         self._repeats = False
 
-    def check(self, cells: ColumnCells) -> None:
+    def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
         """Take in the cells of a block.
 
         Raises:
             RowFault: At the row that shows another object.
         """
+        del times
         if not self._named or len(self._values) > _KEYS:
             return
         different = set(map(cell_text, cells))
-        if len(different) == 1 and different <= self._values:
+        if len(different) == 1 and different <= self._values.keys():
             self._repeats = True
             return
         for row, cell in enumerate(cells):
-            try:
-                self.try_next(cell)
-            except RowFault as fault:
-                raise RowFault(row, fault.reason, skippable=False) from None
+            value = cell_text(cell).strip()
+            if value and self._shows_another(value):
+                raise _several_values(row, self.name, value)
 
-    def try_next(self, cell: object) -> None:
-        """Take in one cell."""
-        value = cell_text(cell).strip()
-        if not self._named or not value:
-            return
+    def _shows_another(self, value: str) -> bool:
+        """Take in one value; return whether it shows another object."""
         if value in self._values:
+            if self._repeats:
+                return False
             self._repeats = True
-        elif len(self._values) <= _KEYS:
-            self._values.add(value)
-        if self._repeats and 1 < len(self._values) <= _KEYS:
-            raise RowFault(
-                0,
-                f"expected one trace, but '{self.name}', which no requirement reads, has several "
-                f"values, the last of which is {value!r}. Give --by {self.name} to judge each by "
-                "itself, or --one-trace if all rows are one trace.",
-                skippable=False,
-            )
+        else:
+            self._values[value] = None
+        return self._repeats and 1 < len(self._values) <= _KEYS and self._tells()
+
+    def _tells(self) -> bool:
+        if self._certain:
+            return True
+        texts = [*islice(self._values, _SHOWN)]
+        numbers = None if self._texts else floats_in(texts)
+        return tells_objects(self.name, np.array(texts if numbers is None else numbers), self._read)
 
     def finish(self) -> str:
         """Return no fault: every row has been checked."""
         return ""
+
+
+_SHOWN: Final = 16
+"""The values of a column that show whether they are flags."""
+
+
+class OrderGuard:
+    """Notices texts that alternate at uneven times, as names of interleaved objects do.
+
+    Args:
+        name: The column.
+        read: The columns that requirements read.
+    """
+
+    def __init__(self, name: str, read: Collection[str]) -> None:
+        self.name, self._read = name, read
+        self._texts: list[str] = []
+        self._times: list[RawTimes] = []
+        self._next = _EARLY
+
+    def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
+        """Take in the cells of a block and its times.
+
+        Raises:
+            RowFault: If the texts so far alternate.
+        """
+        if times is None or len(self._texts) > _KEYS:
+            return
+        before = len(self._texts)
+        self._texts += [cell_text(cell).strip() for cell in cells]
+        self._times.append(plain_times(times))
+        while self._next <= len(self._texts):
+            count, self._next = self._next, 2 * self._next
+            if self._alternates(count):
+                raise _several_values(max(count - 1 - before, 0), self.name, self._texts[count - 1])
+
+    def _alternates(self, count: int) -> bool:
+        if not tells_objects(self.name, np.array(self._texts[:count]), self._read):
+            return False
+        return not are_even(np.concatenate(self._times)[:count])
+
+    def finish(self) -> str:
+        """Return the fault that the end of the stream shows; empty without one."""
+        count = len(self._texts)
+        if not count or count > _KEYS or not self._alternates(count):
+            return ""
+        return _several_values(0, self.name, self._texts[-1]).reason
+
+
+_EARLY: Final = 64
+"""The rows after which an order is checked first; again at twice as many each, and at the end."""

@@ -122,6 +122,7 @@ class StreamColumns:
         self.notes: list[str] = []
         self._group_kind = ""
         self._marks: dict[str, ColumnMarks] = {}
+        self._read: set[str] = set()
         self._guarded: dict[str, _Guarded] = {}
         self._guards: dict[str | None, list[Guard]] = {}
 
@@ -129,7 +130,7 @@ class StreamColumns:
         """Find the columns to read, by the names and the first row; return their names."""
         columns, variables = self._columns, self.variables
         head = _Head(self._source, names, block)
-        read = {columns.column(name) for name in variables}
+        read = self._read = {columns.column(name) for name in variables}
         if are_long(names, variables):
             raise InputError(
                 f"{self._source}: expected a column for each variable, got rows of one variable "
@@ -168,11 +169,15 @@ class StreamColumns:
         if not columns.one_trace:
             used = {*needed, *times, *by}
             timed = self.time is not None
+            uneven = timed and (self._dense or self._period)
             self._guarded = {
                 name: _Guarded(name in head.texts, timed, name == names[0])
                 for name in dict.fromkeys(names)
                 if name not in used
-                and may_tell_objects(name, read, timed=timed, first=name == names[0])
+                and (
+                    may_tell_objects(name, read, timed=timed, first=name == names[0])
+                    or (uneven and name in head.texts)
+                )
             }
         return [*dict.fromkeys([*needed, *times, *by, *self._guarded])]
 
@@ -209,12 +214,15 @@ class StreamColumns:
             self._mark = mark
             return self._one_by_one(block)
 
-    def check_one_trace(self, group: str | None, block: RowBlock, begin: int, end: int) -> None:
+    def check_one_trace(
+        self, group: str | None, block: RowBlock, times: RawTimes | None, begin: int, end: int
+    ) -> None:
         """Check that rows of a group belong to one object or episode; rows must come once each.
 
         Args:
             group: The group; None without groups.
             block: A block with the rows.
+            times: The raw times of the block; None without a column of times.
             begin: The first row.
             end: The row after the last.
 
@@ -228,12 +236,13 @@ class StreamColumns:
             guards = self._guards[group] = [
                 guard
                 for name, (texts, timed, first) in self._guarded.items()
-                for guard in guards_of(name, texts=texts, timed=timed, first=first)
+                for guard in guards_of(name, self._read, texts=texts, timed=timed, first=first)
             ]
         faults = []
         for guard in guards:
             try:
-                guard.check(block.columns[guard.name][begin:end])
+                here = None if times is None else times[begin:end]
+                guard.check(block.columns[guard.name][begin:end], here)
             except RowFault as fault:
                 faults.append(fault)
         if faults:

@@ -12,6 +12,7 @@ from rtamt import InputError
 from rtamt.errors import shown
 from rtamt.typing import End
 from rtamt_gym.recorded.csv_reader import unit_below
+from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.names import starts_of
 from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.outcome import Word
@@ -227,7 +228,7 @@ class StreamWatch:
             except RowFault as error:
                 return error
             return None
-        count, fault = self._one_trace(None, block, 0, len(numbered.values))
+        count, fault = self._one_trace(None, block, numbered.times, 0, len(numbered.values))
         if not count:
             return fault
         times = None if numbered.times is None else numbered.times[:count]
@@ -243,7 +244,7 @@ class StreamWatch:
         return fault
 
     def _one_trace(
-        self, group: str | None, block: RowBlock, begin: int, end: int
+        self, group: str | None, block: RowBlock, times: RawTimes | None, begin: int, end: int
     ) -> tuple[int, RowFault | None]:
         """Check that rows belong to one trace; return the end of those that do, and the fault."""
         if not self._cells.guarded:
@@ -252,7 +253,7 @@ class StreamWatch:
         first = next((i for i in range(begin, end) if lines[i] > self._guarded), end)
         try:
             if first < end:
-                self._cells.check_one_trace(group, block, first, end)
+                self._cells.check_one_trace(group, block, times, first, end)
         except RowFault as fault:
             place = "" if group is None else f"group {shown(group)!r}: "
             return fault.row, RowFault(fault.row, f"{place}{fault.reason}", skippable=False)
@@ -285,7 +286,7 @@ class StreamWatch:
         self, group: str, numbered: Numbered, block: RowBlock, begin: int, end: int
     ) -> None:
         """Judge successive rows of one group."""
-        end, other = self._one_trace(group, block, begin, end)
+        end, other = self._one_trace(group, block, numbered.times, begin, end)
         if end > begin:
             times = None if numbered.times is None else numbered.times[begin:end]
             trace = self._group(group, begin)

@@ -191,3 +191,17 @@ def test_a_line_without_a_group_may_be_the_first_of_later_groups(
     code, _, errors = watched(capsys, path, text.replace("1,b\n", ""), "--skip-bad")
     assert code == 0
     assert "may have been" not in errors
+
+
+@pytest.mark.parametrize("names", [["lap", "car"], ["car", "lap"]])
+def test_two_columns_of_groups_are_an_error(
+    names: list[str], capsys: Output, tmp_path: Path
+) -> None:
+    path = tmp_path / "rows.csv"
+    path.write_text("time,lap,car,x\n0,1,7,1\n1,1,7,1\n2,2,7,1\n")
+    options = [option for name in names for option in ("--by", name)]
+    assert main(["watch", "always(x < 3)", str(path), *options]) == 2
+    captured = capsys.readouterr()
+    assert not captured.out
+    assert f"--by: expected one column, got '{names[0]}', '{names[1]}'." in captured.err
+    assert main(["watch", "always(x < 3)", str(path), "--by", "lap", "--by", "lap"]) == 0

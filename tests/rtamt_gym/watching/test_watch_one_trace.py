@@ -99,3 +99,37 @@ def test_the_line_of_another_episode(capsys: Output, tmp_path: Path) -> None:
     captured = capsys.readouterr()
     assert "line 4: expected one trace, but 'terminated' shows that another" in captured.err
     assert json.loads(captured.out.splitlines()[-1])["end"] == "open"
+
+
+@pytest.mark.parametrize("late", [0, 30])
+@pytest.mark.parametrize("count", [9, 90, 300])
+@pytest.mark.parametrize("options", [["--dense"], ["--period", "100ms"]])
+@pytest.mark.parametrize("order", ["alternating", "sorted", "mostly one"])
+def test_alternating_texts_are_refused_as_in_a_file(
+    order: str, options: list[str], count: int, late: int, tmp_path: Path
+) -> None:
+    names = [("P3", "P7", "P12")[i % 3] for i in range(count)]
+    if order == "sorted":
+        names.sort()
+    if order == "mostly one":
+        names = [name if i % 9 == 0 else "P3" for i, name in enumerate(names)]
+    times = [(100 * i + late * (i % 2)) / 1000 for i in range(count)]
+    path = tmp_path / "trace.csv"
+    path.write_text(table("time,plate,x", [[t, n, 1] for t, n in zip(times, names, strict=True)]))
+    code = main(["monitor", SPEC, str(path), *options])
+    assert code == (2 if late and order == "alternating" else 0)
+    assert main(["watch", SPEC, str(path), *options]) == code
+    assert main(["watch", SPEC, str(path), *options, "--one-trace"]) == 0
+    assert main(["watch", SPEC, str(path), *options, "--by", "plate"]) == 0
+
+
+@pytest.mark.parametrize("name", ["test", "case", "unit", "first_run"])
+@pytest.mark.parametrize("values", [[1, 1, 2, 2], [1, 2, 1, 2], [0, 1, 0, 1], [3, 3, 3, 3]])
+def test_numbered_objects_are_refused_as_in_a_file(
+    name: str, values: list[int], tmp_path: Path
+) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text(table(f"time,{name},x", [[i, value, 1] for i, value in enumerate(values)]))
+    code = main(["monitor", SPEC, str(path)])
+    assert code == (2 if {*values} == {1, 2} else 0)
+    assert main(["watch", SPEC, str(path)]) == code
