@@ -31,6 +31,7 @@ from rtamt.columns.times import (
     plausible_units,
     stated_period,
 )
+from rtamt.columns.turns import objects_by_turns, turns_in
 
 __all__ = [
     "NANOSECONDS",
@@ -51,11 +52,13 @@ __all__ = [
     "name_words",
     "names_objects",
     "next_episode",
+    "objects_by_turns",
     "objects_in",
     "own_times",
     "plausible_units",
     "split_times",
     "stated_period",
     "tells_objects",
+    "turns_in",
     "unit_of_times",
 ]

@@ -21,11 +21,13 @@ from rtamt.columns import (
     may_tell_objects,
     median,
     name_words,
+    objects_by_turns,
     objects_in,
     own_times,
     plausible_units,
     split_times,
     stated_period,
+    turns_in,
     unit_of_times,
 )
 from rtamt_gym.checks.names import listed
@@ -96,15 +98,16 @@ class RowTable:
             or may_tell_objects(name, self.read, timed=timed, first=name == first)
             or (uneven and name in self.recording.texts)
         ]
-        if not names:
-            return
-        cells = self._cells(rows, names)
+        cells = self._cells(rows, names) if names else {}
         if not timed and first in cells and has_footer(cells[first]):
             raise InputError(
                 f"{rows.source}: expected samples, but the last row has no number in '{first}', as "
                 "a row of totals. Remove it, or give --one-trace if it is a sample."
             )
         evidence = objects_in(cells, rows.times, [*filled.values()], self.read, first)
+        turns = turns_in(rows.times) if rows.times is not None and uneven and not late else 0
+        if evidence is None and turns:
+            evidence = objects_by_turns(self._cells(rows, self.unread), turns)
         if evidence is None:
             return
         source = rows.source

@@ -456,3 +456,49 @@ def test_three_even_rows_look_like_times(capsys: Output) -> None:
     for values in ([0, 0.5, 1.2], [3, 1, 2], [1, 2, 3]):  # uneven, no order, row numbers
         write("log.csv", {"a": values, "v": [1, 1, 1]})
         assert judged(capsys, "always[0:1](v > 0)", name)[0] != 2, values
+
+
+def turns(column: str, values: Sequence[int], offsets: Sequence[float]) -> Columns:
+    """Rows in which objects take turns ten times, ten times a second."""
+    count = 10 * len(values)
+    return {
+        "time": [
+            round(0.1 * (k // len(values)) + offsets[k % len(values)], 3) for k in range(count)
+        ],
+        column: [values[k % len(values)] for k in range(count)],
+        "x": [k % 3 for k in range(count)],
+    }
+
+
+@pytest.mark.parametrize("options", [[], ["--dense"], ["--max-gap", "1s"], ["--jitter", "5%"]])
+@pytest.mark.parametrize("values", [(3, 7, 12), (1, 2, 3), (5, 4), (0, 1, 2)])
+@pytest.mark.parametrize("end", [".csv", ".parquet"])
+def test_numbered_objects_that_take_turns_are_refused(
+    values: tuple[int, ...], options: list[str], end: str, capsys: Output
+) -> None:
+    path = write(f"run{end}", turns("zone", values, (0, 0.03, 0.06)))
+    words = ["monitor", "always(x < 3)", path, *options]
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert f"expected one trace, got {len(values)} values of 'zone'" in error
+    assert "Give --by zone for a trace of each" in error
+    assert "--dense" not in error
+    for more in (["--by", "zone"], ["--where", f"zone={values[0]}"]):
+        assert main([*words, *more]) == 0
+    assert main([*words[:3], "--dense", "--one-trace"]) == 0
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        turns("mode", (3, 7, 12), (0, 0.03, 0.06)),
+        turns("alive_counter", (0, 1, 2), (0, 0.03, 0.06)),
+        turns("light", (0, 1), (0, 0.03)),
+        turns("zone", (3, 7, 12), (0, 0.1 / 3, 0.2 / 3)),
+        {"time": [0, 1, 4, 9, 11, 12, 19, 20], "adc": [3, 4, 3, 4, 3, 4, 3, 4], "x": [1] * 8},
+        {"time": [0, 1, 4, 5, 8, 9, 12, 13], "adc": [3, 4, 4, 3, 3, 4, 3, 3], "x": [1] * 8},
+    ],
+    ids=["state", "counter", "flags", "even", "events", "signal"],
+)
+def test_signals_of_events_are_one_trace(table: Columns) -> None:
+    assert main(["monitor", "always(x < 3)", write("run.csv", table), "--dense"]) == 0
