@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
 from pathlib import PurePath
 from typing import NamedTuple
 
@@ -13,6 +14,9 @@ from rtamt_gym.recorded.parts import split_name
 from rtamt_gym.tables import shorten
 
 _NAMED = 3
+
+_TRIED = 32
+"""The folders of each side that are tried although they lack some recordings: the largest."""
 
 _Paths = Mapping[str, tuple[str, ...]]
 """The folders and the file of each recording, and then its group, by its name."""
@@ -40,16 +44,18 @@ def pair_recordings(
     """Pair the recordings whose paths below a folder of A and of B, and whose groups, are equal.
 
     A file that holds all recordings of its side counts as a folder. Without folders, every folder
-    that contains all recordings of its side is tried.
+    that contains all recordings of its side is tried. If recordings are left over, smaller folders
+    must not have more pairs, or as many if a recording is paired with itself.
 
     Args:
         names_a: The names of the recordings of A, such as ``old/run1.csv[car=7]``.
         names_b: The names of the recordings of B.
-        folders: The folders of A and B. Default: the only two folders with equal names below.
+        folders: The folders of A and B; recordings outside have no partner. Default: the only two
+            folders with equal names below.
 
     Raises:
         InputError: If a name occurs twice, there are no pairs, different folders have different
-            pairs, or a recording is not in the folder.
+            pairs, or no recording is in the folder.
 
     Example:
         >>> pair_recordings(["old/city/1.csv", "old/2.csv"], ["new/city/1.csv"]).pairs
@@ -64,24 +70,60 @@ def pair_recordings(
             raise InputError(f"{side} has the recording {shown(name)} {count} times")
         sides.append({name: _parts(name) for name in names})
     if folders is not None:
-        depths = [_depth_of(paths, folder) for paths, folder in zip(sides, folders, strict=True)]
-        return _checked(_paired(sides, depths), sides)
+        steps = [_steps_of(paths, folder) for paths, folder in zip(sides, folders, strict=True)]
+        return _checked(_paired(sides, steps), sides)
     deepest = [_common(paths.values()) for paths in sides]
     # Moving both folders up by one step keeps the pairs, or has none.
-    choices = [(deepest[0], depth) for depth in range(deepest[1], -1, -1)]
-    choices += [(depth, deepest[1]) for depth in range(deepest[0] - 1, -1, -1)]
+    choices = [(deepest[0], deepest[1][:depth]) for depth in range(len(deepest[1]), -1, -1)]
+    choices += [(deepest[0][:depth], deepest[1]) for depth in range(len(deepest[0]) - 1, -1, -1)]
     results = dict[frozenset[tuple[str, str]], RecordingPairs]()
     for choice in choices:
         paired = _paired(sides, choice)
         if paired.pairs:
             results.setdefault(frozenset(paired.pairs.values()), paired)
-    if len(results) > 1:
-        first, second = (" ".join(map(shown, r.folders)) for r in [*results.values()][:2])
+    several = [*results.values()]
+    if len(several) < 2:
+        several.extend(_rivals(sides, several[0] if several else None))
+    if len(several) > 1:
+        first, second = (_option(r) for r in several[:2])
         raise InputError(
-            "recordings of A and B have equal names below several folders: set --folders "
-            f"{first}, or --folders {second}"
+            "recordings of A and B have equal names below several folders: set "
+            f"{first}, or {second}"
         )
-    return _checked(next(iter(results.values()), None) or _paired(sides, deepest), sides)
+    if several and not results:
+        return _checked(_paired(sides, deepest), sides, several[0])
+    return _checked(several[0] if several else _paired(sides, deepest), sides)
+
+
+def _option(paired: RecordingPairs) -> str:
+    return f"--folders {' '.join(map(shown, paired.folders))}"
+
+
+def _rivals(sides: Sequence[_Paths], paired: RecordingPairs | None) -> list[RecordingPairs]:
+    """Return the best pairs below folders that lack some recordings, if they are as plausible.
+
+    Args:
+        sides: The recordings of A and B.
+        paired: The pairs below folders with all recordings; None without one.
+    """
+    own = frozenset(paired.pairs.values()) if paired else frozenset()
+    if paired and not (paired.only_a or paired.only_b):
+        return []
+    least = len(own) + (not any(one == two for one, two in own))
+    best: list[RecordingPairs] = []
+    for folders in product(*(_folders_of(paths, least) for paths in sides)):
+        result = _paired(sides, folders)
+        if len(result.pairs) >= least and frozenset(result.pairs.values()) != own:
+            best, least = [result], len(result.pairs) + 1
+    return best
+
+
+def _folders_of(paths: _Paths, least: int) -> list[tuple[str, ...]]:
+    """Return the largest folders with a number of recordings; a file with groups is one."""
+    counts = Counter(
+        parts[:depth] for parts in paths.values() for depth in range(len(parts) - (not parts[-1]))
+    )
+    return [folder for folder, count in counts.most_common(_TRIED) if count >= least]
 
 
 def _parts(name: str) -> tuple[str, ...]:
@@ -89,39 +131,42 @@ def _parts(name: str) -> tuple[str, ...]:
     return (*PurePath(file).parts, group)
 
 
-def _common(paths: Iterable[tuple[str, ...]]) -> int:
-    """Return the number of folders that all paths start with, the file included."""
+def _common(paths: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
+    """Return the deepest folder that contains all paths; the only file counts as a folder."""
     files = [path[:-1] for path in paths]
-    return next(
+    depth = next(
         (depth for depth, steps in enumerate(zip(*files, strict=False)) if len({*steps}) > 1),
         min(map(len, files)),
     )
+    return files[0][:depth]
 
 
-def _depth_of(paths: _Paths, folder: str) -> int:
+def _steps_of(paths: _Paths, folder: str) -> tuple[str, ...]:
     steps = PurePath(folder).parts
-    for name, parts in paths.items():
-        if parts[:-1][: len(steps)] != steps:
-            raise InputError(
-                f"--folders: the recording {shown(name)} is not in the folder {shown(folder)}"
-            )
-    return len(steps)
+    if not any(parts[:-1][: len(steps)] == steps for parts in paths.values()):
+        name = next(iter(paths))
+        raise InputError(
+            f"--folders: no recording is in the folder {shown(folder)}; one of its release is "
+            f"{shown(name)}"
+        )
+    return steps
 
 
-def _paired(sides: Sequence[_Paths], depths: Sequence[int]) -> RecordingPairs:
-    a, b = (
-        {_joined(parts[depth:]): name for name, parts in paths.items()}
-        for paths, depth in zip(sides, depths, strict=True)
-    )
-    folder_a, folder_b = (
-        str(PurePath(*next(iter(paths.values()))[:depth]))
-        for paths, depth in zip(sides, depths, strict=True)
-    )
+def _paired(sides: Sequence[_Paths], folders: Sequence[tuple[str, ...]]) -> RecordingPairs:
+    inside, outside = list[dict[str, str]](), list[list[str]]()
+    for paths, steps in zip(sides, folders, strict=True):
+        depth = len(steps)
+        names = [name for name, parts in paths.items() if parts[:-1][:depth] == steps]
+        inside.append({_joined(paths[name][depth:]): name for name in names})
+        within = {*names}
+        outside.append([name for name in paths if name not in within])
+    a, b = inside
+    folder_a, folder_b = (str(PurePath(*steps)) for steps in folders)
     return RecordingPairs(
         (folder_a, folder_b),
         {short: (name, b[short]) for short, name in a.items() if short in b},
-        tuple(short for short in a if short not in b),
-        tuple(short for short in b if short not in a),
+        (*(short for short in a if short not in b), *outside[0]),
+        (*(short for short in b if short not in a), *outside[1]),
     )
 
 
@@ -129,8 +174,10 @@ def _joined(parts: tuple[str, ...]) -> str:
     return str(PurePath(*parts[:-1])) * (len(parts) > 1) + parts[-1]
 
 
-def _checked(paired: RecordingPairs, sides: Sequence[_Paths]) -> RecordingPairs:
-    """Refuse a result without pairs."""
+def _checked(
+    paired: RecordingPairs, sides: Sequence[_Paths], other: RecordingPairs | None = None
+) -> RecordingPairs:
+    """Refuse a result without pairs, and show the folders that have some."""
     if paired.pairs:
         return paired
     texts = []
@@ -139,5 +186,6 @@ def _checked(paired: RecordingPairs, sides: Sequence[_Paths]) -> RecordingPairs:
         texts.append(", ".join(shown(shorten(name, 60)) for name in [*paths][:_NAMED]) + more)
     raise InputError(
         f"no recording has the same name in A and B: A has {texts[0]}, B has {texts[1]}. Judge "
-        "files with equal names, or name the folders that differ: --folders FOLDER_A FOLDER_B"
+        "files with equal names, or name the folders that differ: "
+        f"{_option(other) if other else '--folders FOLDER_A FOLDER_B'}"
     )

@@ -298,7 +298,11 @@ def _notes(
 ) -> Iterator[str]:
     """Yield remarks on the comparison."""
     if [*pairs.pairs] == [""]:
-        yield "{} is compared with {}".format(*map(shown, pairs.pairs[""]))
+        both = pairs.pairs[""]
+        differ = len({os.path.basename(name) for name in both}) > 1  # noqa: PTH119 - as above
+        yield "{} is compared with {}".format(*map(shown, both)) + (
+            ", the only recordings, although their names differ" * differ
+        )
     elif pairs.folders[0] != pairs.folders[1]:
         yield "recordings are paired by their names below {} and {}".format(
             *map(shown, pairs.folders)

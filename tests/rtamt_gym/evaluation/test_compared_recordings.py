@@ -446,13 +446,22 @@ def test_options_of_recordings_error(judge: Judge, capsys: Output) -> None:
     for side in "ab":
         judge(side, {"1.csv": QUIET})
     assert "--tolerance: expected a time" in refused(capsys, "--tolerance", "-1")
-    assert "1.csv is not in the folder c" in refused(capsys, "--folders", "c", "b")
+    assert "no recording is in the folder c" in refused(capsys, "--folders", "c", "b")
 
 
 def test_tolerance_of_zero_has_any_unit(judge: Judge, compare: Compare) -> None:
     for side in "ab":
         judge(side, {"1.csv": QUIET})
     assert compare("--tolerance", "0s")[1] == compare()[1]
+
+
+@pytest.mark.parametrize("name", ["1.csv", "2.csv"])
+def test_only_recordings_are_a_pair(judge: Judge, compare: Compare, name: str) -> None:
+    judge("a", {"1.csv": QUIET})
+    judge("b", {name: QUIET})
+    note = compare()[1].notes[0]
+    assert note.startswith(f"a/1.csv is compared with b/{name}")
+    assert note.endswith("although their names differ") == (name == "2.csv")
 
 
 def test_two_kinds_of_files_error(judge: Judge, capsys: Output) -> None:
