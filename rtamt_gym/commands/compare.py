@@ -67,7 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         shared(
             "--accept-changed",
             about=f"compare two evaluations {ALTHOUGH_CHANGED}; of recordings, leave out "
-            "requirements whose text has changed",
+            "requirements whose text has changed, and compare others although options or defaults "
+            "read their variables differently; a note lists the differences",
         ),
         Option("--save FILE", "write the comparison as JSON", read=Path),
         Option("--report FILE", "write the comparison as a page of HTML", read=Path),

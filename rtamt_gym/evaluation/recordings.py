@@ -18,6 +18,7 @@ from rtamt.errors import Argument, shown
 from rtamt.monitors import BodyOccurrences, Occurrence
 from rtamt_gym.evaluation.compared import LEVEL, compared_of
 from rtamt_gym.evaluation.paired import effect_of, holm
+from rtamt_gym.evaluation.reading_differences import reading_differences
 from rtamt_gym.evaluation.recording_changes import (
     ChangedRequirement,
     ComparedTimes,
@@ -34,7 +35,7 @@ from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted
 
 _FREE: Final = ("columns", "min_duration")
-"""Options of an evaluation that two releases may set differently."""
+"""Options of an evaluation that change no verdict, or that `reading_differences` compares."""
 
 
 def compare_recordings(
@@ -56,14 +57,21 @@ def compare_recordings(
         times: ``"recorded"`` compares the recorded times, ``"start"`` the times since the start of
             each recording. Default: the recorded times, if the result is the same.
         folders: As for `pair_recordings`.
-        accept_changed: Whether to leave out requirements whose text changed, which are an error
-            otherwise.
+        accept_changed: Whether to leave out requirements whose text changed, and to compare
+            recordings whose columns were read with different options. Both are an error otherwise.
 
     Raises:
         InputError: If the evaluations have different options, the texts of a requirement differ,
             no recording or requirement is in both, or two clocks have different results.
     """
     _check_options(a, b)
+    different = list(reading_differences(a, b))
+    if different and not accept_changed:
+        raise InputError(
+            f"cannot compare, because variables are read differently: {', '.join(different)}; "
+            "evaluate both with the same options, or compare them nevertheless with ",
+            Argument("accept_changed", value=True),
+        )
     names = [name for name in a.matrix.requirements if name in b.matrix.requirements]
     if not names:
         raise InputError("cannot compare: A and B have no requirement with the same name")
@@ -100,7 +108,7 @@ def compare_recordings(
         tuple(builder.not_compared),
         builder.shorter,
         builder.shifts,
-        tuple(_notes(a, b, pairs, rows, len(names))),
+        tuple(_notes(different, pairs, rows, len(names))),
         a.matrix.provenance.ids,
     )
 
@@ -290,8 +298,7 @@ def _violated(outcome: Outcome) -> float:
 
 
 def _notes(
-    a: RecordingSet,
-    b: RecordingSet,
+    different: Sequence[str],
     pairs: RecordingPairs,
     rows: Mapping[str, tuple[Trial, Trial]],
     requirements: int,
@@ -307,8 +314,8 @@ def _notes(
         yield "recordings are paired by their names below {} and {}".format(
             *map(shown, pairs.folders)
         )
-    if (a.reading.get("columns") or {}) != (b.reading.get("columns") or {}):
-        yield "A and B were read with different options for columns"
+    if different:
+        yield f"variables are read differently: {', '.join(different)}"
     periods = {
         name: [row.extent.period for row in pair if row.extent is not None]
         for name, pair in rows.items()

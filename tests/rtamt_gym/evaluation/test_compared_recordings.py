@@ -215,6 +215,61 @@ def test_other_options_error(judge: Judge, capsys: Output, option: tuple[str, ..
     assert "evaluation options differ" in refused(capsys)
 
 
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--signal", "x=time"], "--signal x is x of A and time of B"),
+        (["--where", "x=0"], "--where x is not set of A and 0 of B"),
+        (["--jitter", "10%"], "--jitter is not set of A and 0.1 of B"),
+        (["--missing", "hold"], "--missing is not set of A and hold of B"),
+        (["--time-unit", "ms"], "--time-unit is not set of A and ms of B"),
+        (["--max-gap", "5s"], "--max-gap is not set of A and 5 of B"),
+        (["--no-defaults"], "--no-defaults is not set of A and True of B"),
+    ],
+)
+def test_other_columns_error(
+    judge: Judge, compare: Compare, capsys: Output, options: list[str], text: str
+) -> None:
+    judge("a", {"1.csv": QUIET})
+    judge("b", {"1.csv": QUIET}, *options)
+    error = refused(capsys)
+    assert f"variables are read differently: {text};" in error
+    assert "--accept-changed" in error
+    comparison = compare("--accept-changed")[1]
+    assert any(note == f"variables are read differently: {text}" for note in comparison.notes)
+
+
+def test_same_column_with_and_without_option(judge: Judge, compare: Compare) -> None:
+    judge("a", {"1.csv": QUIET})
+    judge("b", {"1.csv": QUIET}, "--signal", "x=x")
+    assert compare()[0] == 0
+
+
+def test_changed_annotation_error(judge: Judge, capsys: Output) -> None:
+    for side, column in (("a", "x"), ("b", "time")):
+        Path("spec.stl").write_text(f'@ column(x, "{column}")\n{LIMIT}\n')
+        judge(side, {"1.csv": QUIET}, specs=["spec.stl"])
+    assert "--signal x is x of A and time of B" in refused(capsys)
+
+
+def test_changed_default_error(judge: Judge, compare: Compare, capsys: Output) -> None:
+    for side, value in (("a", 1), ("b", 9)):
+        Path("spec.stl").write_text(f"input float x\ninput float L = {value}\nl = always(x < L)\n")
+        judge(side, {"1.csv": violated(3)}, specs=["spec.stl"])
+    assert "the default of L is 1 of A and 9 of B" in refused(capsys)
+    assert compare("--accept-changed")[0] == 0
+
+
+def test_default_of_another_requirement(judge: Judge, compare: Compare) -> None:
+    own = "input float x\ninput float L = 1\nother = always(x < L)\n"
+    for side, text in (("a", own), ("b", "")):
+        Path("spec.stl").write_text(f"{LIMIT}\n")
+        Path("own.stl").write_text(text)
+        judge(side, {"1.csv": QUIET}, specs=["spec.stl", *["own.stl"] * bool(text)])
+    code, comparison, _ = compare()
+    assert (code, comparison.requirements_a) == (0, ("other",))
+
+
 def test_missing_occurrences_error(judge: Judge, capsys: Output) -> None:
     judge("a", {"1.csv": QUIET})
     judge("b", {"1.csv": QUIET})
