@@ -9,6 +9,7 @@ from typing import Final
 
 from rtamt import InputError
 from rtamt.errors import shown
+from rtamt_gym.tables import counted
 from rtamt_gym.watching.rows import RowFault
 
 _ENDED: Final = 10_000_000
@@ -38,6 +39,7 @@ class IdleGroups:
         self._last: dict[str, float] = {}
         self._newest = -math.inf
         self._ended: set[str] = set()
+        self._late: dict[str, int] = {}
 
     def __contains__(self, group: str | None) -> bool:
         return group in self._ended
@@ -50,6 +52,21 @@ class IdleGroups:
         """
         if group in self._ended:
             raise RowFault(row, f"group {shown(group)!r} has ended by --group-idle before")
+
+    def add_late(self, group: str) -> None:
+        """Note that a row of a group that has ended was left out."""
+        self._late[group] = self._late.get(group, 0) + 1
+
+    def late_text(self) -> str:
+        """Return a sentence on rows that came after the end of their groups; empty without one."""
+        if not self._late:
+            return ""
+        (first, rows), groups = next(iter(self._late.items())), len(self._late)
+        more = f", and {counted(groups - 1, 'more group')} so" if groups > 1 else ""
+        return (
+            f"group {shown(first)!r} got {counted(rows, 'row')} after --group-idle had ended "
+            f"it{more}: these rows were left out. Give a longer --group-idle to evaluate them."
+        )
 
     def add(self, group: str, time: float) -> None:
         """Note the time of a row."""

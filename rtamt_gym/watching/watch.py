@@ -172,7 +172,9 @@ class StreamWatch:
         self._first_bad = self._first_bad or message
         if self._options.by is not None:
             trace = None if group is None else self.traces.get(group)
-            if group not in self._idle and (trace is None or not trace.begun):
+            if group is not None and group in self._idle:
+                self._idle.add_late(group)
+            elif trace is None or not trace.begun:
                 self._lost.add(group, message)
         for trace in self.traces.values():
             trace.lose()
@@ -417,11 +419,16 @@ class StreamWatch:
 
     def exit_code(self) -> int:
         """Return the exit code, as `rtamt monitor` has it for these verdicts."""
-        return exit_code(self._words, self._warnings)
+        return exit_code(self._words, self._own_warnings())
+
+    def _own_warnings(self) -> list[VerdictWarning]:
+        """Return the warnings on traces that are too short or got rows after their end."""
+        late = self._idle.late_text()
+        return [*self._warnings, *([VerdictWarning(late, fails=True)] if late else [])]
 
     def messages(self) -> list[str]:
         """Return what weakens the verdicts, in sentences to print."""
-        warnings = [*self.rules.evidence.warnings(), *self._warnings]
+        warnings = [*self.rules.evidence.warnings(), *self._own_warnings()]
         texts = [warning.text for warning in warnings]
         if self.bad:
             texts.append(f"{counted(self.bad, 'bad line')} left out, the first: {self._first_bad}")

@@ -205,3 +205,23 @@ def test_two_columns_of_groups_are_an_error(
     assert not captured.out
     assert f"--by: expected one column, got '{names[0]}', '{names[1]}'." in captured.err
     assert main(["watch", "always(x < 3)", str(path), "--by", "lap", "--by", "lap"]) == 0
+
+
+@pytest.mark.parametrize("options", [[], ["--dense"]])
+@pytest.mark.parametrize(("early", "code"), [(1, 3), (5, 1)])
+def test_rows_after_an_idle_end_are_not_a_pass(
+    early: int, code: int, options: list[str], capsys: Output, tmp_path: Path
+) -> None:
+    rows = [(i, "a", 1) for i in range(12)] + [(i, "b", early) for i in (0, 1)]
+    rows += [(i, "b", 9) for i in (8, 9, 10)]
+    text = "time,car,x\n" + "".join(f"{t},{car},{x}\n" for t, car, x in sorted(rows))
+    path = tmp_path / "rows.csv"
+    idle = ["--group-idle", "3", "--skip-bad", *options]
+    got, _, errors = watched(capsys, path, text, *idle)
+    assert got == code
+    assert "group 'b' got 3 rows after --group-idle had ended it: these rows were left" in errors
+    got, _, errors = watched(capsys, path, text, "--group-idle", "3", *options)
+    assert (got, "group 'b' has ended by --group-idle before" in errors) == (2, True)
+    text = "".join(line for line in text.splitlines(keepends=True) if not line.endswith("b,9\n"))
+    got, _, errors = watched(capsys, path, text, *idle)
+    assert (got, "--group-idle" in errors) == (code - 3 if code == 3 else 1, False)
