@@ -8,13 +8,11 @@ from dataclasses import replace
 from fractions import Fraction
 from importlib import import_module
 
-import numpy as np
-
 import rtamt
 from rtamt import InputError, ParseError, RtamtError
 from rtamt.errors import shown
 from rtamt_gym.options.evaluation import EvaluationOptions
-from rtamt_gym.recorded.columns import NEAR, Columns
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.names import check_recorded, long_columns, starts_of, with_columns
 from rtamt_gym.recorded.parts import part_of
@@ -23,9 +21,9 @@ from rtamt_gym.recorded.recording import Floats, Recording, Wanted
 from rtamt_gym.recorded.roles import has_time_bounds
 from rtamt_gym.recorded.sample_rows import read_rows, read_trace, wanted_times
 from rtamt_gym.recorded.sampling import sampled_events
+from rtamt_gym.recorded.stated_period import AsideTimes
 from rtamt_gym.recorded.times import TimeAxis, find_times
 from rtamt_gym.recorded.trace import EventTrace, Trace
-from rtamt_gym.tables import number
 
 
 def read_ruled(
@@ -78,7 +76,8 @@ def _with_period(
 ) -> tuple[Trace, Fraction | None]:
     """Return a trace with its period: the stated one, the one of its times, or None."""
     if reading.seconds is not None:
-        check_bounds(specs, reading, _meant_period(trace, reading.seconds))
+        aside = AsideTimes.of(trace)
+        check_bounds(specs, reading, "" if aside is None else aside.meant(reading.seconds))
         return _under(trace, reading.seconds), reading.seconds
     timed = any(spec.timed for spec in specs.values())
     period = trace.period(timed=timed)
@@ -220,35 +219,8 @@ def check_bounds(
             return
 
 
-def _meant_period(trace: Trace, period: Fraction) -> str:
-    """Return a question if a stated period is as many seconds as the times show milliseconds."""
-    grid = trace.grid
-    if grid is None or not grid.rises:
-        return ""
-    for unit, factor in (("ms", 10**3), ("us", 10**6)):
-        if abs(grid.usual * factor - float(period)) <= NEAR * float(period):
-            return f"--period without a unit is in seconds; did you mean --period {period}{unit}?"
-    return ""
-
-
 def _under(trace: Trace, period: Fraction) -> Trace:
     """Return the trace under a stated period, with a note if its times show another one."""
-    grid, times = trace.grid, trace.times
-    if grid is None or times is None:
-        return trace
-    description, wanted = "in an order that does not increase", float(period)
-    if grid.rises:
-        if float(np.abs(grid.steps - wanted).max()) <= NEAR * wanted:
-            return trace
-        index = int(grid.steps.argmax())
-        description = f"{number(grid.usual)} s apart most of the time"
-        if float(grid.steps[index]) > 2 * grid.usual:
-            description += f", {number(float(grid.steps[index]))} s after {trace.where(index)}"
-    note = (
-        f"--period leaves the column '{times.column}' aside, which has the rows {description}: "
-        f"{number(float(times.since[-1]))} s in all, not "
-        f"{number(float((trace.samples - 1) * period))} s"
-    )
-    if meant := _meant_period(trace, period):
-        note = f"{note}; {meant}"
-    return replace(trace, notes=[*trace.notes, note], gap=None)
+    aside, times = AsideTimes.of(trace), trace.times
+    note = aside.note(times.column, period, trace.samples) if aside and times else ""
+    return replace(trace, notes=[*trace.notes, note], gap=None) if note else trace

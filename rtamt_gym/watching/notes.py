@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt_gym.tables import number
+from rtamt.errors import shown
+from rtamt_gym.tables import counted, number
 
 
 class StreamNotes:
@@ -24,7 +25,8 @@ class StreamNotes:
         self.dropped = 0
         self._unknown = Counter[str]()
         self._first: dict[str, str] = {}
-        self._unit = ""
+        self._unit = self._period = ""
+        self._periods = 0
 
     def add_unknown(
         self, names: Sequence[str], empty: NDArray[np.bool_], lines: Sequence[int]
@@ -50,6 +52,13 @@ class StreamNotes:
         """Take in the note on the unit of a trace; the first of several is shown."""
         self._unit = self._unit or text
 
+    def add_period(self, text: str, group: str | None) -> None:
+        """Take in the note on times next to a stated period; the first of several is shown."""
+        if text:
+            self._periods += 1
+            place = "" if group is None else f"group {shown(group)!r}: "
+            self._period = self._period or f"{place}{text}"
+
     def texts(self, *, dense: bool) -> list[str]:
         """Return the notes in sentences.
 
@@ -71,4 +80,7 @@ class StreamNotes:
             )
             cells = "events without a number are unknown" if dense else "empty cells are unknown"
             texts.append(f"{cells}{'' if dense else ' samples'} ({counts})")
-        return [*texts, *filter(None, [self._unit])]
+        period = self._period
+        if self._periods > 1:
+            period += f" (and {counted(self._periods - 1, 'more group')} with other times)"
+        return [*texts, *filter(None, [self._unit, period])]

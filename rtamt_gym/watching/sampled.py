@@ -22,6 +22,7 @@ from rtamt_gym.results.extent import Extent
 from rtamt_gym.tables import number, time_text
 from rtamt_gym.watching.clock import ClockRules, StreamClock, on_grid, plain_times
 from rtamt_gym.watching.lines import Line
+from rtamt_gym.watching.period_note import StepCounter
 from rtamt_gym.watching.rows import RowFault
 from rtamt_gym.watching.states import RowValues, SampledState, StreamRules
 from rtamt_gym.watching.values import without_place
@@ -64,6 +65,7 @@ class SampledGroup:
         self._last_raw: RawTimes | None = None
         self._last_row: RowValues = ()
         self._last = 0.0
+        self._steps = StepCounter("" if clock is None else clock.source)
         self._gap = False
         self.samples = self.rows = 0
         self.stopped = False
@@ -78,6 +80,7 @@ class SampledGroup:
         self._gap = self._clock_rules is not None and not self._stated
         self._held = None if self._held is None else [math.nan] * len(self._held)
         if not self._gap:
+            self._steps.lose()
             self._take(np.full((1, len(self._rules.variables)), math.nan))
 
     def feed(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
@@ -176,6 +179,8 @@ class SampledGroup:
             good = count if near.all() else min(count, int(near.argmin()))
         if good:
             self._gap = False
+            if self._stated:
+                self._steps.add(since[:good], lines[:good])
             if self._take(values[:good]):
                 return
             self._last = float(since[good - 1])
@@ -415,7 +420,7 @@ class SampledGroup:
             return []
         if self._gap:
             end = "open"
-        self._note_unit()
+        self._note_times()
         if self._kept and rules.evidence.counted:
             rules.evidence.finish(lambda name, spec: self._judge_all(name, spec, end))
         lines = []
@@ -434,10 +439,14 @@ class SampledGroup:
         keywords = self._rules.keywords(name, self._period)
         return rtamt.judge(spec, columns, end=end, n=self.samples, **keywords)
 
-    def _note_unit(self) -> None:
+    def _note_times(self) -> None:
         if self._clock is not None and self._period is not None and not self._stated:
             length = float((self.samples - 1) * self._period)
             self._rules.notes.add_unit(self._clock.unit_note(self._two, length))
+        aside = self._steps.times()
+        if aside is not None and self._clock_rules is not None and self._period is not None:
+            note = aside.note(self._clock_rules.column, self._period, self.samples)
+            self._rules.notes.add_period(note, self.group)
 
     def _open_line(self, name: str) -> Line:
         """Return the final line of a trace of one row, whose period is not known."""

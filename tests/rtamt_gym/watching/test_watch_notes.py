@@ -261,3 +261,41 @@ def test_times_are_left_aside_only_without_bounds(
     errors = capsys.readouterr().err
     assert "give --dense" in errors
     assert ("--period to leave the times aside" in errors) == offered
+
+
+@pytest.mark.parametrize("period", ["100ms", "100", "1", "50ms", "104ms"])
+@pytest.mark.parametrize(
+    "times",
+    [
+        [0.0, 0.1, 0.2, 0.3],
+        [0.0, 0.1, 0.2, 6.6, 6.7, 6.8],
+        [0.0, 0.1, 0.1, 0.2],
+        [0.0, 0.3, 0.4],
+        [0.0],
+    ],
+)
+def test_times_next_to_a_stated_period(
+    times: list[float], period: str, capsys: Output, tmp_path: Path
+) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text("time,x\n" + "".join(f"{time},1\n" for time in times))
+    arguments = ["always(x > 0)", str(path), "--period", period]
+    assert main(["monitor", *arguments, "--json"]) == 0
+    captured = capsys.readouterr()
+    trial = json.loads(captured.out)["trials"][0]
+    notes = [note for note in trial.get("notes", []) if "aside" in note]
+    assert main(["watch", *arguments]) == 0
+    read = [line for line in capsys.readouterr().err.splitlines() if "aside" in line]
+    assert read == notes
+
+
+def test_other_times_of_groups_and_bad_lines(capsys: Output, tmp_path: Path) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text("time,car,x\n0,a,1\n0,b,1\n1,a,1\n9,b,1\n8,a,1\n2,c,1\n3,c,1\n")
+    assert main(["watch", "always(x > 0)", str(path), "--period", "1", "--by", "car"]) == 0
+    note = capsys.readouterr().err
+    assert note.startswith("group 'a': --period leaves the column 'time' aside")
+    assert note.endswith("8 s in all, not 2 s (and 1 more group with other times)\n")
+    path.write_text("time,x\n0,1\n1,1\n2,bad\n3,1\n4,1\n")
+    main(["watch", "always(x > 0)", str(path), "--period", "1", "--skip-bad"])
+    assert "aside" not in capsys.readouterr().err
