@@ -52,8 +52,7 @@ class AsideTimes:
         for unit, factor in (("ms", 10**3), ("us", 10**6)):
             if abs(self.usual * factor - float(period)) <= NEAR * float(period):
                 return (
-                    "--period without a unit is in seconds; did you mean --period "
-                    f"{period}{unit}?"
+                    f"--period without a unit is in seconds; did you mean --period {period}{unit}?"
                 )
         return ""
 
