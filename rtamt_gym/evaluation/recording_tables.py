@@ -49,11 +49,16 @@ def columns_of(comparison: RecordingsComparison) -> list[Status]:
 
 def clock_text(comparison: RecordingsComparison) -> str:
     """Return the recordings, the tolerance and the clock of a comparison in words."""
-    units = {item.unit for item in comparison.requirements.values()}
-    unit = {"s": " s", "samples": " samples"}.get(units.pop() if len(units) == 1 else "", "")
+    unit = _unit(comparison)
     clock = "recorded times" if comparison.times == "recorded" else "times since the start"
     pairs = counted(len(comparison.recordings), "recording")
     return f"{pairs} in both, tolerance {number(comparison.tolerance)}{unit}, {clock}"
+
+
+def _unit(comparison: RecordingsComparison) -> str:
+    """Return the unit of all times with a space before it; empty if there are two."""
+    units = {item.unit for item in comparison.requirements.values()}
+    return {"s": " s", "samples": " samples"}.get(units.pop() if len(units) == 1 else "", "")
 
 
 def recordings_lines(comparison: RecordingsComparison) -> Iterator[str]:
@@ -136,27 +141,33 @@ def comparison_warnings(
         comparison: The comparison.
         require_all: Whether the command fails if B lacks a recording, a requirement or a time.
     """
-    found: list[tuple[str, Sequence[str], bool]] = [
+    unit = _unit(comparison)
+    groups: list[tuple[str, Sequence[str], bool]] = [
         ("only in A", comparison.only_a, True),
         ("only in B", comparison.only_b, False),
         ("requirements only in A", comparison.requirements_a, True),
         ("requirements only in B", comparison.requirements_b, False),
         ("requirements with another text in B", comparison.changed, True),
         (
-            "not compared",
-            [f"{n.requirement} in {n.recording} ({n.reason})" for n in comparison.not_compared],
-            True,
-        ),
-        (
             "B covers less time",
-            [f"{name} ({number(time)} less)" for name, time in comparison.shorter.items()],
+            [f"{name} ({number(time)}{unit} less)" for name, time in comparison.shorter.items()],
             True,
         ),
     ]
+    missing = comparison.not_compared
+    texts = [
+        f"not compared: {shown(n.requirement)} in {shown(n.recording)} ({n.reason})"
+        for n in missing[:_NAMED]
+    ]
+    if len(missing) > _NAMED:
+        texts.append(f"not compared: {len(missing) - _NAMED} more")
     return [
-        VerdictWarning(f"{phrase}: {_listed(names)}", fails=require_all and lacking)
-        for phrase, names, lacking in found
-        if names
+        *(
+            VerdictWarning(f"{phrase}: {_listed(names)}", fails=require_all and lacking)
+            for phrase, names, lacking in groups
+            if names
+        ),
+        *(VerdictWarning(text, fails=require_all) for text in texts),
     ]
 
 

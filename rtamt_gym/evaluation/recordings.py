@@ -62,7 +62,8 @@ def compare_recordings(
 
     Raises:
         InputError: If the evaluations have different options, the texts of a requirement differ,
-            no recording or requirement is in both, or two clocks have different results.
+            no recording or requirement is in both, two clocks have different results, or the
+            tolerance is longer than every recording.
     """
     _check_options(a, b)
     different = list(reading_differences(a, b))
@@ -95,6 +96,7 @@ def compare_recordings(
     builder = _Builder(tolerance, times)
     for name, pair in rows.items():
         builder.add(labels[name], pair, names)
+    short = builder.short()
     return RecordingsComparison(
         *(a.path, b.path, pairs.folders, tolerance, times or "recorded"),
         tuple(labels.values()),
@@ -108,7 +110,7 @@ def compare_recordings(
         tuple(builder.not_compared),
         builder.shorter,
         builder.shifts,
-        tuple(_notes(different, pairs, rows, len(names))),
+        (*_notes(different, pairs, rows, len(names)), *short),
         a.matrix.provenance.ids,
     )
 
@@ -153,6 +155,7 @@ class _Builder:
     not_compared: list[NotCompared] = field(default_factory=list)
     shorter: dict[str, float] = field(default_factory=dict)
     shifts: dict[str, float] = field(default_factory=dict)
+    _lengths: dict[str, list[float]] = field(default_factory=dict)
     _outcomes: dict[str, list[tuple[Outcome, Outcome]]] = field(default_factory=dict)
     _open: Counter[tuple[str, str]] = field(default_factory=Counter)
 
@@ -187,6 +190,8 @@ class _Builder:
             RequirementClock.of(rows[0], outcomes[0]),
             RequirementClock.of(rows[1], outcomes[1]),
         )
+        lengths = self._lengths.setdefault(name, [])
+        lengths += [clock.length + clock.step for clock in clocks]
         lacking = clocks[0].length - clocks[1].length
         if lacking > self.tolerance + 1e-9 * clocks[0].length:
             self.shorter[name] = max(lacking, self.shorter.get(name, 0.0))
@@ -247,6 +252,30 @@ class _Builder:
                 "--times start"
             )
         return recorded
+
+    def short(self) -> list[str]:
+        """Return a note on recordings that are shorter than the tolerance.
+
+        Raises:
+            InputError: If every recording is.
+        """
+        longest = max(map(max, self._lengths.values()), default=math.inf)
+        short = [name for name, each in self._lengths.items() if self.tolerance > min(each)]
+        pairs = [pair for both in self._outcomes.values() for pair in both]
+        units = {o.occurrences.unit for pair in pairs for o in pair if o.occurrences}
+        unit = units.pop() if len(units) == 1 else ""
+        tolerance = f"{self.tolerance:.12g} {unit}".strip()
+        if self.tolerance > longest:
+            without = "; a number without a unit counts seconds" if unit == "s" else ""
+            raise InputError(
+                f"--tolerance: expected less than the longest recording, {longest:.12g} {unit}, "
+                f"got {tolerance}{without}"
+            )
+        if not short:
+            return []
+        more = f" and {len(short) - 1} more" if short[1:] else ""
+        note = f"the tolerance of {tolerance} is longer than {shown(short[0])}{more}"
+        return [f"{note}, where any two violations may be partners"]
 
     def requirements(self, formulas: Mapping[str, str]) -> dict[str, ChangedRequirement]:
         """Return the comparison of each requirement, with adjusted p-values."""

@@ -377,7 +377,7 @@ def test_shorter_recordings(judge: Judge, compare: Compare) -> None:
     assert statuses(comparison) == ["same", "undecided", "same", "undecided"]
     assert code == 3
     assert comparison.shorter == {"1.csv": 6.0}
-    assert "B covers less time: 1.csv (6 less)" in text
+    assert "B covers less time: 1.csv (6 s less)" in text
 
 
 def test_shorter_recording_fails_on_request(judge: Judge, compare: Compare) -> None:
@@ -402,6 +402,38 @@ def test_samples_without_times(judge: Judge, compare: Compare, capsys: Output) -
     code, comparison, text = compare("--tolerance", "2")
     assert (code, statuses(comparison)) == (0, ["same"])
     assert "tolerance 2 samples" in text
+
+
+def test_long_tolerance(judge: Judge, compare: Compare, capsys: Output) -> None:
+    for side, place in (("a", 1), ("b", 8)):
+        judge(side, {"1.csv": violated(place), "2.csv": QUIET[:4]})
+    error = refused(capsys, "--tolerance", "200")
+    assert "expected less than the longest recording, 12 s, got 200 s; a number without" in error
+    comparison = compare("--tolerance", "5s")[1]
+    assert statuses(comparison) == ["gone", "new"]
+    assert any("tolerance of 5 s is longer than 2.csv" in note for note in comparison.notes)
+    assert not any("tolerance" in note for note in compare("--tolerance", "4s")[1].notes)
+
+
+def test_long_tolerance_in_samples(judge: Judge, capsys: Output) -> None:
+    for side in "ab":
+        judge(side, {"1.csv": QUIET}, step=0.0)
+    error = refused(capsys, "--tolerance", "13")
+    assert "longest recording, 12 samples, got 13 samples" in error
+    assert "seconds" not in error
+
+
+def test_reasons_are_complete(judge: Judge, compare: Compare) -> None:
+    for side in "ab":
+        bad = ["" if side == "b" else 0] * 12
+        judge(side, {"ok.csv": QUIET, **{f"{i}.csv": bad for i in range(5)}})
+    _, comparison, text = compare()
+    assert len(comparison.not_compared) == 5
+    flat = " ".join(text.split())
+    for item in comparison.not_compared[:3]:
+        assert " ".join(f"limit in {item.recording} ({item.reason})".split()) in flat
+    assert "not compared: 2 more" in text
+    assert "..." not in flat
 
 
 def test_two_units_are_not_compared(judge: Judge, compare: Compare, capsys: Output) -> None:
