@@ -46,7 +46,7 @@ _WRITTEN: Final[Mapping[str, str]] = {
 
 
 _NEEDS: Final[Mapping[str, str]] = {
-    **dict.fromkeys(("compare", "evaluate", "falsify", "replay", "sweep"), "search"),
+    **dict.fromkeys(("evaluate", "falsify", "replay", "sweep"), "search"),
     "report": "report",
 }
 """The extra that installs all that a command needs."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
 import rtamt
-from rtamt import InputError, Verdict
+from rtamt import InputError, SpecificationError, Verdict
 from rtamt.errors import shown
 from rtamt.internal import explain_dense_verdict, explain_verdict
 from rtamt.typing import End
@@ -85,13 +85,14 @@ def read_file(asked: TracesAsked, path: str) -> Judged:
 def _read(asked: TracesAsked, judged: Judged) -> Mapping[str, rtamt.Specification]:
     """Read a trace, and return the requirements that can be judged on it.
 
-    Where a column is missing or bad, the requirements that do not read it are judged without it.
+    If a column, a topic or a field is missing or bad, the requirements that do not read it are
+    judged without it.
     """
     try:
         judged.trace, judged.period = read_trace_of(asked, judged.path)
     except Exception as error:  # noqa: BLE001 - other traces are to be judged
         judged.failures = dict.fromkeys(asked.specs, failure_of(error))
-        if not isinstance(error, InputError) or judged.path == "-":
+        if not isinstance(error, InputError | SpecificationError) or judged.path == "-":
             return {}
     else:
         return asked.specs

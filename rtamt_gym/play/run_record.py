@@ -115,8 +115,9 @@ class History(_ComparesArrays):
         return np.subtract(~np.signbit(self.lower), np.signbit(self.upper), dtype=np.int8)
 
     def final_text(self, form: str) -> str:
-        """Format the robustness at the end; a 0 states whether the formula holds."""
-        return robustness_text(self.final, self.semantics, self.verdict, form)
+        """Format the robustness at the end; a 0 without a verdict states whether it holds."""
+        text = robustness_text(self.final, self.semantics, self.verdict, form)
+        return text if self.verdict == Verdict.UNDECIDED else text.partition(", ")[0]
 
     @property
     def specification(self) -> Specification:

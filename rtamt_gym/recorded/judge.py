@@ -205,8 +205,9 @@ class TraceJudgement:
 
     @property
     def robustness_text(self) -> str:
-        """The robustness in words; a 0 says whether the specification holds."""
-        return robustness_text(self.found.robustness, self.semantics, self.found.complete)
+        """The robustness in words; a 0 without a verdict states whether it holds."""
+        text = robustness_text(self.found.robustness, self.semantics, self.found.complete)
+        return text if self.verdict == Verdict.UNDECIDED else text.partition(", ")[0]
 
     def text_of(self, value: float) -> str:
         """Return the text of the robustness of a formula at some time."""

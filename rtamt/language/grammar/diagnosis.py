@@ -65,6 +65,8 @@ _HEADS = {
     StlParser.INPUT: "write input float NAME",
     StlParser.OUTPUT: "write output float NAME",
 }
+_TYPE_COMMA = "write ',' between two types of an import"
+_TYPE_NAME = "a type keeps its name here: leave out 'as' and the name after it"
 COLUMN_HINT = 'write @ column(VARIABLE, "Level [mm]")'
 ID_HINT = 'write @ id(NAME, "SYS-REQ-7")'
 ANNOTATION_HINT = (
@@ -133,7 +135,7 @@ def diagnose(
     if head.type in _HEADS or (typed and (pair or index == first + 1)):
         reason, hint = _in_declaration(token, expected, named=index == first + 1)
         if head.type == StlParser.FROM and StlParser.END in expected:
-            hint = "write ',' between two types of an import"
+            hint = _TYPE_NAME if token.text == "as" else _TYPE_COMMA
         return fail(text, token, reason, hint or _HEADS.get(head.type, ""))
     if pair and rule not in ("expression", "operand"):
         return _no_operator(text, head, tokens[first + 1], bracketed=False)

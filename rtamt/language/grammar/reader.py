@@ -163,7 +163,10 @@ class TextReader:
 
     def _import(self, statement: Statement) -> None:
         module = statement.module.text
-        for name in statement.names:
+        for i, name in enumerate(statement.names):
+            if any(name.text == earlier.text for earlier in statement.names[:i]):
+                reason = f"'{name.text}' stands twice in this import"
+                raise self._fail(name, reason, "write each type once")
             other = self._imports.setdefault(name.text, module)
             if other != module:
                 reason = f"'{name.text}' is already imported from '{other}'"

@@ -13,6 +13,7 @@ import pytest
 import rtamt_gym
 from rtamt_gym.checks import released
 from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.commands.errors import refusal
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.methods import MethodComparison
 from rtamt_gym.play.workers import Elsewhere
@@ -167,6 +168,15 @@ def test_what_needs_a_package_when_it_is_called_names_its_extra(
         f"{what} needs {package}, which is not installed; from the checkout: "
         f"pip install '.[{extra}]'"
     )
+
+
+@pytest.mark.parametrize(
+    ("command", "extra"), [("compare", "files"), ("monitor", "files"), ("evaluate", "search")]
+)
+def test_a_command_names_the_smallest_extra(command: str, extra: str) -> None:
+    error = ModuleNotFoundError("No module named 'scipy'", name="scipy")
+    text = f"scipy is not installed; from the checkout: pip install '.[{extra}]'"
+    assert refusal(error, {}, command) == text
 
 
 def test_the_lack_of_a_package_of_no_extra_is_told_as_it_is(

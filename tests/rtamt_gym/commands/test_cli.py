@@ -92,7 +92,7 @@ def test_monitor_prints_the_verdict_and_where_every_named_formula_fails(capsys: 
 @pytest.mark.parametrize(
     ("arguments", "code", "first"),
     [
-        (["always(speed <= 31)"], 0, "SATISFIED, robustness 0, holds, at the end of the trace"),
+        (["always(speed <= 31)"], 0, "SATISFIED, robustness 0, at the end of the trace"),
         (["always(speed < 32)"], 0, "SATISFIED, robustness 1, at the end of the trace"),
         (["eventually(speed > 30)"], 0, "SATISFIED, robustness 1, certain from 1 s on"),
         (["always[0:1.5](speed < 32)"], 0, "SATISFIED, robustness 1, certain from 1.5 s on"),

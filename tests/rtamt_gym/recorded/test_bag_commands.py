@@ -148,6 +148,42 @@ def test_a_bag_that_lacks_a_topic_is_judged_by_the_other_requirements(
     assert said.err.startswith("rtamt: error: bags/d.db3: expected a whole bag of rosbag2, got ")
 
 
+FIELDS = """
+from geometry_msgs.msg import Twist
+input Twist cmd
+@ topic(cmd, robot0/cmd_vel)
+wrong = always(cmd.{field} < 1)
+slow = always(cmd.linear.x < 0.9)
+"""
+
+
+@pytest.mark.parametrize(
+    ("field", "error"),
+    [
+        ("linaer.x", "has no field 'linaer'"),
+        ("linear.w", "has no field 'w'"),
+        ("linear.x.y", "is no message, got field 'y'"),
+        ("linear", "expected a number for 'cmd.linear'"),
+    ],
+)
+@pytest.mark.parametrize("option", ["--dense", "--period=0.1"])
+def test_wrong_field_fails_only_its_requirement(
+    field: str, error: str, option: str, folder: Path, capsys: Output
+) -> None:
+    (folder / "fields.stl").write_text(FIELDS.format(field=field))
+    (folder / "right.stl").write_text(FIELDS.format(field="linear.x"))
+    command = [option, "--json", "--", "bags"]
+    assert main(["monitor", "fields.stl", *command]) == 2
+    wrong = json.loads(capsys.readouterr().out)["trials"]
+    assert main(["monitor", "right.stl", *command]) == 1
+    right = json.loads(capsys.readouterr().out)["trials"]
+    for one, other in zip(wrong, right, strict=True):
+        assert one["outcomes"]["slow"] == other["outcomes"]["slow"]
+        assert one["outcomes"]["wrong"]["verdict"] == "ERROR"
+        assert error in one["outcomes"]["wrong"]["error"]
+    assert main(["monitor", "fields.stl", "--only", "wrong", *command]) == 2
+
+
 def test_what_was_held_is_said_below_the_verdict_and_in_json(folder: Path, capsys: Output) -> None:
     said = [twist(START + i * 10**8, 0.5 + i / 100) for i in range(20)]
     said.append(Said(START + 10**10, "/name", "std_msgs/String", {}))
