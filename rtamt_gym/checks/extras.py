@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-__all__ = ["ALONE", "EXTRAS", "advice", "missing", "naming_extra"]
+__all__ = ["ALONE", "EXTRAS", "advice", "missing", "names_extra", "naming_extra"]
 
 _GYM: Final = (
     "gym",
@@ -58,6 +58,9 @@ ALONE: Final[Mapping[str, str]] = {"staliro": "psy-taliro"}
 """Distributions that ask for the released rtamt: the extra installs what else they need."""
 
 
+_INSTALL: Final = "from the checkout: pip install '."
+
+
 def missing(error: ModuleNotFoundError) -> str | None:
     """Return the optional package that an import did not find; None for other packages."""
     package = (error.name or "").partition(".")[0]
@@ -79,7 +82,12 @@ def advice(package: str, wanted: str = "") -> str:
     """
     extra = wanted if wanted in EXTRAS[package] else EXTRAS[package][0]
     alone = f" && pip install --no-deps {ALONE[package]}" if package in ALONE else ""
-    return f"from the checkout: pip install '.[{extra}]'{alone}"
+    return f"{_INSTALL}[{extra}]'{alone}"
+
+
+def names_extra(message: str) -> bool:
+    """Return whether the message of an error names the extra of a missing package."""
+    return f"is not installed; {_INSTALL}" in message
 
 
 def naming_extra(error: ModuleNotFoundError, what: str, extra: str = "") -> ModuleNotFoundError:

@@ -24,6 +24,7 @@ from typing import Any, Final, NamedTuple, Self
 
 import rtamt
 from rtamt import InputError
+from rtamt_gym.checks.extras import names_extra
 from rtamt_gym.commands.judging import judge_file, row_of
 from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.play.loop import Task
@@ -323,7 +324,7 @@ def _judged(job: FleetJob, path: str, copy: str) -> FileRow:
     return {
         "verdict": row.word,
         "error": named("\n".join(errors)),
-        "retry": False,
+        "retry": any(map(names_extra, errors)),
         "described": named(row.described).removeprefix(f"{path}: "),
         "notes": named("\n".join([*row.notes, *outside])),
         **cells,

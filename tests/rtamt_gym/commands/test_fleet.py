@@ -214,6 +214,23 @@ def test_missing_file_systems_leave_no_folder(
     assert not Path("results").exists()
 
 
+def test_a_missing_reader_is_tried_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "a.mat").write_bytes(bytes(300))
+    specs = {"low": rtamt.parse("always(x < 9)")}
+    job = FleetJob(TracesAsked(specs, EvaluationOptions(), Columns()), verify=False, version="0.6")
+    with FileRunner(job) as runner:
+        ((_, damaged),) = runner.run([("a.mat", None)])
+
+        def lacking(*_: object) -> None:
+            raise ModuleNotFoundError(name="scipy")
+
+        monkeypatch.setattr("rtamt_gym.commands.judging.read_trace_of", lacking)
+        ((_, without),) = runner.run([("a.mat", None)])
+    assert "pip install '.[files]'" in without["error"]
+    assert (damaged["verdict"], without["verdict"]) == ("failed", "failed")
+    assert (damaged["retry"], without["retry"]) == (False, True)
+
+
 def test_a_scheduler_needs_a_backend(capsys: Output) -> None:
     assert judge("--scheduler", "tcp://x:1") == 2
     assert capsys.readouterr().err == (
