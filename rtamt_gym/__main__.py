@@ -13,7 +13,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from importlib import import_module
 from itertools import pairwise
@@ -93,6 +93,11 @@ class _Output:
             with self._dropping():
                 self._stream.write(text)
         return len(text)
+
+    def writelines(self, texts: Iterable[str]) -> None:
+        """Write texts."""
+        for text in texts:
+            self.write(text)
 
     def flush(self) -> None:
         """Write the buffered text."""
