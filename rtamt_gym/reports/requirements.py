@@ -196,14 +196,14 @@ def evidence(requirement: Requirement, noun: str) -> Iterator[Text]:
         yield Text(f"Triggered in {triggered} of {counted(judged, noun)}{certain}.", "asked")
         if requirement.vacuous:
             total = counted(requirement.vacuous, noun)
-            yield Text(f"Satisfied without an answer in {total}.", "asked hollow")
+            yield Text(f"Satisfied without an answer in {total}.", "asked warning")
     elif judged:
         word = never_triggered_word(unknown=requirement.unknown).capitalize()
-        yield Text(f"{word} in {counted(judged, noun)}.", "asked hollow")
+        yield Text(f"{word} in {counted(judged, noun)}.", "asked warning")
     if requirement.defaults:
         counts = requirement.defaults.items()
         parts = ", ".join(f"{text} in {counted(count, noun)}" for text, count in counts)
-        yield Text(f"Rests on a default: {parts}.", "asked hollow")
+        yield Text(f"Rests on a default: {parts}.", "asked warning")
 
 
 def trials_table(

@@ -4,8 +4,9 @@ Commands, JUnit, Markdown and the page read the same list of `VerdictWarning`. E
 this module, so it imports only what tables need.
 
 To add a warning: a function here that returns `VerdictWarning` objects, with ``fails`` set if an
-option makes the command fail. Add a row to ``docs/hollow.md`` and the command that shows it to
-``tests/rtamt_gym/commands/test_hollow.py``, which checks the output and the exit code of every row.
+option makes the command fail. Add a row to ``docs/warnings.md`` and the command that shows it to
+``tests/rtamt_gym/commands/test_warnings_page.py``, which checks the output and the exit code of
+every row.
 """
 
 from __future__ import annotations

@@ -157,7 +157,7 @@ def test_the_line_is_at_the_head_of_the_page_once() -> None:
     assert page.index(text) < page.index("At a glance")
 
 
-def test_the_page_says_what_makes_a_verdict_hollow(
+def test_the_page_shows_warnings_on_verdicts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

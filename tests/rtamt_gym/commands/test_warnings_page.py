@@ -13,7 +13,7 @@ import pytest
 from rtamt_gym.__main__ import main
 
 Output = pytest.CaptureFixture[str]
-PAGE = Path(__file__).parents[3] / "docs" / "hollow.md"
+PAGE = Path(__file__).parents[3] / "docs" / "warnings.md"
 SYSTEMS = """\
 import sys
 
