@@ -28,8 +28,8 @@ from rtamt_gym.shaping import Mode
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
-RUN_HERE = [page for page in PAGES if page.parent.name != "tutorials" and page.stem != "taliro"]
-"""`test_tutorials.py` plays the tutorials, each in a folder; `tests/optimizers` plays another."""
+RUN_HERE = [page for page in PAGES if page.parent.name != "tutorials"]
+"""`test_tutorials.py` plays the tutorials, each in a folder."""
 LONG = {"evaluation", "falsification", "sweeps"}
 """Pages whose examples take seconds: the quick suite runs the first."""
 SESSIONS = [
