@@ -3,8 +3,8 @@
 To add a scenario: a file in this folder with its ``SCENARIO``, and a row of `SCENARIOS`, which
 registers it and puts it under ``tests/rtamt_envs/test_contract.py``. Add ``test_NAME.py`` and, for
 the second model that shares no code with it, ``test_validation_NAME.py`` in ``tests/rtamt_envs``
-and a file in ``tests/support/models``. Add a row to each of the three tables of
-``docs/scenarios.md``.
+and a file in ``tests/support/models``. Add a row to both tables of scenarios in
+``docs/simulations.md``.
 """
 
 from __future__ import annotations

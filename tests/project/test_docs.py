@@ -199,7 +199,7 @@ def test_the_page_of_installation_has_every_extra() -> None:
         ("language", [row.symbol for row in OPERATORS.values() if row.notation == "call"]),
         ("learning", get_args(Mode)),
         ("results", [statistic.key for statistic in STATISTICS]),
-        ("scenarios", [f"rtamt/{scenario}-v0" for scenario in SCENARIOS]),
+        ("simulations", [f"rtamt/{scenario}-v0" for scenario in SCENARIOS]),
         ("sweeps", get_args(Sampler)),
         ("traces", [extension for row in FORMATS for extension in row.extensions]),
     ],
