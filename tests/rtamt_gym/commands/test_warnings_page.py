@@ -1,4 +1,4 @@
-"""Each row of the page on warnings: the printed text, the exit code, the option that fails."""
+"""Each row of the page on warnings: the printed text, the option that fails, the exit codes."""
 
 from __future__ import annotations
 
@@ -61,14 +61,37 @@ def frail(observation):
     return 0
 """
 
+TIRING = """\
+import gymnasium as gym
+from blinking import Blink
+
+
+class Tiring(Blink):
+    steps = 0
+
+    def step(self, action):
+        Tiring.steps += 1
+        shown = super().step(action)
+        return (*shown[:4], {"success": Tiring.steps <= 60})
+
+
+if "Tiring-v0" not in gym.registry:
+    gym.register("Tiring-v0", "tiring:Tiring")
+"""
+"""An environment that succeeds in its first six episodes only, with any seed."""
+
 
 class Row(NamedTuple):
-    """A row of the page."""
+    """A row of the page: ``fails`` is an option with its exit code, or a code without one."""
 
     what: str
     printed: str
-    code: int
     fails: str
+
+    @property
+    def code(self) -> int:
+        """The exit code without the option."""
+        return int(self.fails[0]) if self.fails[0].isdecimal() else 0
 
 
 class Shown(NamedTuple):
@@ -102,6 +125,12 @@ SOON = "late = always[0:0.2](abs(angle) < 1)"
 QUITS = POLE.replace("zero", "plants:quits")
 FRAIL = POLE.replace("zero", "plants:frail")
 GRANTED = "'always(gnt >= 3)'"
+LIMITS = {
+    **dict.fromkeys(("holes", "high"), "'low = always(gnt < 5)'"),
+    "two": "'low = always(gnt < 5); high = always(gnt < 6)'",
+    "changed": "'low = always(gnt < 5); high = always(gnt < 7)'",
+}
+"""The requirements of results that are compared."""
 LIMITED = "'input float64 limit = 5.0; float64 gnt; fine = always(gnt > limit)'"
 SHOWN: dict[str, Shown] = {
     "no trace triggers the requirement": Shown(f"monitor '{RESPONSE}' -- idle.csv calm.csv", ASKED),
@@ -111,17 +140,10 @@ SHOWN: dict[str, Shown] = {
     "unknown values may hide a trigger": Shown(
         f"monitor '{RESPONSE}' asks.csv --missing unknown", ASKED
     ),
-    "no requirement has an implication": Shown(
+    "no requirement has an implication, with `--require-triggered`": Shown(
         f"monitor 'grants = always(not (req >= 9) or gnt >= 3)' idle.csv {ASKED}"
     ),
-    "no episode of a policy triggers it": Shown(
-        f"evaluate {POLE} --spec '{LEAN}' --episodes 3 --at-termination cut", ASKED
-    ),
     "no simulation of a search triggers it": Shown(SEARCH, ASKED),
-    "no point of a sweep triggers it": Shown(
-        f"sweep {POLE} --requirement '{LEAN}' --vary env.gravity=9:10 --samples 2", ASKED
-    ),
-    "a saved case does not trigger it": Shown("replay case.json", ASKED),
     "one of several implications is never triggered": Shown(
         f"monitor '{BOTH}' -- idle.csv busy.csv"
     ),
@@ -137,6 +159,10 @@ SHOWN: dict[str, Shown] = {
     "the recording is short": Shown(f"monitor {GRANTED} short.csv", "--min-duration 10s"),
     "the recording has a gap of hours": Shown(
         f"monitor {GRANTED} gap.csv --jitter 5%", "--max-gap 10s", "--jitter 5%"
+    ),
+    "a variable never changes": Shown(f"monitor {GRANTED} short.csv"),
+    "a value is outside its declared range": Shown(
+        "monitor 'input float gnt in [0, 5]; p = always(gnt >= 3)' short.csv", "--strict-ranges"
     ),
     "a value is unknown": Shown(f"monitor {GRANTED} holes.csv --missing unknown"),
     "a cell is empty": Shown(f"monitor {GRANTED} holes.csv"),
@@ -157,8 +183,12 @@ SHOWN: dict[str, Shown] = {
     "one trace is unreadable, and the others satisfy": Shown(
         f"monitor {GRANTED} -- idle.csv broken.csv"
     ),
+    "a folder of traces has other files": Shown(f"monitor {GRANTED} -- runs", "--min-traces 2"),
     "B lacks a recording, a requirement or a time of A": Shown(
         "compare both.json idle.json", "--require-all"
+    ),
+    "a requirement has another text in B": Shown(
+        "compare two.json changed.json --accept-changed", "--require-all"
     ),
     "A does not decide whether a violation of B is new": Shown("compare holes.json high.json"),
     "all simulations of a search leave a requirement undecided": Shown(
@@ -168,7 +198,16 @@ SHOWN: dict[str, Shown] = {
         FADES, "--at-termination failure", "--at-termination cut"
     ),
     "points of a sweep leave it undecided": Shown(
-        f"sweep {POLE} --requirement '{SOON}' --vary env.gravity=9:10 --samples 2 --duration 0.1"
+        f"sweep {POLE} --requirement '{SOON}' --vary env.gravity=9:10 --samples 2 --duration 0.1",
+        "--require-satisfied",
+    ),
+    "no point of a sweep satisfies it": Shown(
+        f"sweep {POLE} --requirement 'right = always(angle > 2)' --vary env.gravity=9:10 "
+        "--samples 2",
+        "--require-satisfied",
+    ),
+    "an input of a search has no effect": Shown(
+        f"falsify plants:server {GRANTED} --vary load=0:1 --budget 10 --period 1"
     ),
     "some simulations of a search failed": Shown(
         SEARCH.replace(":server", ":half").replace(RESPONSE, "always(gnt >= 3)")
@@ -184,26 +223,12 @@ SHOWN: dict[str, Shown] = {
         "--target 0.95",
         "--episodes 6",
     ),
-    "a system calls `sys.exit` in all simulations": Shown(SEARCH.replace(":server", ":leaves")),
-    "a system calls `sys.exit` in some simulations": Shown(
-        SEARCH.replace(":server", ":leaves_at_times").replace(RESPONSE, "always(gnt >= 3)")
-    ),
-    "a policy calls `sys.exit` in some episodes": Shown(
-        f"evaluate {QUITS} {STANDS} --episodes 6 --at-termination cut",
-        "--target 0.95",
-        "--episodes 6",
-    ),
-    "a module calls `sys.exit` at import": Shown(SEARCH.replace("plants:", "exits:")),
     "the environment ended while a requirement was undecided": Shown(
         f"evaluate {POLE} {STANDS} --target 0.5", "--at-termination failure"
     ),
     "the environment ended inside a bounded window": Shown(
         f"evaluate {POLE} --spec 'late = always[0:20](abs(angle) < 1)' --target 0.5",
         "--at-termination failure",
-    ),
-    "the environment of a sweep ended inside one": Shown(
-        f"sweep {POLE} --requirement '{SOON.replace('0.2', '1')}' "
-        "--vary env.gravity=9:10 --samples 2"
     ),
     "success at some step does not last": Shown(
         "evaluate blinking:Blink-v0 --policy zero --success --episodes 6 --hold 900ms",
@@ -213,13 +238,18 @@ SHOWN: dict[str, Shown] = {
     "seeds do not repeat episodes": Shown(
         "evaluate blinking:Wild-v0 --policy zero --success --episodes 2"
     ),
+    "an episode differs when it is played again": Shown(
+        "evaluate tiring:Tiring-v0 --policy zero --success --episodes 6 --report page.html"
+    ),
     "there are too few episodes for `--target`": Shown(
         f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"
     ),
     "traces do not test the numbers of a requirement": Shown(
         f"monitor --mutants '{RESPONSE}' busy.csv", "--min-killed 80%"
     ),
+    "surviving mutants may mean the same": Shown(f"monitor --mutants {GRANTED} --dense short.csv"),
     "a saved case now has another verdict": Shown("replay other.json"),
+    "a saved case has no hashes of its model": Shown("replay bare.json"),
     "a report shows a saved case without running it": Shown(
         "report gone.json -o page.html", "--play"
     ),
@@ -227,13 +257,65 @@ SHOWN: dict[str, Shown] = {
 }
 
 
+SENTENCES: dict[Row, Shown] = {
+    Row(
+        "no episode of a policy triggers it",
+        "never triggered: right in 0 of 3 episodes",
+        "`--require-triggered`: 3",
+    ): Shown(f"evaluate {POLE} --spec '{LEAN}' --episodes 3 --at-termination cut", ASKED),
+    Row(
+        "no point of a sweep triggers it",
+        "never triggered: right in 0 of 2 simulations",
+        "`--require-triggered`: 3",
+    ): Shown(f"sweep {POLE} --requirement '{LEAN}' --vary env.gravity=9:10 --samples 2", ASKED),
+    Row(
+        "a saved case does not trigger it",
+        "never triggered: answered in 0 of 1 run",
+        "`--require-triggered`: 3",
+    ): Shown("replay case.json", ASKED),
+    Row(
+        "a system calls `sys.exit` in all simulations",
+        "the first with InputError: leaves called sys.exit(0), which is no end",
+        "2",
+    ): Shown(SEARCH.replace(":server", ":leaves")),
+    Row(
+        "a system calls `sys.exit` in some simulations",
+        "InputError: leaves_at_times called sys.exit(0), which is no end",
+        "3",
+    ): Shown(SEARCH.replace(":server", ":leaves_at_times").replace(RESPONSE, "always(gnt >= 3)")),
+    Row(
+        "a policy calls `sys.exit` in some episodes",
+        "InputError: the policy plants:quits called sys.exit(0)",
+        "`--target 0.95`: 1",
+    ): Shown(
+        f"evaluate {QUITS} {STANDS} --episodes 6 --at-termination cut",
+        "--target 0.95",
+        "--episodes 6",
+    ),
+    Row(
+        "a module calls `sys.exit` at import",
+        "cannot import exits: it called sys.exit(0)",
+        "2",
+    ): Shown(SEARCH.replace("plants:", "exits:")),
+    Row(
+        "the environment of a sweep ended inside a bounded window",
+        "note: the environment ended an episode inside a bounded window",
+        "-",
+    ): Shown(
+        f"sweep {POLE} --requirement '{SOON.replace('0.2', '1')}' "
+        "--vary env.gravity=9:10 --samples 2"
+    ),
+}
+"""Cases that the page describes in a sentence outside its tables."""
+
+
 def rows() -> list[Row]:
     """The rows of the page."""
     found = []
     for line in PAGE.read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split(" | ")]
-        if line.startswith("| ") and len(cells) == 4 and cells[0] != "Case":
-            found.append(Row(cells[0], cells[1].strip("`"), int(cells[2]), cells[3].strip()))
+        if line.startswith("| ") and len(cells) == 3 and cells[0] != "Case":
+            found.append(Row(cells[0], cells[1].strip("`"), cells[2].strip()))
     return found
 
 
@@ -256,6 +338,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "broken.csv").write_text("time [s],gnt\n0,x\n")
     (tmp_path / "plants.py").write_text(SYSTEMS)
     (tmp_path / "exits.py").write_text("import sys\n\nsys.exit(0)\n")
+    (tmp_path / "tiring.py").write_text(TIRING)
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "idle.csv").write_bytes((tmp_path / "idle.csv").read_bytes())
+    (tmp_path / "runs" / "picture.png").touch()
     return tmp_path
 
 
@@ -266,6 +352,9 @@ def cases(folder: Path, capsys: Output) -> None:
     kept = json.loads((folder / "case.json").read_text())
     kept["expected"]["verdict"] = "VIOLATED"
     (folder / "other.json").write_text(json.dumps(kept))
+    bare = {key: value for key, value in kept.items() if key != "fingerprint"}
+    bare["expected"] = bare["expected"] | {"verdict": "SATISFIED"}
+    (folder / "bare.json").write_text(json.dumps(bare))
     kept["system"] = {"object": "plants:leaves"}
     (folder / "gone.json").write_text(json.dumps(kept))
     capsys.readouterr()
@@ -275,20 +364,22 @@ def cases(folder: Path, capsys: Output) -> None:
         ("idle", "idle.csv"),
         ("holes", "holes.csv"),
         ("high", "high.csv"),
+        ("two", "idle.csv"),
+        ("changed", "idle.csv"),
     ):
-        limit = "'low = always(gnt < 5)'" if name in ("holes", "high") else GRANTED
+        limit = LIMITS.get(name, GRANTED)
         main(shlex.split(f"monitor {limit} --json --occurrences --missing unknown -- {traces}"))
         (folder / f"{name}.json").write_text(capsys.readouterr().out)
 
 
-def test_every_row_of_the_page_is_shown() -> None:
+def test_every_row_has_a_command() -> None:
     assert [row.what for row in rows()] == list(SHOWN)
 
 
 @pytest.mark.usefixtures("cases")
-@pytest.mark.parametrize("row", rows(), ids=lambda row: row.what)
-def test_it_is_printed_and_fails_as_the_page_says(row: Row, capsys: Output) -> None:
-    shown = SHOWN[row.what]
+@pytest.mark.parametrize("row", [*rows(), *SENTENCES], ids=lambda row: row.what)
+def test_row_is_true(row: Row, capsys: Output) -> None:
+    shown = SENTENCES.get(row) or SHOWN[row.what]
     assert main(shown.words(fails=False)) == row.code, capsys.readouterr()
     said = "".join(capsys.readouterr())
     assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("rtamt: "))
