@@ -27,7 +27,7 @@ To add a semantics, add its name to `SemanticsName` and the value of its predica
 A value other than the three of `PredicateValue` needs an instruction in `rtamt.program.lowering`.
 If every predicate has a truth value, add the name to ``EXACT`` of `rtamt_gym.judging.monitors`.
 Describe it in the option ``semantics`` of `rtamt.monitors.options` and of
-`rtamt_gym.options.evaluation`, and in both tables of ``docs/interface.md``.
+`rtamt_gym.options.evaluation`, and in both tables of ``docs/language.md``.
 ``tests/support/interface_oracle.py`` defines each semantics again.
 """
 
