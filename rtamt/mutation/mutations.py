@@ -6,7 +6,7 @@ ASE 2000; for temporal requirements by Trakhtenbrot, "Mutation patterns for temp
 reactive systems", ICSTW 2017.
 
 To add a kind of mutant: a row of `MUTATIONS` with a generator of changes over `RequirementText`.
-``tests/rtamt/mutation/test_mutants.py`` lists the mutants of each row, and ``docs/mutants.md``
+``tests/rtamt/mutation/test_mutants.py`` lists the mutants of each row, and ``docs/checking.md``
 describes it in a line.
 """
 

@@ -68,7 +68,7 @@ def add_search(parser: argparse.ArgumentParser, horizon: int, why: str = "") -> 
         ),
         Option(
             "--timeout SECONDS",
-            "time limit time limit time limit for each question",
+            "time limit for each question",
             default=10.0,
             usual="10",
             read=float,

@@ -1,6 +1,6 @@
 """Which share of the mutants of the repository's own requirements its own traces notice.
 
-``python tests/bench/suites.py`` prints the table of ``docs/mutants.md``: a row for each requirement
+``python tests/bench/suites.py`` prints a table: a row for each requirement
 in the commands that the pages show, with the traces that these commands judge, and for the suites
 that are made of these traces and of ``examples/edges``. ``--missed`` prints the mutants that no
 trace notices too. Needs the extra ``check``.
