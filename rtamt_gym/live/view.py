@@ -28,8 +28,9 @@ class RerunView:
     verdicts wait for the viewer, the viewer is detached with a warning; the file holds all.
 
     The newest sample of an episode is sent with the next one, or at the end of the episode, because
-    the end may change its bounds. Copies of a monitor have no view. The page *Streams* describes
-    the entities and timelines. It needs ``rerun-sdk``, the extra ``rerun``.
+    the end may change its bounds. Copies of a monitor have no view. The page *Live view,
+    pictures and videos* describes the entities and timelines. It needs ``rerun-sdk``, the extra
+    ``rerun``.
 
     Args:
         path: The ``.rrd`` file to write. Default: none.
