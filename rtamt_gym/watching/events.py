@@ -67,8 +67,10 @@ class EventGroup:
         self._first: RawTimes = np.zeros(0, np.int64)
         self._changes: list[tuple[float, RowValues]] = []
         """The values from the row before on, with their times."""
-        self.samples = self.rows = 0
+        self.samples = 0
         self.stopped = False
+        self.stop_line = 0
+        """The line of the row at which ``--stop`` ended the stream."""
 
     def lose(self) -> None:
         """Note that a line was left out: values are unknown from the last row to the next."""
@@ -86,6 +88,7 @@ class EventGroup:
             except InputError as error:
                 raise RowFault(at, without_place(error), skippable=False) from error
             if self.stopped:
+                self.stop_line = lines[at]
                 return
 
     def _row(self, row: list[float], raw: RawTimes, line: int) -> None:

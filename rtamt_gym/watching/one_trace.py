@@ -15,7 +15,9 @@ from rtamt.columns import (
     may_tell_objects,
     names_objects,
     next_episode,
+    objects_by_turns,
     tells_objects,
+    turns_in,
 )
 from rtamt_gym.recorded.cells import floats_in
 from rtamt_gym.recorded.dates import RawTimes
@@ -42,12 +44,17 @@ class Guard(Protocol):
     def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
         """Take in the cells of a block and its times; raise RowFault at a row of another trace."""
 
-    def finish(self) -> str:
-        """Return the fault that the end of the stream shows; empty without one."""
+    def finish(self, *, early: bool, beyond: int = 0) -> str:
+        """Return the fault that the rows so far show; empty without one.
+
+        Args:
+            early: Whether ``--stop`` has ended the stream, so that its last row is not known.
+            beyond: The number of rows after the stop, which do not count.
+        """
 
 
 def guards_of(
-    name: str, read: Collection[str], *, texts: bool, timed: bool, first: bool
+    name: str, read: Collection[str], *, texts: bool, timed: bool, first: bool, uneven: bool = False
 ) -> list[Guard]:
     """Return the checks of a column that no requirement reads.
 
@@ -57,13 +64,16 @@ def guards_of(
         texts: Whether it holds texts.
         timed: Whether the stream has times; without them, numbers of rows may start again.
         first: Whether it is the first column.
+        uneven: Whether times may be at uneven distances.
     """
     if flagged_row(name):
         return [FlagGuard(name, timed=timed)]
     guards: list[Guard] = [ObjectGuard(name, read, texts=texts)]
     if not timed:
         return [*guards, CountGuard(name, first=first)]
-    return [*guards, OrderGuard(name, read)] if texts else guards
+    if texts:
+        return [*guards, OrderGuard(name, read)]
+    return [*guards, TurnGuard(name)] if uneven else guards
 
 
 def _another_trace(name: str) -> str:
@@ -101,8 +111,9 @@ class FlagGuard:
             raise RowFault(row - before, _another_trace(self.name), skippable=False)
         self._last = texts[-1:]
 
-    def finish(self) -> str:
+    def finish(self, *, early: bool, beyond: int = 0) -> str:
         """Return no fault: every row has been checked."""
+        del early, beyond
         return ""
 
 
@@ -145,27 +156,28 @@ class CountGuard:
         soon = count <= _FEW or (falls and self._falls <= _FALLS)
         if self._falls and (soon or count >= 2 * self._checked):
             self._checked = count
-            row = self._restart()
+            row = self._restart(count)
             if row is not None:
                 raise RowFault(max(row - before, 0), _another_trace(self.name), skippable=False)
         if count > 2 * _MOST:
             del self._values[1:-_MOST]
 
-    def _restart(self) -> int | None:
-        return count_restart(self.name, np.array(self._values), first=self._first)
+    def _restart(self, count: int) -> int | None:
+        return count_restart(self.name, np.array(self._values[:count]), first=self._first)
 
-    def finish(self) -> str:
-        """Return the fault that the end of the stream shows; empty without one."""
+    def finish(self, *, early: bool, beyond: int = 0) -> str:
+        """Return the fault that the rows so far show; empty without one."""
         if not self._counts:
             return ""
         if self._footer:
-            if self._first and has_footer(np.array([*self._values, np.nan])):
+            if not early and self._first and has_footer(np.array([*self._values, np.nan])):
                 return (
                     f"expected samples, but the last row has no number in '{self.name}', as a row "
                     "of totals. Remove it, or give --one-trace if it is a sample."
                 )
             return ""
-        return _another_trace(self.name) if self._falls and self._restart() is not None else ""
+        count = len(self._values) - beyond
+        return _another_trace(self.name) if self._falls and self._restart(count) is not None else ""
 
 
 def _several_values(row: int, name: str, value: str) -> RowFault:
@@ -229,8 +241,9 @@ class ObjectGuard:
         numbers = None if self._texts else floats_in(texts)
         return tells_objects(self.name, np.array(texts if numbers is None else numbers), self._read)
 
-    def finish(self) -> str:
+    def finish(self, *, early: bool, beyond: int = 0) -> str:
         """Return no fault: every row has been checked."""
+        del early, beyond
         return ""
 
 
@@ -273,12 +286,67 @@ class OrderGuard:
             return False
         return not are_even(np.concatenate(self._times)[:count])
 
-    def finish(self) -> str:
-        """Return the fault that the end of the stream shows; empty without one."""
-        count = len(self._texts)
-        if not count or count > _KEYS or not self._alternates(count):
+    def finish(self, *, early: bool, beyond: int = 0) -> str:
+        """Return the fault that the rows so far show; empty without one."""
+        del early
+        count = len(self._texts) - beyond
+        if count <= 0 or count > _KEYS or not self._alternates(count):
             return ""
-        return _several_values(0, self.name, self._texts[-1]).reason
+        return _several_values(0, self.name, self._texts[count - 1]).reason
+
+
+class TurnGuard:
+    """Notices whole numbers that take turns at uneven times, as numbers of interleaved objects do.
+
+    Args:
+        name: The column.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._values: list[float] = []
+        self._times: list[RawTimes] = []
+        self._next, self._numbers = _EARLY, True
+
+    def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
+        """Take in the cells of a block and its times.
+
+        Raises:
+            RowFault: If the numbers so far take turns.
+        """
+        if times is None or not self._numbers or len(self._values) > _KEYS:
+            return
+        values = floats_in(list(map(cell_text, cells)), gaps=True)
+        if values is None:
+            self._numbers = False
+            self._values, self._times = [], []
+            return
+        before = len(self._values)
+        self._values += values.tolist()
+        self._times.append(plain_times(times))
+        while self._next <= len(self._values):
+            count, self._next = self._next, 2 * self._next
+            if self._take_turns(count):
+                raise _several_values(max(count - 1 - before, 0), self.name, self._text(count))
+
+    def _take_turns(self, count: int) -> bool:
+        times = np.concatenate(self._times)[:count]
+        if are_even(times) or not (times[1:] > times[:-1]).all():
+            return False
+        turns = turns_in(times)
+        values = np.array(self._values[:count])
+        return bool(turns) and objects_by_turns({self.name: values}, turns) is not None
+
+    def _text(self, count: int) -> str:
+        return f"{self._values[count - 1]:.0f}"
+
+    def finish(self, *, early: bool, beyond: int = 0) -> str:
+        """Return the fault that the rows so far show; empty without one."""
+        del early
+        count = len(self._values) - beyond
+        if count <= 0 or count > _KEYS or not self._take_turns(count):
+            return ""
+        return _several_values(0, self.name, self._text(count)).reason
 
 
 _EARLY: Final = 64

@@ -67,8 +67,10 @@ class SampledGroup:
         self._last = 0.0
         self._steps = StepCounter("" if clock is None else clock.source)
         self._gap = False
-        self.samples = self.rows = 0
+        self.samples = 0
         self.stopped = False
+        self.stop_line = 0
+        """The line of the row at which ``--stop`` ended the stream."""
         self._kept: list[Floats] = []
         rules.undecided += len(rules.specs)
         rules.evidence.begin()
@@ -81,7 +83,7 @@ class SampledGroup:
         self._held = None if self._held is None else [math.nan] * len(self._held)
         if not self._gap:
             self._steps.lose()
-            self._take(np.full((1, len(self._rules.variables)), math.nan))
+            self._take(np.full((1, len(self._rules.variables)), math.nan), ())
 
     def feed(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
         """Take in rows.
@@ -108,7 +110,7 @@ class SampledGroup:
 
     def _feed(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
         if raw is None or self._clock_rules is None:
-            self._take(values)
+            self._take(values, lines)
             return
         at = 0
         if self._clock is None and self._stated:
@@ -156,7 +158,7 @@ class SampledGroup:
         self._clock, self._first, self._two = clock, None, both
         self._start()
         self._last, self._last_raw, self._last_row = float(clock.since(raw)[0]), raw, row
-        self._take(np.array([before, row]))
+        self._take(np.array([before, row]), [line])
 
     def _timed(self, values: Floats, raw: RawTimes, lines: Sequence[int]) -> None:
         """Take in rows with times, after the clock is known."""
@@ -181,7 +183,7 @@ class SampledGroup:
             self._gap = False
             if self._stated:
                 self._steps.add(since[:good], lines[:good])
-            if self._take(values[:good]):
+            if self._take(values[:good], lines):
                 return
             self._last = float(since[good - 1])
             self._last_raw, self._last_row = raw[good - 1 : good], values[good - 1].tolist()
@@ -189,7 +191,9 @@ class SampledGroup:
             return
         if good == count:
             raise RowFault(good, f"expected a finite time, got {raw[good]}")
-        self._odd_row(values[good].tolist(), raw[good : good + 1], float(since[good]), good)
+        self._odd_row(
+            values[good].tolist(), raw[good : good + 1], float(since[good]), good, lines[good]
+        )
         if good + 1 < len(values) and not self.stopped:
             try:
                 self._timed(values[good + 1 :], raw[good + 1 :], lines[good + 1 :])
@@ -197,7 +201,7 @@ class SampledGroup:
                 fault.row += good + 1
                 raise
 
-    def _odd_row(self, row: RowValues, raw: RawTimes, since: float, at: int) -> None:
+    def _odd_row(self, row: RowValues, raw: RawTimes, since: float, at: int, line: int) -> None:
         """Take in a row that is not the next sample: the same instant, or after a gap."""
         assert self._last_raw is not None, "a row came before"  # noqa: S101 - for mypy
         self._check_back(self._last_raw, raw, at)
@@ -210,7 +214,7 @@ class SampledGroup:
         if self._lost and self._gap and 2 <= steps <= _UNKNOWN and off <= 0.05 * period:
             self._gap = False
             self._last, self._last_raw, self._last_row = since, raw, row
-            self._take(np.array([*[[math.nan] * len(row)] * (steps - 1), row]))
+            self._take(np.array([*[[math.nan] * len(row)] * (steps - 1), row]), [line])
             return
         start = 0.0 if self._clock is None else self._clock.start
         text = f"{time_text(start + since, period)} after {time_text(start + self._last, period)}"
@@ -279,19 +283,22 @@ class SampledGroup:
     def _start(self) -> None:
         self._states = [SampledState(self._rules, name, self._period) for name in self._rules.specs]
 
-    def _take(self, values: Floats) -> bool:
-        """Update the monitors with samples; return whether the stream stops."""
+    def _take(self, values: Floats, lines: Sequence[int]) -> bool:
+        """Update the monitors with samples of some lines; return whether the stream stops."""
         before = self.samples
         if self._rules.evidence.add(len(values)):
             self._kept.append(values)
         else:
             self._kept.clear()
         try:
-            return self._update(values)
+            stopped = self._update(values)
+            if stopped and lines:
+                self.stop_line = lines[min(self.samples - before, len(lines)) - 1]
         except InputError as error:  # as of a term without a value, sqrt(-1)
             at = max(state.monitor.samples for state in self._states) - before
             self.samples = min(state.monitor.samples for state in self._states)
             raise RowFault(at, str(error), skippable=False) from None
+        return stopped
 
     def _update(self, values: Floats) -> bool:
         states, at = self._states, 0
@@ -410,7 +417,7 @@ class SampledGroup:
                     f"from, which {listing(timed)} needs, got one. Give --period in seconds."
                 )
             self._start()
-            self._take(np.array([row]))
+            self._take(np.array([row]), ())
         rules = self._rules
         open_ = (
             sum(not state.verdict for state in self._states) if self._states else len(rules.specs)

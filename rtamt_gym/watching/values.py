@@ -71,6 +71,7 @@ class _Guarded(NamedTuple):
     texts: bool
     timed: bool
     first: bool
+    uneven: bool
 
 
 class _Head(Recording):
@@ -171,12 +172,12 @@ class StreamColumns:
             timed = self.time is not None
             uneven = timed and (self._dense or self._period)
             self._guarded = {
-                name: _Guarded(name in head.texts, timed, name == names[0])
+                name: _Guarded(name in head.texts, timed, name == names[0], uneven)
                 for name in dict.fromkeys(names)
                 if name not in used
                 and (
                     may_tell_objects(name, read, timed=timed, first=name == names[0])
-                    or (uneven and name in head.texts)
+                    or (uneven and name not in head.dates)
                 )
             }
         return [*dict.fromkeys([*needed, *times, *by, *self._guarded])]
@@ -235,8 +236,8 @@ class StreamColumns:
         if guards is None:
             guards = self._guards[group] = [
                 guard
-                for name, (texts, timed, first) in self._guarded.items()
-                for guard in guards_of(name, self._read, texts=texts, timed=timed, first=first)
+                for name, columns in self._guarded.items()
+                for guard in guards_of(name, self._read, **columns._asdict())
             ]
         faults = []
         for guard in guards:
@@ -262,9 +263,16 @@ class StreamColumns:
             return None
         return cell_text(cells[row]).strip() or None
 
-    def end_trace(self, group: str | None) -> str:
-        """Return the fault that the end of a trace shows; empty if its rows were one trace."""
-        faults = (guard.finish() for guard in self._guards.pop(group, ()))
+    def end_trace(self, group: str | None, *, early: bool = False, beyond: int = 0) -> str:
+        """Return the fault that the rows of a trace show; empty if they were one trace.
+
+        Args:
+            group: The group; None without groups.
+            early: Whether ``--stop`` has ended the stream.
+            beyond: The number of rows after the stop, which do not count.
+        """
+        guards = self._guards.pop(group, ())
+        faults = (guard.finish(early=early, beyond=beyond) for guard in guards)
         return next(filter(None, faults), "")
 
     def _one_by_one(self, block: RowBlock) -> Numbered:

@@ -104,7 +104,7 @@ class StreamWatch:
         self._clock: ClockRules | None = None
         self.traces: dict[str | None, Group] = {}
         self._touched: Group | None = None
-        self._guarded = 0
+        self._guarded = self._beyond = 0
         self._idle = IdleGroups(float(options.group_idle or 0), source)
         self._lost = LostStarts(options.max_groups)
         self._stream_clock: StreamClock | None = None
@@ -230,7 +230,8 @@ class StreamWatch:
             except RowFault as error:
                 return error
             return None
-        count, fault = self._one_trace(None, block, numbered.times, 0, len(numbered.values))
+        rows = len(numbered.values)
+        count, fault = self._one_trace(None, block, numbered.times, 0, rows)
         if not count:
             return fault
         times = None if numbered.times is None else numbered.times[:count]
@@ -242,8 +243,14 @@ class StreamWatch:
             fault = error
         self.rows += fault.row if fault else count
         self.rows = max(self.rows, 1) if trace.samples > before else self.rows
-        self.stopped = trace.stopped
+        self._note_stop(trace, block.lines[:rows])
         return fault
+
+    def _note_stop(self, trace: Group, lines: Sequence[int]) -> None:
+        """Note whether a trace has stopped the stream, and how many of its rows lie beyond."""
+        self.stopped = trace.stopped
+        if trace.stopped:
+            self._beyond = sum(line > trace.stop_line for line in lines)
 
     def _one_trace(
         self, group: str | None, block: RowBlock, times: RawTimes | None, begin: int, end: int
@@ -288,6 +295,7 @@ class StreamWatch:
         self, group: str, numbered: Numbered, block: RowBlock, begin: int, end: int
     ) -> None:
         """Judge successive rows of one group."""
+        lines = block.lines[begin:end]
         end, other = self._one_trace(group, block, numbered.times, begin, end)
         if end > begin:
             times = None if numbered.times is None else numbered.times[begin:end]
@@ -298,7 +306,7 @@ class StreamWatch:
                 fault.row += begin
                 raise
             self.rows += end - begin
-            self.stopped = trace.stopped
+            self._note_stop(trace, lines)
         if other is not None and not self.stopped:
             raise other
 
@@ -347,7 +355,11 @@ class StreamWatch:
 
     def _finish(self, trace: Group, end: End, *, early: bool = False) -> None:
         """End a trace and emit its final lines."""
-        fault = self._cells.end_trace(trace.group) if not early else ""
+        # After an error or Ctrl-C, no exit code says that the verdicts can be relied on.
+        fault = ""
+        if self.stopped or not early:
+            beyond = self._beyond if trace.stopped else 0
+            fault = self._cells.end_trace(trace.group, early=early, beyond=beyond)
         try:
             lines = trace.finish(end, early=early)
         except (InputError, RowFault) as error:

@@ -13,6 +13,7 @@ from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.watching.settings import WatchOptions
+from rtamt_gym.watching.states import StreamStop
 from rtamt_gym.watching.watch import StreamWatch
 
 Output = pytest.CaptureFixture[str]
@@ -133,3 +134,48 @@ def test_numbered_objects_are_refused_as_in_a_file(
     code = main(["monitor", SPEC, str(path)])
     assert code == (2 if {*values} == {1, 2} else 0)
     assert main(["watch", SPEC, str(path)]) == code
+
+
+@pytest.mark.parametrize("count", [9, 90, 300])
+@pytest.mark.parametrize("options", [["--dense"], ["--period", "100ms"]])
+@pytest.mark.parametrize("ids", [(3, 7), (3, 7, 12), (0, 1), (0.5, 1.5), (3, 3)])
+@pytest.mark.parametrize("name", ["zone", "gear"])
+def test_numbers_in_turns_are_refused_as_in_a_file(
+    name: str, ids: Sequence[float], options: list[str], count: int, tmp_path: Path
+) -> None:
+    turns = len(ids)
+    times = [round(i // turns + 0.1 * (i % turns), 3) for i in range(count)]
+    rows = [[time, ids[i % turns], 1] for i, time in enumerate(times)]
+    path = tmp_path / "trace.csv"
+    path.write_text(table(f"time,{name},x", rows))
+    code = main(["monitor", SPEC, str(path), *options])
+    assert code == (2 if ids[:2] == (3, 7) and name == "zone" else 0)
+    assert main(["watch", SPEC, str(path), *options]) == code
+    assert main(["watch", SPEC, str(path), *options, "--one-trace"]) == 0
+    assert main(["watch", SPEC, str(path), *options, "--by", name]) == 0
+
+
+@pytest.mark.parametrize("size", [1, 10_000])
+@pytest.mark.parametrize(("objects", "column"), [(["P3", "P7"], "plate"), ([3, 7], "zone")])
+@pytest.mark.parametrize(("stop", "stopping"), [("violation", -1), ("decided", 1)])
+def test_objects_are_looked_for_at_a_stop(
+    stop: StreamStop, stopping: int, objects: list[object], column: str, size: int
+) -> None:
+    """A stop after some rounds is refused; one in the first rows, which show nothing, is not."""
+    for last, refused in ((3, False), (13, True)):
+        rows = [
+            [i // 2 + 0.1 * (i % 2), objects[i % 2], stopping if i == last else 1]
+            for i in range(20)
+        ]
+        spec = SPEC if stop == "violation" else f"always[0:{rows[last][0]}](x > 0)"
+        reading = EvaluationOptions(dense=True)
+        options = WatchOptions({"it": rtamt.parse(spec)}, reading, Columns(), stop=stop)
+        watch = StreamWatch(options, "stream", lambda _: None)
+        raw = table(f"time,{column},x", rows).encode()
+        for at in range(0, len(raw), size):
+            if not watch.stopped:
+                watch.add(raw[at : at + size])
+        assert watch.stopped
+        watch.finish(early=True)
+        assert bool(watch.failures) == refused, last
+        assert (watch.exit_code() == 2) == refused
