@@ -18,9 +18,9 @@ To add a key, compute its value for one environment, for a batch and for arrays:
   `rtamt_arrays.judging` calls too.
 
 Describe it in the docstring of `StlMonitor` and in ``docs/gymnasium.md``. A key of every info is
-also an array of `relabel`: list it in its docstring and in ``docs/tools.md``. The exact keys are
-in ``test_stl_monitor.py`` and ``test_parallel_monitor.py`` of ``tests/rtamt_gym/wrappers``. The
-contract in ``tests/support/array_requirements.py`` compares arrays with the vector wrapper.
+also an array of `relabel`: list it in its docstring. The exact keys are in ``test_stl_monitor.py``
+and ``test_parallel_monitor.py`` of ``tests/rtamt_gym/wrappers``. The contract in
+``tests/support/array_requirements.py`` compares arrays with the vector wrapper.
 """
 
 from __future__ import annotations
