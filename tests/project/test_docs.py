@@ -124,6 +124,8 @@ def _reference(package: str) -> str:
 def test_the_reference_has_every_public_name_once(module: object) -> None:
     name = getattr(module, "__name__", "")
     said = re.findall(r"^\.\. (?:auto|py:)\w+:: (\S+)$", _reference(name), re.MULTILINE)
+    dotted = re.findall(r"^\.\. auto\w+:: (\S+\.\S+)$", _reference(name), re.MULTILINE)
+    assert [each for each in dotted if not each.startswith(f"{name}.")] == [], "use full names"
     shown = [each.removeprefix(f"{name}.") for each in said]
     assert {each for each in shown if shown.count(each) > 1} == set()
     wanted = set(getattr(module, "__all__", ()))
