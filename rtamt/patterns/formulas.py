@@ -222,7 +222,7 @@ def in_order(*several: ConditionLike, within: Exact | None = None) -> Formula:
     that reaches the last stage, and violated at the end of a trace that does not reach all stages.
 
     The formula has `stages`, and monitors of environments report the progress of an episode in
-    them. `rtamt.EpisodeMonitor` takes up to seven stages without ``within``.
+    them. `rtamt.EpisodeMonitor` takes up to nine stages without ``within``.
 
     Args:
         several: The stages, at least two.

@@ -63,7 +63,7 @@ def episode(
     The arguments are those of `online`.
 
     Raises:
-        SpecificationError: If a bound is not a multiple of the period, or if more than six
+        SpecificationError: If a bound is not a multiple of the period, or if more than eight
             unbounded operators are inside others.
         InputError: As `online` does.
 
