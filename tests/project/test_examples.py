@@ -123,9 +123,7 @@ def test_a_pattern_is_satisfied_by_its_first_trace_and_violated_by_its_second(ru
         assert float(above) >= 0 > float(below)
 
 
-def test_the_page_on_patterns_has_the_words_the_traces_and_a_picture_of_each(
-    tmp_path: Path,
-) -> None:
+def test_page_of_patterns_has_words_and_picture_of_each(tmp_path: Path) -> None:
     page = (EXAMPLES.parent / "docs" / "patterns.md").read_text(encoding="utf-8")
     pictures = re.findall(r"\]\(examples/patterns/(.+)\)", page)
     assert len(CATALOGUE) == len(pictures)
@@ -133,11 +131,7 @@ def test_the_page_on_patterns_has_the_words_the_traces_and_a_picture_of_each(
     for pattern, picture in zip(CATALOGUE, pictures, strict=True):
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
         shown = page.partition(f"examples/patterns/{picture}")[2].partition("\n### ")[0]
-        assert f"\n{pattern.formula}\n" in shown
-        assert rtamt.language.words.in_words(pattern.formula) in shown
-        for trace in (pattern.satisfying, pattern.violating):
-            for name, values in trace.items():
-                assert f"{name}=[{', '.join(f'{value:g}' for value in values)}]" in shown
+        assert f"\n*{rtamt.language.words.in_words(pattern.formula)}*\n" in shown
 
 
 def test_operators_hold_where_their_meaning_says(run: Runner) -> None:
