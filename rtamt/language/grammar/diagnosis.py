@@ -514,7 +514,7 @@ _ROWS: Final[tuple[tuple[str, _Hint], ...]] = (
     ),
     # MATLAB
     (r"~=", _fixed("write !=")),
-    (r"~", _fixed("write 'not'; of a signal of 0 and 1 write x == 0, as x alone means x >= 0")),
+    (r"~", _fixed("write 'not'; for a signal of 0 and 1 write x < 0.5, as x alone means x >= 0")),
     (r"\.\^", _fixed("write pow(x, 2) for x.^2")),
     (r"\.[*/]", _fixed("write it without the dot: all values are numbers")),
     (r"[#%]", _fixed("a comment begins with //")),
