@@ -1,4 +1,4 @@
-"""The loop of CleanRL reads what the wrappers give; the program is from docs/learners.md."""
+"""The loop of CleanRL reads what the wrappers give; the program is an example."""
 
 from pathlib import Path
 from typing import Any

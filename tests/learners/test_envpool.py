@@ -1,4 +1,4 @@
-"""EnvPool below a vector monitor; the program is from docs/learners.md."""
+"""EnvPool below a vector monitor; the program is an example."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

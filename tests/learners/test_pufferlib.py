@@ -1,4 +1,4 @@
-"""PufferLib 2 below a vector monitor; the program is from docs/learners.md."""
+"""PufferLib 2 below a vector monitor; the program is an example."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""RLlib's env runners read what the wrappers give; the program is from docs/learners.md."""
+"""RLlib's env runners read what the wrappers give; the program is an example."""
 
 from collections.abc import Iterator
 from pathlib import Path

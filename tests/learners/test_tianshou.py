@@ -1,4 +1,4 @@
-"""Tianshou's collector reads what the wrappers give; the program is from docs/learners.md."""
+"""Tianshou's collector reads what the wrappers give; the program is an example."""
 
 from typing import Any
 

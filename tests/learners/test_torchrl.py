@@ -1,4 +1,4 @@
-"""TorchRL reads what the wrappers give; the program is from docs/learners.md."""
+"""TorchRL reads what the wrappers give; the program is an example."""
 
 from pathlib import Path
 from typing import Any

@@ -1,13 +1,14 @@
 """The page on learners: its programs are run by tests, and do what it says."""
 
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from paths import ROOT
-from programs import programs, run, watched
+from programs import excerpts, programs, run, watched
 
 GROUPS = ROOT / "tests" / "learners"
 
@@ -18,6 +19,19 @@ def test_every_program_of_the_page_is_run_by_a_test() -> None:
     run_by = {heading: sum(f'run("{heading}"' in text for text in texts) for heading in programs()}
     assert len(run_by) > 5
     assert set(run_by.values()) == {1}
+
+
+def test_excerpts_are_lines_of_their_programs() -> None:
+    shown = excerpts()
+    files = {path.relative_to(ROOT).as_posix() for path in ROOT.glob("examples/learners/*.py")}
+    assert {*shown} == files
+    for path, listed in shown.items():
+        lines = (ROOT / path).read_text(encoding="utf-8").splitlines(keepends=True)
+        assert listed, path
+        for block in listed:
+            size = block.count("\n")
+            parts = (dedent("".join(lines[at : at + size])) for at in range(len(lines)))
+            assert block in parts, f"{path} does not have these lines:\n{block}"
 
 
 def test_pages_say_how_torch_comes_without_a_gpu() -> None:

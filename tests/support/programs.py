@@ -1,7 +1,8 @@
-"""The programs of docs/learners.md, and what was seen inside of the environment that they ride."""
+"""The programs that docs/learners.md shows or links, and what their environments did."""
 
 from __future__ import annotations
 
+import re
 import runpy
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -164,13 +165,37 @@ def watched() -> Iterator[Rides]:
 
 
 def programs() -> dict[str, str]:
-    """The programs of the page, one under a heading; sessions of ``>>>`` are none."""
+    """The programs of the page by heading: the example that a section links, or its block.
+
+    Sessions of ``>>>`` are not programs.
+    """
     found: dict[str, str] = {}
-    for section in PAGE.read_text(encoding="utf-8").split("\n## ")[1:]:
+    for heading, section in _sections():
         own = [block for block in blocks(section, "python") if ">>>" not in block]
-        if own:
-            (found[section.partition("\n")[0]],) = own
+        if linked := _EXAMPLE.findall(section):
+            (path,) = linked
+            found[heading] = (ROOT / path).read_text(encoding="utf-8")
+        elif own:
+            (found[heading],) = own
     return found
+
+
+def excerpts() -> dict[str, list[str]]:
+    """The blocks of Python of the sections that link an example, by the path of the example."""
+    return {
+        _EXAMPLE.findall(section)[0]: blocks(section, "python")
+        for _, section in _sections()
+        if _EXAMPLE.search(section)
+    }
+
+
+_EXAMPLE = re.compile(r"\]\(\.\./(examples/learners/\w+\.py)\)")
+
+
+def _sections() -> list[tuple[str, str]]:
+    """The sections of the page, each with its heading."""
+    sections = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
+    return [(section.partition("\n")[0], section) for section in sections]
 
 
 def recipes() -> dict[str, str]:
