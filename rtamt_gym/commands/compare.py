@@ -18,8 +18,8 @@ from rtamt_gym.results.warnings import exit_code, print_warnings
 _RECORDINGS = (
     Option(
         "--tolerance TIME",
-        "times of violations that differ by at most this much are equal, such as 500ms; a number "
-        "of samples for recordings without times",
+        "times of violations that differ by at most this much are equal, such as 500ms, or a "
+        "number of samples without times",
         usual="0",
     ),
     Option(
@@ -30,8 +30,8 @@ _RECORDINGS = (
     ),
     Option(
         "--folders FOLDER",
-        "the folder of the recordings of A, and of B; recordings with equal names below them are "
-        "pairs. A file with all recordings counts as a folder",
+        "the folders of A and of B; recordings with equal names below them are pairs, and a file "
+        "with all recordings counts as a folder",
         nargs=2,
         usual="the folders with equal names below",
     ),
@@ -45,17 +45,16 @@ _RECORDINGS = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Compares two evaluations of the same requirements, pair by pair of episodes with the same "
-        "seed, or of recordings with the same name. Exits 1 if B is shown to satisfy a requirement "
-        "less often than A, or if a recording has a new or a longer violation in B; 3 if that is "
-        "undecided; otherwise 0."
+        "Compares two evaluations by episodes with the same seed, or two sets of recordings by "
+        "recordings with the same name. Exits 1 if B is shown to satisfy a requirement less often "
+        "than A, or if a recording has a new or a longer violation in B; 3 if that is undecided; "
+        "otherwise 0."
     )
     parser.epilog = "example: rtamt compare old.json new.json"
     evaluations = [
         Option(
             f"{name}.json",
-            f"the evaluation {name}, as rtamt evaluate --save writes it, or the recordings {name}, "
-            "as rtamt monitor --json --occurrences writes them",
+            "a file of rtamt evaluate --save, or of rtamt monitor --json --occurrences",
             read=Path,
             dest=name.lower(),
         )
@@ -66,9 +65,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         *evaluations,
         shared(
             "--accept-changed",
-            about=f"compare two evaluations {ALTHOUGH_CHANGED}; of recordings, leave out "
-            "requirements whose text has changed, and compare others although options or defaults "
-            "read their variables differently; a note lists the differences",
+            about=f"evaluations: compare {ALTHOUGH_CHANGED}; recordings: leave out requirements "
+            "with a changed text, and compare others although options or defaults read their "
+            "variables differently, with a note",
         ),
         Option("--save FILE", "write the comparison as JSON", read=Path),
         Option("--report FILE", "write the comparison as a page of HTML", read=Path),

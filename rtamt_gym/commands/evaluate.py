@@ -69,19 +69,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--env-kwarg",
         Option(
             "--policy POLICY",
-            "the policy: sb3:FILE.zip (a model of Stable-Baselines3; its file contains pickled "
-            "objects, so load only files that you trust), module:function, from observation to "
-            "action, module:Class, created for each episode, random, zero, or baseline (a "
-            "scenario's own)",
+            "the policy, as for rtamt run, such as sb3:FILE.zip or module:function; load only "
+            "files that you trust",
             required=True,
         ),
-        Option(
-            "--name NAME", "what the policy is called in tables, files and reports", usual="POLICY"
-        ),
+        Option("--name NAME", "name of the policy in tables, files and reports", usual="POLICY"),
         "--spec",
         "--only",
         *SUCCESS,
-        Option("--signal NAME=SELECTOR", "what a variable reads, as for rtamt run", repeat=True),
+        Option(
+            "--signal NAME=SELECTOR", "the selector of a variable, as for rtamt run", repeat=True
+        ),
         Option(
             "--episodes N",
             f"number of episodes (default: {_EPISODES}); with --until-width or --target the "
@@ -107,16 +105,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
         Option(
             "--margin MARGIN",
-            "a rate lower than the target by this much or more misses it; between the two "
-            "either answer is right",
+            "a rate below the target by this much or more misses it; in between, either answer "
+            "is right",
             usual="0.05",
             read=float,
         ),
         Option(
             "--interval",
-            "method of the 95% intervals of rates: exact contains the true rate in at least 95 "
-            "of 100 evaluations; wilson is narrower and contains it in about 95, but near 0 and "
-            "1 in far fewer",
+            "method of the 95% intervals: exact contains the true rate in at least 95 of 100 "
+            "evaluations; wilson is narrower and contains it in about 95, near 0 and 1 in far "
+            "fewer",
             default="exact",
             choices=("exact", "wilson"),
         ),
@@ -124,14 +122,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--max-steps",
         Option(
             "--stop",
-            "when to stop an episode: at the first violation, which leaves the other "
-            "requirements open, or once all verdicts are certain",
+            "stop an episode at the first violation, which leaves other requirements open, or "
+            "once all verdicts are certain",
             default="end",
             choices=("end", "violation", "verdicts"),
         ),
         Option(
             "--n-envs N",
-            "how many episodes run in parallel in a process",
+            "number of parallel episodes in a process",
             default=1,
             read=positive,
         ),

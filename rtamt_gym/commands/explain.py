@@ -20,10 +20,9 @@ from rtamt_gym.results.warnings import (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Follows the robustness of a recorded trace from the specification through its formulas "
-        "down to the predicate and the sample or time that decided it. If several have the same "
-        "value, the first operand and the first sample are shown. The exit codes are those of "
-        "rtamt monitor."
+        "Follows the robustness of a recorded trace through the formulas of the specification to "
+        "the predicate and the sample or time that decided it. If several have the same value, it "
+        "shows the first operand and the first sample. The exit codes are as for rtamt monitor."
     )
     parser.epilog = "example: rtamt explain requirements.stl drive.csv --only near"
     add_traces(parser, "explain")

@@ -23,18 +23,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "example: rtamt export spec.stl -o monitor.fmu --period 100ms"
     add_options(
         parser,
-        Option("SPEC", "the path of a .stl file, or a formula"),
+        Option("SPEC", "a .stl file or a formula"),
         Option("-o FILE", "the file to write", read=Path, required=True, dest="output"),
         Option(
             "--dense",
-            "monitor over dense time, with an event at every communication point, instead of "
-            "samples",
+            "monitor over dense time, with an event at every communication point",
         ),
         Option("--fmi", "version of FMI", default=2, read=int, choices=(2, 3)),
         Option(
             "--stop-on-violation",
-            "end the simulation when a violation is certain, unless the tool sets the parameter "
-            "of this name",
+            "end the simulation when a violation is certain; a tool can set this as a parameter",
         ),
         Option("--only NAME", "the requirement to export, if the text has several", several=True),
         "--constant",

@@ -59,8 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--env-kwarg",
         Option(
             "REQUIREMENT",
-            "the name of one of the scenario's requirements, such as AT6a; a formula, name = "
-            "formula, or the path of a .stl file; the search ends at the first that is violated",
+            "a requirement of the scenario, such as AT6a, a formula, name = formula, or a .stl "
+            "file; the search ends at the first violation",
             usual="all of the scenario",
             nargs="*",
             dest="requirements",
@@ -72,14 +72,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set",
         Option(
             "--budget N",
-            "maximum number of simulations; a larger number continues a search in the same "
-            "--folder",
+            "maximum number of simulations; a larger number continues the search in --folder",
             default=300,
             read=positive,
         ),
         shared(
             "--seed",
-            about="seed of the search and of the first simulation, one more for each further one",
+            about="seed of the search and of the first simulation; each further simulation adds 1",
         ),
         Option(
             "--optimizer NAME",
@@ -88,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
         Option(
             "--no-reduce",
-            "keep the input as found; otherwise up to 200 more simulations simplify it",
+            "do not simplify the input, which takes up to 200 more simulations",
         ),
         "--policy",
         "--duration",
@@ -102,15 +101,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--require-answered",
         Option(
             "--save FILE",
-            "write the violation as a case for rtamt replay; without a violation an existing "
-            "file is kept",
+            "write the violation as a case for rtamt replay; without a violation, keep an "
+            "existing file",
             read=Path,
         ),
         Option("--plot FILE", "draw the input and the run", read=Path),
         Option(
             "--record FILE", "write all simulations as a Parquet file, a row for each", read=Path
         ),
-        Option("--json", "print the outcome as strict JSON instead of text"),
+        Option("--json", "print JSON instead of text"),
         trial="simulation",
     )
 

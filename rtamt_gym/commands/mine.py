@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "0 if there is such a value, otherwise 2."
     )
     parser.epilog = "example: rtamt mine 'always(speed < ?v)' --range v=0:200 -- runs/*.csv"
-    add_traces(parser, "mine", "the requirement: a formula, or the path of a .stl file")
+    add_traces(parser, "mine", "the requirement: a formula or a .stl file")
     parser.usage = (
         "rtamt mine [options] SPEC --range NAME=LOW:HIGH TRACE\n"
         "       rtamt mine [options] SPEC --range NAME=LOW:HIGH -- TRACE..."
@@ -38,8 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         Option(
             "--range NAME=LOW:HIGH",
-            "the parameter with its minimum and maximum, v=0:200; other parameters need a "
-            "value, --constant w=3",
+            "the parameter with its range, v=0:200; other parameters need a value, --constant w=3",
             several=True,
             required=True,
         ),
@@ -49,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "is a multiple of the period",
             usual="the power of ten at or below a 100000th of the range",
         ),
-        Option("--json", "write the outcome to standard output as strict JSON"),
+        Option("--json", "print JSON instead of text"),
     )
 
 

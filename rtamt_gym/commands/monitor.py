@@ -49,8 +49,8 @@ _OVER_TIME = ("--out", "--plot", "--write-mcap")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Evaluates files of samples or events under one or more specifications. Columns that no "
-        "specification reads are ignored. The exit code is the first that applies: 2 for a bad "
-        "argument or trace, 1 for a violation, 3 for an undecided requirement, otherwise 0."
+        "specification reads are ignored. Exits with the first that applies: 2 for a bad argument "
+        "or trace, 1 for a violation, 3 for an undecided requirement, otherwise 0."
     )
     parser.epilog = "example: rtamt monitor requirements.stl -- runs/*.csv --junit outcomes.xml"
     add_traces(parser, "monitor")
@@ -63,17 +63,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             read=positive,
             dest="workers",
         ),
-        Option(
-            "--json", "write the outcomes to standard output as strict JSON, in place of the report"
-        ),
+        Option("--json", "write the outcomes to standard output as JSON, in place of the report"),
         STAGE,
         "--require-triggered",
         "--require-answered",
         "--min-duration",
         Option(
             "--strict-ranges",
-            "exit 3 if a variable leaves its declared range, as in 'input float x in [0, 120]', "
-            "and nothing is violated",
+            "exit 3 if a variable leaves its declared range, as in 'input float x in [0, 120]'",
             usual="a note reports it",
         ),
         *occurrences.OPTIONS,
@@ -81,56 +78,53 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         Option(
             "--expect NAME", "exit 2 if no requirement with this name is evaluated", repeat=True
         ),
-        Option("--junit FILE", "write the outcomes as JUnit XML, for CI systems", read=Path),
+        Option("--junit FILE", "write the outcomes as JUnit XML", read=Path),
         Option(
             "--undecided",
-            "how --junit reports an undecided requirement: skipped, or as a failure; the exit "
-            "code stays the same",
+            "report undecided requirements in --junit as skipped or as failures; the exit code "
+            "stays the same",
             usual="skip",
             choices=("skip", "fail"),
         ),
-        Option(
-            "--markdown FILE", "write the outcomes as Markdown, for the summary of a job", read=Path
-        ),
+        Option("--markdown FILE", "write the outcomes as Markdown", read=Path),
         Option(
             "--out FILE",
-            "write the robustness of every formula of one trace to a file, "
-            "whose name ends in .csv, .csv.gz, .parquet, .feather or .arrow",
+            "write the robustness of every formula of one trace as .csv, .csv.gz, .parquet, "
+            ".feather or .arrow",
             read=Path,
         ),
         Option(
             "--write-mcap FILE",
-            "write a copy of one bag with the robustness and the verdicts as topics, for Foxglove "
-            "and PlotJuggler",
+            "write a copy of one bag with robustness and verdicts as topics",
             read=Path,
         ),
         Option(
             "--violated-episodes FILE",
-            "write the indices of the violated episodes of one LeRobot data set as a list, as "
-            "lerobot-edit-dataset takes it in --operation.episode_indices",
+            "write the indices of the violated episodes of one LeRobot data set, for "
+            "lerobot-edit-dataset --operation.episode_indices",
             read=Path,
         ),
         Option("--plot FILE", "draw the signals and the robustness of one trace", read=Path),
-        Option("--all", "draw all requirements, where --plot draws the worst of many"),
+        Option("--all", "draw all requirements; otherwise --plot draws the worst of many"),
         trial="trace",
     )
     add_options(
         parser.add_argument_group("many files"),
         Option(
             "--files-from FILE",
-            "read the paths of traces from a file, one on each line, or from standard input with -",
+            "read the paths of traces from the lines of a file, or of standard input with -",
             read=Path,
         ),
         Option(
             "--results DIR",
-            "write the outcomes into this folder as Parquet; the next run with the folder judges "
-            "only new and changed files",
+            "write the outcomes into this folder as Parquet; the next run evaluates only new and "
+            "changed files",
             read=Path,
         ),
-        Option("--verify", "with --results: compare the SHA-256 of all files, not size and time"),
+        Option("--verify", "with --results: compare files by SHA-256, not by size and time"),
         Option(
             "--backend",
-            "with --results: judge the files on the workers of a Dask or Ray cluster",
+            "with --results: evaluate the files on the workers of a Dask or Ray cluster",
             usual="-j processes of this machine",
             choices=("dask", "ray"),
         ),

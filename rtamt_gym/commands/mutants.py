@@ -40,8 +40,8 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
         group,
         Option(
             "--mutants",
-            "change each requirement in one place, and report which of these mutants the traces "
-            "kill; verdicts then do not change the exit code",
+            "change each requirement in one place, and report the mutants that the traces kill; "
+            "verdicts then do not change the exit code",
         ),
         Option(
             "--max-mutants N",
@@ -61,7 +61,7 @@ def add_arguments(group: argparse._ArgumentGroup) -> None:
         ),
         Option(
             "--write-killing-traces FOLDER",
-            "write a CSV trace for each surviving mutant that would kill it; needs the extra check",
+            "write a CSV trace that would kill each surviving mutant; needs the extra check",
             read=Path,
         ),
     )

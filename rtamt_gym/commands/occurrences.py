@@ -26,13 +26,13 @@ OPTIONS: Final = (
     ),
     Option(
         "--write-occurrences FILE",
-        "write every violation, trigger and undecided stretch of all traces as a table to a "
-        "file, whose name ends in .csv, .csv.gz, .parquet, .feather or .arrow",
+        "write every violation, trigger and undecided stretch of all traces as .csv, .csv.gz, "
+        ".parquet, .feather or .arrow",
         read=Path,
     ),
     Option(
         "--clip FOLDER",
-        "write a cut of the recording around each violation to an empty folder: CSV and Parquet "
+        "write the part of the recording around each violation to an empty folder: CSV and Parquet "
         "in their own format, bags as MCAP",
         read=Path,
     ),

@@ -31,14 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         Option(
             "FOLDER",
-            "a folder, or NAME=FOLDER; each folder in it with logs is a run, and of several runs "
-            "the mean is drawn, with a band from the minimum to the maximum",
+            "a folder, or NAME=FOLDER; each folder in it with logs is a run, and several runs are "
+            "drawn as their mean, with a band from the minimum to the maximum",
             nargs="+",
             dest="folders",
         ),
         Option(
             "-o FILE",
-            "the picture, whose name ends in .png, .svg or .pdf",
+            "the picture, as .png, .svg or .pdf",
             default=Path("training.png"),
             read=Path,
             dest="output",

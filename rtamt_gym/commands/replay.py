@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Runs a case that rtamt falsify --save or Falsification.save wrote. A case is code of its "
+        "Runs a saved case of rtamt falsify --save or Falsification.save. A case is code of its "
         "author, as a pickle is: it names modules, policies, FMUs, which are imported and run. "
-        "Exits 0 if the verdict is the one in the file, otherwise 1."
+        "Exits 0 if the verdict is the verdict in the file, otherwise 1."
     )
     parser.epilog = "example: rtamt replay case.json --explain --plot run.png"
     add_options(
         parser,
-        Option("CASE", "the path of the file, case.json"),
+        Option("CASE", "the file, such as case.json"),
         Option("--explain", "print which formulas and samples decided the robustness"),
         shared("--accept-changed", about=f"run the case {ALTHOUGH_CHANGED}"),
         "--require-triggered",

@@ -24,42 +24,40 @@ from rtamt_gym.results.warnings import (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Writes one page of HTML that needs no network: each requirement in words, how often it "
-        "is satisfied, and a plot of the worst episode. Results are files: evaluations and "
-        "comparisons, the Parquet files and folders of sweeps and campaigns, saved cases, and "
-        "the --json output of rtamt sweep, falsify and monitor. Files are only read: a saved "
-        "case is code of its author, as a pickle is, and only --play runs it. With --play the "
-        "exit code is 3 if a case cannot be run, so that the page shows no run of it."
+        "is satisfied, and a plot of the worst episode. Results are files of the --save, --json "
+        "and --folder of other commands. Files are only read: a saved case is code of its author, "
+        "as a pickle is, and only --play runs it. Exits 3 if --play cannot run a case."
     )
     parser.epilog = "example: rtamt report old.json new.json outcomes.json -o report.html"
     add_options(
         parser,
         Option(
             "RESULT",
-            "the path of a file, or of a folder; NAME=PATH gives it a name on the page",
+            "a file or folder; NAME=PATH gives it a name on the page",
             nargs="+",
             dest="results",
         ),
         Option(
             "-o PAGE",
-            "the name of the page, which ends in .html",
+            "the page, a name that ends in .html",
             read=Path,
             required=True,
             alias="--output",
         ),
         Option(
             "--examples FILE",
-            "a file of rtamt examples --json; draws the examples next to their requirements",
+            "draw the examples in a file of rtamt examples --json next to their requirements",
             repeat=True,
         ),
         Option("--title TEXT", "the title of the page"),
         Option(
             "--play",
-            "run saved cases, which imports the modules, policies and FMUs that they name; "
-            "standard error lists them first",
+            "run saved cases, which imports the modules, policies and FMUs that standard error "
+            "lists first",
         ),
         Option(
             "--traces DIR",
-            "read recorded traces below this folder too",
+            "also read recorded traces below this folder",
             usual="only below the current folder and the folder of the result",
             read=Path,
             repeat=True,

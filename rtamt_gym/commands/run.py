@@ -50,9 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--only",
         Option(
             "--signal NAME=SELECTOR",
-            "what a variable reads (rtamt envs ENV_ID lists the selectors): obs[2], action[0], "
-            "reward, info['speed'], qpos[1]; a value that does not exist at reset needs a first "
-            "value: u=action[0],0",
+            "the selector of a variable, which rtamt envs ENV_ID lists: obs[2], action[0], "
+            "reward, info['speed'], qpos[1]; without a value at reset it needs a first value: "
+            "u=action[0],0",
             repeat=True,
         ),
         Option("--episodes N", "number of episodes", default=1, read=positive),
@@ -66,9 +66,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--at-truncation",
         Option(
             "--policy POLICY",
-            "the policy: random, zero, baseline (a scenario's own), sb3:FILE.zip (a model of "
-            "Stable-Baselines3, deterministic; its file contains pickled objects, so load only "
-            "files that you trust), or module:function, from observation to action",
+            "random, zero, baseline (of the scenario), sb3:FILE.zip (Stable-Baselines3, "
+            "deterministic; it contains pickles, so load only files that you trust), "
+            "module:function, from observation to action, or module:Class, created for each "
+            "episode",
             default="random",
         ),
         "--seed",
@@ -82,8 +83,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--require-answered",
         Option(
             "--screen",
-            "draw verdicts, bounds and the course of the robustness on the terminal while an "
-            "episode runs, by standard error",
+            "draw verdicts and robustness with bounds on the terminal while an episode runs, by "
+            "standard error",
         ),
         Option(
             "--speed FACTOR",
@@ -95,7 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         Option("--plot FILE", "draw the first violated episode", read=Path),
         Option(
             "--json FILE",
-            'write the outcomes as strict JSON, with "inf" and "-inf" for infinities',
+            'write the outcomes as JSON, with "inf" and "-inf" for infinities',
             read=Path,
         ),
         trial="episode",

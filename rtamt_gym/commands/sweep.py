@@ -45,10 +45,8 @@ _SAMPLERS = ("sobol", "grid", "lhs", "random", "morris", "saltelli")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Simulates a scenario, or another system, at many points of a space; prints the "
-        "robustness and the verdicts of its requirements. Exits 0 for any verdicts, 3 if more "
-        "simulations failed than --allow-failures permits, and with --require-triggered 3 if no "
-        "simulation triggers a requirement. With --require-satisfied it exits 1 if no "
-        "simulation satisfies a requirement and some violate it."
+        "robustness and the verdicts of its requirements. Exits 0 for any verdicts; "
+        "--allow-failures, --require-triggered and --require-satisfied set other exit codes."
     )
     parser.epilog = (
         "example: rtamt sweep rtamt/AutomaticTransmission-v0 --requirement AT2 --samples 100"
@@ -59,8 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--env-kwarg",
         Option(
             "--requirement SPEC",
-            "the name of one of the scenario's requirements, such as AT6a; a formula, name = "
-            "formula, or the path of a .stl file",
+            "a requirement of the scenario, such as AT6a, a formula, name = formula, or a .stl "
+            "file",
             usual="all of the scenario",
             repeat=True,
         ),
@@ -71,9 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set",
         Option(
             "--samples N",
-            "number of points; for grid, the number of values of each column: 4, or by name "
-            "frequency=4,amplitude=3; for morris, the number of trajectories; for saltelli, a "
-            "power of two",
+            "number of points; for grid, of values of each column, 4 or frequency=4,amplitude=3; "
+            "for morris, of trajectories; for saltelli, a power of two",
             required=True,
         ),
         Option(
@@ -84,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
         shared(
             "--seed",
-            about="seed of the points and of the first simulation, one more for each further one",
+            about="seed of the points and of the first simulation; each further simulation adds 1",
         ),
         "--policy",
         *EPISODES,
@@ -109,16 +106,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
         Option(
             "--save FILE",
-            "write the record as a Parquet file, a row for each simulation",
+            "write all simulations as a Parquet file, a row for each",
             read=Path,
         ),
-        Option("--json FILE", "write the record as strict JSON", read=Path),
-        Option(
-            "--heat-map FILE", "draw the robustness over two columns, see --x and --y", read=Path
-        ),
+        Option("--json FILE", "write all simulations as JSON", read=Path),
+        Option("--heat-map FILE", "draw the robustness over the columns --x and --y", read=Path),
         Option("--scatter FILE", "draw the robustness over each column", read=Path),
-        Option("--x NAME", "the column to the right in the heat map"),
-        Option("--y NAME", "the column upwards in the heat map"),
+        Option("--x NAME", "the column to the right"),
+        Option("--y NAME", "the column upwards"),
         trial="simulation",
     )
 

@@ -88,8 +88,8 @@ class TracesAsked:
 
 
 _SPECS = (
-    "the path of a .stl file or of a folder of them, name=path, or a formula; every requirement "
-    "is evaluated, which is a formula that no other formula of its text uses"
+    "a .stl file, a folder of them, name=path, or a formula; every formula that no other formula "
+    "of its text uses is a requirement"
 )
 
 
@@ -111,17 +111,17 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         Option("SPEC", specs, nargs="+", dest="specs"),
         Option(
             "TRACE",
-            f"the path of a {', '.join(others)} or {last} file or of the folder of a bag or a "
-            "LeRobot data set, or - for CSV on stdin; after -- also several, folders and patterns",
+            f"a {', '.join(others)} or {last} file, the folder of a bag or of a LeRobot data set, "
+            "or - for CSV on stdin; after --, several files, folders and patterns",
         ),
         "--only",
         "--constant",
         "--end",
         shared(
             "--period",
-            about="time between samples, in seconds or with a unit, such as 100ms",
-            usual="from the times; without a column of times, bounds count samples; a bag, "
-            "PX4 log or MDF file is sampled at this period, and a value holds until the next",
+            about="time between samples, such as 100ms; bags, PX4 logs and MDF files are sampled "
+            "at this period, and a value holds until the next",
+            usual="from the times; without times, bounds count samples",
         ),
         *("--view", "--semantics", "--align", "--dense"),
     )
@@ -135,15 +135,15 @@ def add_columns(group: argparse._ActionsContainer) -> None:
         Option(
             "--signal VARIABLE=COLUMN",
             "the column of a variable with another name: 'speed=Vehicle Speed [km/h]'; in a bag "
-            "its topic and field, speed=/robot0/odom.twist.twist.linear.x, or the topic of a "
-            "message, cmd=/robot1/cmd_vel",
+            "its topic and field, speed=/odom.twist.twist.linear.x, or the topic of a message, "
+            "cmd=/robot1/cmd_vel",
             repeat=True,
         ),
         Option(
             "--time COLUMN",
-            "the column of times, or two, as in secs+nsecs (default: one called time, timestamp, "
-            "t, stamp, Time [s], elapsed_time, TimeUS, Zeit ...); for a bag log, when messages "
-            "were recorded, or header, the stamps of the messages",
+            "the column of times, or two, as in secs+nsecs (default: time, timestamp, t, stamp, "
+            "Time [s], elapsed_time, TimeUS, Zeit ...); for a bag log, when messages were "
+            "recorded, or header, their stamps",
             usual="log",
         ),
         Option(
@@ -153,32 +153,32 @@ def add_columns(group: argparse._ActionsContainer) -> None:
         ),
         Option(
             "--date-order",
-            "whether dates such as 03/04/2024 have the day or the month first",
-            usual="such a date is refused if the order matters",
+            "the order of day, month and year in dates such as 03/04/2024",
+            usual="an error if the order matters",
             choices=get_args(DateOrder),
         ),
         Option(
             "--where COLUMN=VALUE",
-            "read only the rows of a table with this text in the column, such as vehicle_id=3",
+            "read only rows with this text in the column, such as vehicle_id=3",
             repeat=True,
         ),
         Option(
             "--by COLUMN",
-            "evaluate the rows of a table with the same value in this column as a trace of its "
-            "own, such as vehicle_id, called FILE[vehicle_id=7]",
+            "evaluate the rows with each value of this column, such as vehicle_id, as a trace of "
+            "its own, called FILE[vehicle_id=7]",
             repeat=True,
         ),
         Option(
             "--long NAMES=VALUES",
-            "read a table whose rows hold one event each, a name and a value, from these two "
-            "columns, such as PID=VALUE; with --dense",
-            usual="variable=value, if there are such columns",
+            "with --dense: read a table with one event in each row, a name and a value, from "
+            "these two columns, such as PID=VALUE",
+            usual="variable=value, if they exist",
         ),
         Option(
             "--wide COLUMN",
-            "evaluate a table with a row per object and time as one trace, in which the column "
-            "speed of the object Ego is speed.Ego; this column names the objects, and values of "
-            "an absent object are unknown",
+            "evaluate a table with a row per object and time as one trace, with the names of "
+            "objects from this column and variables such as speed.Ego; values of an absent object "
+            "are unknown",
             several=True,
         ),
         Option(
@@ -191,82 +191,78 @@ def add_columns(group: argparse._ActionsContainer) -> None:
         ),
         Option(
             "--sorted",
-            "with --by: read a Parquet file in parts, for a file larger than memory; the rows of "
-            "each group must follow each other",
-            usual="the columns of the whole file are in memory",
+            "with --by: read a Parquet file larger than memory in parts; the rows of each group "
+            "must follow each other",
         ),
         Option(
             "--one-trace",
-            "evaluate all rows of a table as one trace, although they look like several objects "
-            "or episodes",
-            usual="such a table is refused",
+            "evaluate all rows as one trace, although they look like several objects or episodes",
+            usual="an error",
         ),
         Option(
             "--separator CHARACTER",
-            "the character between the cells of a text, such as ';' or tab",
-            usual="the one in the line of names",
+            "the character between cells, such as ';' or tab",
+            usual="from the line of names",
         ),
         Option(
             "--skip N",
-            "skip N lines of a text before the line of names",
+            "skip N lines before the line of names",
             default=0,
             usual="lines that can only be comments or metadata",
             read=whole,
         ),
         Option(
             "--decimal MARK",
-            "the decimal mark of a text, . or ,",
-            usual="the mark that the cells show; a file with two possible readings is refused",
+            "the decimal mark, . or ,",
+            usual="from the cells; an error if they can be read in two ways",
         ),
         Option(
             "--missing",
             "the meaning of an empty cell, or nan in a bag: raise, an error; hold, the value "
-            "before; drop, its row is left out; unknown, a value within unknown bounds, for "
-            "rtamt monitor and explain",
+            "before; drop, its row is left out; unknown, an unknown value, not for rtamt mine",
             default="raise",
             choices=get_args(Missing),
         ),
         Option(
             "--jitter PART",
             "samples within this part of the period, such as 5%, count as on the grid; a trace "
-            "with others is resampled, and a value holds until the next",
-            usual="such a trace is refused",
+            "with others is resampled by holding values",
+            usual="an uneven trace is an error",
         ),
         Option(
             "--stale SECONDS",
             "refuse a bag if a topic has no message for longer than this",
-            usual="its last value holds, and a note reports a long silence",
+            usual="its last value holds, with a note on a long silence",
             read=float,
         ),
         Option(
             "--same-time",
-            "which record counts if several records of a variable at one instant differ",
-            usual="they are an error; in bags and ULog files the last counts",
+            "the record that counts if records of a variable at one instant differ",
+            usual="an error; in bags and ULog files, last",
             choices=get_args(SameTime),
         ),
         Option(
             "--max-gap TIME",
-            "how long a value holds until the next record of its column, or with --dense and in "
-            "bags until the end of the recording, such as 10s, 500ms or 2h; after that it is "
-            "unknown",
-            usual="no limit, and a note reports a gap of more than 10 usual steps",
+            "the longest time, such as 10s, that a value holds until the next record of its "
+            "column, or with --dense and in bags until the end; after that it is unknown",
+            usual="no limit, with a note on a gap of more than 10 usual steps",
         ),
         Option(
             "--default NAME",
-            "use the declared default of this variable if a trace has no column of it, even if "
-            "a similar column exists or --no-defaults is set",
+            "use the declared default of this variable if it has no column, even with a similar "
+            "column or --no-defaults",
             repeat=True,
         ),
         Option(
             "--no-defaults",
             "refuse a trace in which a variable would have its declared default value",
-            usual="the default is used, and a note reports it",
+            usual="it has that value, with a note",
         ),
         Option(
             "--start",
-            "how to count the time before all variables of a requirement have a value, with "
-            "--dense and in bags: unknown reports the worse of the verdicts without that time "
-            "and with unknown values in it; known leaves it out",
+            "with --dense and in bags, the time before all variables of a requirement have a "
+            "value: known leaves it out; unknown reports the worse of the verdicts without it and "
+            "with unknown values in it",
             default="unknown",
             choices=get_args(Start),
         ),

@@ -45,12 +45,12 @@ _COLUMNS: Final = (
 _ABOUT: Final = {
     "--signal": "the column of a variable with another name: 'speed=Vehicle Speed [km/h]'; may be "
     "repeated",
-    "--time": "the column of times, or two, as in secs+nsecs (default: one called time, timestamp, "
-    "t, stamp, Time [s], elapsed_time, TimeUS, Zeit ...)",
-    "--decimal": "the decimal mark of a text, . or , (default: the mark of the first number with "
-    "one reading; one with two readings before it is an error)",
+    "--time": "the column of times, or two, as in secs+nsecs (default: time, timestamp, t, stamp, "
+    "Time [s], elapsed_time, TimeUS, Zeit ...)",
+    "--decimal": "the decimal mark, . or , (default: from the first number that shows it; a number "
+    "before it that can be read in two ways is an error)",
     "--missing": "the meaning of an empty cell, or nan: raise, an error; hold, the value before; "
-    "drop, its row is left out; unknown, a value within unknown bounds (default: raise)",
+    "drop, its row is left out; unknown, an unknown value (default: raise)",
 }
 """The help of options that have another meaning in a stream."""
 
@@ -70,50 +70,49 @@ class _Some:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Evaluates rows of a stream while they come, and prints a line of JSON as soon as a "
-        "verdict is decided. At the end of the stream every requirement gets a final line, and "
-        "the exit code is the exit code of rtamt monitor: 2 for a bad argument or line, 1 for a "
-        "violation, 3 for an undecided requirement, otherwise 0. Ctrl-C prints the final lines "
-        "and exits 130."
+        "verdict is decided. At the end of the stream every requirement gets a final line. Exits "
+        "2 for a bad argument or line, 1 for a violation, 3 for an undecided requirement, "
+        "otherwise 0. Ctrl-C prints the final lines and exits 130."
     )
     parser.epilog = "example: simulator | rtamt watch requirements.stl --stop violation"
     add_options(
         parser,
-        Option("SPEC", "the path of a .stl file, name=path, or a formula", dest="spec"),
+        Option("SPEC", "a .stl file, name=path, or a formula", dest="spec"),
         Option(
             "SOURCE",
-            "- for standard input, a file, tcp:PORT or unix:PATH for a socket on this machine, "
-            "which takes one client",
+            "- for standard input, a file, or tcp:PORT or unix:PATH, a socket on this machine for "
+            "one client",
             default="-",
             nargs="?",
         ),
         Option(
             "--format",
-            "how lines hold rows: csv, below a line of names, or ndjson, a JSON object in each",
+            "csv, rows below a line of names, or ndjson, a JSON object in each line",
             usual="ndjson if the first byte is {, otherwise csv",
             choices=("csv", "ndjson"),
         ),
-        Option("--follow", "wait for more rows at the end of a file, which grows"),
+        Option("--follow", "wait for more rows at the end of a file"),
         Option(
             "--idle TIME",
-            "with --follow: end when no byte has come for this time, such as 10s",
+            "with --follow: end after this time without a byte, such as 10s",
             usual="never",
         ),
         Option(
             "--stop",
-            "when to stop before the end: at the first violation, or once all verdicts are "
-            "decided; the process that writes the stream ends at its next write",
+            "stop at the first violation, or once all verdicts are decided; the process that "
+            "writes the stream ends at its next write",
             default="end",
             choices=("end", "violation", "decided"),
         ),
         Option(
             "--screen",
-            "draw verdicts, bounds and the course of the robustness on the terminal, by standard "
-            "error; lines are printed only if standard output is not a terminal",
+            "draw verdicts and robustness with bounds on the terminal, by standard error; lines "
+            "are printed only if standard output is not a terminal",
         ),
         "--rerun",
         Option(
             "--speed FACTOR",
-            "replay a file by its times, 1 as fast as it was recorded, 10 ten times as fast",
+            "replay a file at this multiple of its recorded speed, such as 10",
             usual="as fast as possible",
             read=float,
         ),
@@ -122,14 +121,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--constant",
         shared(
             "--end",
-            about="end mode at the end of the stream: cut, bounded windows miss the values after "
-            "the end, and unbounded operators cover the time so far; complete, nothing follows; "
-            "open, the stream could have gone on",
+            about="end mode at the end of the stream, as for rtamt monitor",
         ),
         shared(
             "--period",
-            about="time between samples, in seconds or with a unit, such as 100ms",
-            usual="the distance of the first two times, to which all others must fit",
+            about="time between samples, such as 100ms",
+            usual="from the first two times, to which all others must fit",
         ),
         shared(
             "--view",
@@ -137,29 +134,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "every instant, late by its horizon, and prints each change of its verdict",
         ),
         *("--semantics", "--align"),
-        shared("--dense", about="take rows as events at any time; a value holds until the next"),
+        shared(
+            "--dense", about="read rows as events at any time; a value holds until the next event"
+        ),
         Option(
             "--skip-bad",
-            "leave out bad lines, and take the samples that are missing for unknown",
+            "leave out bad lines, and count their samples as unknown",
             usual="a bad line is an error",
         ),
-        Option(
-            "--min-duration TIME",
-            "exit 3 if the trace is shorter, such as 10s or 2h, and nothing is violated",
-        ),
+        "--min-duration",
     )
     groups = parser.add_argument_group("groups")
     add_options(
         groups,
         Option(
             "--by COLUMN",
-            "evaluate the rows of each value of a column as a trace of its own",
+            "evaluate the rows with each value of this column as a trace of its own",
             several=True,
         ),
-        Option("--max-groups N", "most groups at one time", default=100_000, read=positive),
+        Option(
+            "--max-groups N", "maximum number of groups at one time", default=100_000, read=positive
+        ),
         Option(
             "--group-idle TIME",
-            "end a group when the newest time of all groups is this much later than its last",
+            "end a group when the newest time of all groups is this much later than its own",
             usual="at the end of the stream",
         ),
     )

@@ -121,41 +121,41 @@ def trials(text: str) -> int | Literal["all"]:
     return int(text)
 
 
-_CHANGED = "the model, its source, its policy, rtamt or the simulator has changed"
-
-ALTHOUGH_CHANGED = f"although {_CHANGED} since; the output states it"
+ALTHOUGH_CHANGED = (
+    "although the model, its source, its policy, rtamt or the simulator has changed; the output "
+    "states it"
+)
 
 _SHARED = (
     Option("ENV_ID", "such as CartPole-v1 or module:Name-v0"),
     Option(
         "SYSTEM",
-        "the id of an environment, such as rtamt/ChasingCars-v0, CartPole-v1 or module:Name-v0; "
-        "module:function, or the path of a .fmu file, which need --vary",
+        "the id of an environment, such as CartPole-v1 or module:Name-v0; module:function or a "
+        ".fmu file, which need --vary",
         dest="env_id",
     ),
     Option(
         "--env-kwarg KEY=VALUE",
         "an argument of the environment, in JSON or as text: frame_skip=2, "
-        "xml_file=./hopper.xml, 'config={\"duration\": 20}'",
+        "'config={\"duration\": 20}'",
         repeat=True,
     ),
     Option(
         "--spec SPEC",
-        "a formula, name = formula, the path of a .stl file, name=path, or the name of a "
-        "requirement of the scenario",
+        "a formula, name = formula, a .stl file, name=path, or a requirement of the scenario",
         repeat=True,
         usual="all of the scenario",
     ),
     Option(
         "--signal NAME=SELECTOR",
-        "what a variable reads, as for rtamt run; a scenario has signals for its own variables",
+        "the selector of a variable, as for rtamt run; a scenario has its own signals",
         repeat=True,
     ),
     Option("--only NAME", "evaluate only this requirement", repeat=True),
     Option(
         "--rerun FILE",
-        "show signals, robustness with bounds and verdicts in Rerun, in a browser until Ctrl-C or "
-        "in a .rrd file",
+        "show signals, robustness and verdicts in Rerun, in a browser until Ctrl-C or in a .rrd "
+        "file",
         default=False,
         usual="no view",
         nargs="?",
@@ -170,7 +170,7 @@ _SHARED = (
         "the policy, if no signal sets the action: zero, baseline, sb3:FILE.zip or module:function",
         usual="the scenario's own",
     ),
-    Option("--seed S", "seed of the first {trial}, one more for each further one", 0, read=whole),
+    Option("--seed S", "seed of the first {trial}; each further {trial} adds 1", 0, read=whole),
     Option(
         "--max-steps N",
         "time limit of an episode in steps",
@@ -179,25 +179,24 @@ _SHARED = (
     ),
     Option(
         "--duration SECONDS",
-        "simulated time, in seconds or with a unit, such as 20s or 2min",
+        "simulated time, such as 20, 20s or 2min",
         usual="to the end",
         read=seconds,
     ),
     Option(
         "-j N",
-        "run simulations in N processes: a crash loses only its own simulation",
+        "number of processes; a crash loses only its own simulation",
         read=positive,
         dest="n_jobs",
     ),
     Option(
         "--timeout SECONDS",
-        "end a simulation that takes longer, even if it hangs; it runs in a process of its own",
+        "end a simulation that takes longer, even if it hangs",
         read=float,
     ),
     Option(
         "--folder FOLDER",
-        "keep finished {trial}s there; after an interruption the same command continues, unless "
-        f"{_CHANGED}",
+        "keep finished {trial}s there, so that the same command continues after an interruption",
         read=Path,
     ),
     Option(
@@ -206,34 +205,34 @@ _SHARED = (
     ),
     Option(
         "--allow-failures N",
-        "how many simulations may fail without a result; exit 3 if more do",
+        "exit 3 if more than N simulations fail",
         read=whole,
     ),
     Option(
         "--require-triggered N",
-        "exit 3 if a requirement with an implication is triggered in fewer than N {trial}s and "
-        "nothing is violated; write --require-triggered=5 or =all (default without =N: 1)",
+        "exit 3 if fewer than N {trial}s trigger a requirement with an implication; write "
+        "--require-triggered=5 or =all (default without =N: 1)",
         read=trials,
     ),
     Option(
         "--require-answered",
-        "also exit 3 if no {trial} answers such a requirement: every {trial} that triggers it "
-        "satisfies it without an answer, or leaves it undecided",
+        "also exit 3 if no {trial} answers such a requirement: each satisfies it without an "
+        "answer, or leaves it undecided",
     ),
     Option(
         "--min-duration TIME",
-        "exit 3 if a trace is shorter, such as 10s or 2h, and nothing is violated",
+        "exit 3 if a trace is shorter, such as 10s or 2h",
     ),
     Option(
         "--distance OTHER",
-        "evaluate 'REQUIREMENT iff OTHER' instead of the requirement: it is violated where only "
-        "one of the two holds. OTHER may be a mutant that survived 'rtamt monitor --mutants'",
+        "evaluate 'REQUIREMENT iff OTHER', which is violated where only one of the two holds; "
+        "OTHER may be a mutant that survived rtamt monitor --mutants",
     ),
     Option(
         "--vary NAME=LOW:HIGH",
-        "what to vary: a parameter, mass=1:2 or mass=1:2,log or gear=1|2|3; a signal over time, "
-        "throttle=0:100,points=7 or throttle=0:100,points=7,linear (or hold, pchip); or the name "
-        "of an input or a parameter of the scenario, which has a range",
+        "vary a parameter, mass=1:2, mass=1:2,log or gear=1|2|3; a signal over time, "
+        "throttle=0:100,points=7, with ,linear or ,pchip to interpolate; or an input or parameter "
+        "of the scenario by its name",
         usual="the inputs of the scenario",
         repeat=True,
     ),
@@ -247,16 +246,24 @@ _SHARED = (
 
 def _evaluation(row: Field[Any]) -> Option:
     """Return the row of an evaluation option; a command line without the option sets nothing."""
-    about = re.sub(r'`+"?|"?`+', "", row.metadata["about"]).rstrip(".")
+    about = re.sub(
+        r"``(\w+)``",
+        lambda name: _flag(name[1]) if name[1] in ROWS else name[1],
+        row.metadata["about"],
+    )
+    about = re.sub(r'`+"?|"?`+', "", about).rstrip(".").removeprefix("Whether to ")
     choices = [choice for choice in row.metadata["choices"] if choice is not None]
-    flag, value = f"--{row.name.replace('_', '-')}", row.metadata["metavar"]
     return Option(
-        f"{flag} {value}".strip(),
+        f"{_flag(row.name)} {row.metadata['metavar']}".strip(),
         about[0].lower() + about[1:],
         argparse.SUPPRESS,
         "" if row.type == "bool" or row.default is None else str(row.default),
         choices=choices,
     )
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 EPISODES = (

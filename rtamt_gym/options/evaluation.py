@@ -118,9 +118,9 @@ class EvaluationOptions:
     """
 
     period: Period | None = _option(
-        'Time between samples, in seconds or as text with a unit, such as ``"100ms"``; otherwise '
-        "the period of the system. For a system without a period, ``1`` makes bounds in the "
-        "default unit count steps.",
+        'Time between samples, in seconds or as text such as ``"100ms"``; otherwise the period of '
+        "the system. If the system has no period, ``1`` makes bounds in the default unit count "
+        "steps.",
         "samples",
         metavar="TIME",
     )
@@ -167,8 +167,7 @@ class EvaluationOptions:
         "samples",
     )
     at_termination: AtTermination | None = _option(
-        'End mode of an episode that its environment ends: ``"complete"``, nothing follows '
-        "(an invariant that held is satisfied, a goal not reached is violated); "
+        'End mode of an episode that its environment ends: ``"complete"``, nothing follows; '
         '``"cut"``, as at a time limit; ``"failure"``, every undecided requirement is violated '
         "and keeps the robustness of its samples. "
         'Otherwise ``"complete"``, with a warning if the end satisfies an open requirement.',
@@ -177,10 +176,9 @@ class EvaluationOptions:
         (None, *get_args(AtTermination)),
     )
     at_truncation: End = _option(
-        'End mode at a time limit: ``"cut"``, an unbounded ``always`` that held is satisfied, '
-        "an unbounded ``eventually`` is violated, and a window that reaches past the end stays "
-        'open unless its samples have decided it; ``"complete"``, nothing follows; or '
-        '``"open"``, the episode could have gone on, and open verdicts stay UNDECIDED.',
+        'End mode at a time limit: ``"cut"``, bounded windows miss the values after the end, and '
+        'unbounded operators cover the time so far; ``"complete"``, nothing follows; ``"open"``, '
+        "the episode could have gone on.",
         "recorded",
         "cut",
         get_args(End),
@@ -218,8 +216,8 @@ class EvaluationOptions:
         get_args(End),
     )
     dense: bool = _option(
-        "Whether rows of a recorded trace, or messages of a bag, are events at any time; a value "
-        "holds until the next event.",
+        "Whether to read rows of a recorded trace, or messages of a bag, as events at any time; "
+        "a value holds until the next event.",
         None,
         default=False,
     )

@@ -5,11 +5,13 @@ Run: python tests/support/command_options.py, which writes docs/reference/comman
 
 import argparse
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
+from unittest.mock import patch
 
 from rtamt_gym.commands import COMMANDS
+from rtamt_gym.options.command_line import Option
 
 __all__ = ["PAGE", "page"]
 
@@ -17,14 +19,13 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "commands.md
 
 _HEAD = """# Options of the commands
 
-Every option of `rtamt COMMAND --help`. An option that several commands describe alike is in the
-first table only. [The command line](../commands.md) describes the output and the exit codes.
-
-## Options of several commands
-
-| | | Commands |
-|---|---|---|
+This page has every option of `rtamt COMMAND --help`. Options of several commands come first.
+[The command line](../commands.md) describes output and exit codes. A *trial* is an episode, a
+simulation, a run or a trace.
 """
+
+_MINIMUM = 4
+"""The number of options with the same commands that have a table of their own."""
 
 
 def page() -> str:
@@ -35,18 +36,46 @@ def page() -> str:
     for name, its in rows.items():
         for row in its:
             users.setdefault(row, []).append(name)
-    shared = {row: names for row, names in users.items() if len(names) > 1}
-    lines = [
-        f"| {option} | {text} | {', '.join(shared[option, text])} |" for option, text in shared
+    groups: dict[tuple[str, ...], list[tuple[str, str]]] = {}
+    for row, names in users.items():
+        groups.setdefault((*names,), []).append(row)
+    tables = {
+        names: listed
+        for names, listed in groups.items()
+        if len(names) > 1 and len(listed) >= _MINIMUM
+    }
+    others = {
+        row: names for row, names in users.items() if len(names) > 1 and (*names,) not in tables
+    }
+    lines = ["\n## Options of several commands\n"]
+    lines += [
+        f"- {option}: {text} (*{', '.join(names)}*)" for (option, text), names in others.items()
     ]
+    for commands, listed in tables.items():
+        lines += [f"\n## Options of {_listing(commands)}\n"]
+        lines += [f"- {option}: {text}" for option, text in listed]
     for name, parser in parsers.items():
-        lines += ["", *_command(name, parser, rows[name], set(shared))]
+        links = [
+            f"[{_listing(names)}](#options-of-{_slug(names)})" for names in tables if name in names
+        ]
+        lines += ["", *_command(name, parser, rows[name], users, others, links)]
     return _HEAD + "\n".join(lines) + "\n"
+
+
+def _listing(names: Sequence[str]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} and {last}"
+
+
+def _slug(names: Sequence[str]) -> str:
+    return _listing(names).replace(",", "").replace(" ", "-")
 
 
 def _parser(name: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f"rtamt {name}", add_help=False)
-    import_module(f"rtamt_gym.commands.{name}").add_arguments(parser)
+    add_to = Option.add_to
+    with patch.object(Option, "add_to", lambda option, group, _: add_to(option, group, "trial")):
+        import_module(f"rtamt_gym.commands.{name}").add_arguments(parser)
     return parser
 
 
@@ -60,18 +89,20 @@ def _command(
     name: str,
     parser: argparse.ArgumentParser,
     rows: list[tuple[str, str]],
-    shared: set[tuple[str, str]],
+    users: Mapping[tuple[str, str], Sequence[str]],
+    others: Collection[tuple[str, str]],
+    links: Sequence[str],
 ) -> Iterator[str]:
     yield f"## rtamt {name}\n\n{_text(parser.description or '')}"
-    own = [row for row in rows if row not in shared]
+    own = [row for row in rows if len(users[row]) == 1]
     if own:
-        yield "\n| | |\n|---|---|"
-        yield from (f"| {option} | {text} |" for option, text in own)
-    others = [
-        re.split(r"[ =\[]", option.split("`")[1])[0] for option, _ in rows if (option, _) in shared
-    ]
-    if others:
-        yield f"\nOf several commands: {', '.join(f'`{flag}`' for flag in others)}."
+        yield ""
+        yield from (f"- {option}: {text}" for option, text in own)
+    flags = [re.split(r"[ =\[]", row[0].split("`")[1])[0] for row in rows if row in others]
+    more = [*(f"`{flag}`" for flag in flags)]
+    more += [f"the options of {'; '.join(links)}"] if links else []
+    if more:
+        yield f"\nAlso: {', '.join(more)}."
     if parser.epilog:
         yield f"\n{_example(parser.epilog)}"
 
@@ -86,7 +117,7 @@ def _written(action: argparse.Action) -> str:
     after = "" if action.nargs == 0 else f" {value}"
     if action.dest == "require_triggered":  # its value stands after '=' only
         after = f"[={value}]"
-    return ", ".join(f"`{flag}{after}`".replace("|", "\\|") for flag in action.option_strings)
+    return ", ".join(f"`{flag}{after}`" for flag in action.option_strings)
 
 
 def _help(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
@@ -95,7 +126,7 @@ def _help(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
 
 def _text(text: str) -> str:
     """A text of a parser as Markdown shows it."""
-    plain = re.sub(r"\s+", " ", text).replace("|", "\\|")
+    plain = re.sub(r"\s+", " ", text)
     return re.sub(r"([*_<>\[\]{}$~]|(?<=\])\()", r"\\\1", plain)  # "](" would begin a link
 
 

@@ -71,7 +71,7 @@ def _sobol(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None
 
 
 def _corners(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:  # noqa: ARG001 - an optimizer's
-    """Inputs constant at the ends of their ranges, then every coordinate at an end of its own."""
+    """Constant inputs at the ends of their ranges, then points at these ends."""
     for groups in (evaluate.groups, [slice(i, i + 1) for i in range(dimension)]):
         points = extremes(groups)
         while len(batch := take(points, _BATCH, dimension)):
@@ -79,7 +79,7 @@ def _corners(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> No
 
 
 def _cma(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
-    """CMA-ES from random starts; after every second climb the population doubles."""
+    """CMA-ES from random starts with growing populations."""
     for number in count():
         size = population_of(dimension) * 2 ** (number // 2)
         climb = Climb(rng.random(dimension), rng, sigma=0.3, population=size)
@@ -88,7 +88,7 @@ def _cma(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
 
 
 def _dual_annealing(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
-    """Dual annealing of SciPy, as it comes."""
+    """Dual annealing of SciPy."""
     from scipy.optimize import dual_annealing
 
     def value(point: np.ndarray) -> float:
@@ -99,7 +99,7 @@ def _dual_annealing(evaluate: Evaluate, dimension: int, rng: np.random.Generator
 
 
 def _differential_evolution(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
-    """Differential evolution of SciPy; a generation runs as a whole."""
+    """Differential evolution of SciPy, a generation at a time."""
     from scipy.optimize import differential_evolution
 
     while True:

@@ -47,7 +47,7 @@ def test_rows_make_arguments() -> None:
 def test_shared_rows_take_the_word_and_changes_of_a_command() -> None:
     parser = parser_of("--seed", shared("--timeout", default=3.0), "--below", "--end")
     text = " ".join(parser.format_help().split())
-    assert "seed of the first episode, one more for each further one (default: 0)" in text
+    assert "seed of the first episode; each further episode adds 1 (default: 0)" in text
     assert parser.parse_args([]) == argparse.Namespace(seed=0, timeout=3.0)
     assert read_evaluation_options(parser.parse_args(["--below", "--end", "open"])).options() == {
         "below": True,
