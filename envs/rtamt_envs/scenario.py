@@ -3,7 +3,7 @@
 To add a scenario: a file in this folder with its ``SCENARIO``, and a row of `SCENARIOS`, which
 registers it and puts it under ``tests/rtamt_envs/test_contract.py``. Add ``test_NAME.py`` and, for
 the second model that shares no code with it, ``test_validation_NAME.py`` in ``tests/rtamt_envs``
-and a file in ``tests/support/models``. Add a row to both tables of scenarios in
+and a file in ``tests/support/models``. Add a row to the table of scenarios in
 ``docs/simulations.md``.
 """
 
