@@ -9,9 +9,9 @@ Elevator Control System).
 Each side has an elevator that an outer and an inner hydraulic actuator can move. Circuit H1 serves
 the left outer actuator, H2 both inner ones, H3 the right outer one, at 1000 kPa. While nothing
 fails the outer actuators are active, under a PID law sampled every 0.01 s, and the inner ones stand
-by, under a proportional law. Monitors watch pressures and positions, and a mode logic
-(`aircraft_elevator_modes`) turns off or isolates what has failed and sets the other actuator of the
-side to work, and with it the same actuator of the other side.
+by, under a proportional law. Monitors watch pressures and positions, and a mode logic (`decide`)
+turns off or isolates what has failed and sets the other actuator of the side to work, and with it
+the same actuator of the other side.
 
 Positions are in cm, pressures in kPa, times in s. The action is the pilot's command, held over the
 step; the first step starts from rest at command 0. An observation is taken at the end of a step:
@@ -46,20 +46,217 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rtamt_envs.aircraft_elevator_modes import (
-    ACTIVE,
-    STANDBY,
-    decide,
-    position_failed,
-    pressure_failed,
-)
-from rtamt_envs.aircraft_elevator_plant import PERIOD, SIDE, advance, stepping
 from rtamt_envs.compiled import compiled
 from rtamt_envs.scenario import EpisodeSoFar, Floats, Quantity, Scenario
 from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+SIDE = 10  # numbers in the state of a side
+PERIOD = 0.01  # seconds from one sample of the control laws to the next
+
+# By mode (Isolated, Off, Passive, Standby, Active): whether the servo valve follows its command,
+# and whether the spool valve lets the piston push.
+_SERVO = (0.0, 0.0, 0.0, 1.0, 1.0)
+_SPOOL = (0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def stepping(substeps: int) -> Floats:
+    """Return the number of substeps in a period, and the matrix of a valve for half a substep.
+
+    The valve s'' = 200 u - 10 s' - 30 s rests at 200 u / 30 and has the eigenvalues -5 +- i sqrt 5.
+    The matrix, by rows, acts on its distance from there and its velocity.
+    """
+    half = PERIOD / substeps / 2
+    cosine = math.exp(-5 * half) * math.cos(math.sqrt(5) * half)
+    sine = math.exp(-5 * half) * math.sin(math.sqrt(5) * half) / math.sqrt(5)
+    return np.array([substeps, cosine + 5 * sine, sine, -30 * sine, cosine - 5 * sine])
+
+
+@compiled
+def _slopes(
+    position: float,
+    velocity: float,
+    outer: float,
+    inner: float,
+    valves: tuple[float, float],
+    supplies: tuple[float, float],
+    spools: tuple[float, float],
+) -> tuple[float, float, float, float]:
+    """Return the derivatives of position, velocity, and the outer and the inner pressure."""
+    force = 100.0 * (outer * spools[0] + inner * spools[1])
+    return (
+        velocity,
+        force - 10.0 * velocity - 1000.0 * position,
+        100.0 * (supplies[0] - outer) * valves[0] - 100.0 * velocity,
+        100.0 * (supplies[1] - inner) * valves[1] - 100.0 * velocity,
+    )
+
+
+@compiled
+def advance(
+    side: Floats,
+    command: float,
+    modes: tuple[float, float],
+    supplies: tuple[float, float],
+    stepping: Floats,
+) -> None:
+    """Advance a side by one period.
+
+    Args:
+        side: The state of the side, in and out.
+        command: The position that the pilot commands over the period, in cm.
+        modes: The modes of the outer and the inner actuator, from 0 to 4.
+        supplies: The supply pressures of the outer and the inner actuator, in kPa.
+        stepping: The result of the function of this name.
+    """
+    x, v, outer, inner = side[0], side[1], side[2], side[5]
+    error = command - x
+    pid = 0.0012 * error + 5.7e-5 * side[8] + 2.4e-4 * (error - side[9]) / PERIOD
+    side[8] += PERIOD * error
+    side[9] = error
+    outer_mode, inner_mode = int(modes[0]), int(modes[1])
+    spools = (_SPOOL[outer_mode], _SPOOL[inner_mode])
+    outer_rest = 200.0 * pid * _SERVO[outer_mode] / 30.0
+    inner_rest = 200.0 * 0.000325 * error * _SERVO[inner_mode] / 30.0
+    s, sv = side[3] - outer_rest, side[4]
+    r, rv = side[6] - inner_rest, side[7]
+    substeps, ss, sd, ds, dd = stepping
+    h = PERIOD / substeps
+    half = 0.5 * h
+    for _ in range(int(substeps)):
+        begin = (outer_rest + s, inner_rest + r)
+        s, sv = ss * s + sd * sv, ds * s + dd * sv
+        r, rv = ss * r + sd * rv, ds * r + dd * rv
+        middle = (outer_rest + s, inner_rest + r)
+        s, sv = ss * s + sd * sv, ds * s + dd * sv
+        r, rv = ss * r + sd * rv, ds * r + dd * rv
+        end = (outer_rest + s, inner_rest + r)
+        ax, av, ao, ai = _slopes(x, v, outer, inner, begin, supplies, spools)
+        bx, bv, bo, bi = _slopes(
+            x + half * ax, v + half * av, outer + half * ao, inner + half * ai,
+            middle, supplies, spools,
+        )  # fmt: skip
+        cx, cv, co, ci = _slopes(
+            x + half * bx, v + half * bv, outer + half * bo, inner + half * bi,
+            middle, supplies, spools,
+        )  # fmt: skip
+        dx, dv, do, di = _slopes(
+            x + h * cx, v + h * cv, outer + h * co, inner + h * ci,
+            end, supplies, spools,
+        )  # fmt: skip
+        x += h / 6.0 * (ax + 2.0 * bx + 2.0 * cx + dx)
+        v += h / 6.0 * (av + 2.0 * bv + 2.0 * cv + dv)
+        outer += h / 6.0 * (ao + 2.0 * bo + 2.0 * co + do)
+        inner += h / 6.0 * (ai + 2.0 * bi + 2.0 * ci + di)
+    side[0], side[1] = x, v
+    side[2], side[3], side[4] = outer, outer_rest + s, sv
+    side[5], side[6], side[7] = inner, inner_rest + r, rv
+
+
+ISOLATED, OFF, PASSIVE, STANDBY, ACTIVE = 0.0, 1.0, 2.0, 3.0, 4.0
+
+_CIRCUIT = (0, 1, 1, 2)  # the hydraulic circuit of each actuator
+_ORDER = (0, 3, 1, 2)  # outer actuators react first
+_MOST_RETURNS = 5.0  # so often an actuator may come back from Off
+
+
+@compiled
+def pressure_failed(pressure: float, previous: float) -> bool:
+    """Return whether a circuit is low: out of 500 to 2000 kPa, or changed by over 100 kPa."""
+    return pressure < 500.0 or pressure > 2000.0 or abs(pressure - previous) > 100.0
+
+
+@compiled
+def position_failed(position: float) -> bool:
+    """Return whether a position has failed: over 10 cm from 0.
+
+    The source also counts a change by 20 cm in a sample, which leaves this range anyway.
+    """
+    return abs(position) > 10.0
+
+
+@compiled
+def _go_off(modes: Floats, returns: Floats, actuator: int) -> None:
+    if modes[actuator] > OFF:
+        modes[actuator] = OFF if returns[actuator] < _MOST_RETURNS else ISOLATED
+
+
+@compiled
+def _switch(
+    modes: Floats,
+    returns: Floats,
+    low: Floats,
+    failed: Floats,
+    outer: int,
+    inner: int,
+) -> None:
+    """Apply the first row of the table that fits to the actuators of a side."""
+    outer_low, inner_low = low[_CIRCUIT[outer]] > 0.0, low[_CIRCUIT[inner]] > 0.0
+    inner_lost = inner_low or failed[inner] > 0.0
+    if outer_low and not inner_lost:
+        _go_off(modes, returns, outer)
+    elif outer_low or (failed[outer] > 0.0 and inner_lost):
+        modes[outer] = ISOLATED
+        modes[inner] = ISOLATED
+    elif failed[outer] > 0.0:
+        modes[outer] = ISOLATED
+    elif inner_low:
+        _go_off(modes, returns, inner)
+    elif failed[inner] > 0.0:
+        modes[inner] = ISOLATED
+
+
+@compiled
+def _react(
+    modes: Floats,
+    returns: Floats,
+    low: Floats,
+    actuator: int,
+) -> None:
+    """Move one actuator by one mode, if the others require it."""
+    mode = modes[actuator]
+    partner = modes[actuator ^ 1] == ACTIVE  # the other one of its side
+    twin = modes[3 - actuator] == ACTIVE  # outer or inner too, of the other side
+    if mode == OFF and low[_CIRCUIT[actuator]] == 0.0:
+        returns[actuator] += 1.0
+        modes[actuator] = PASSIVE
+    elif mode == PASSIVE:
+        modes[actuator] = STANDBY if partner else ACTIVE
+    elif mode == STANDBY and (twin or not partner):
+        modes[actuator] = ACTIVE
+    elif mode == ACTIVE and partner:
+        outer = actuator in (0, 3)
+        if (outer and not twin) or (not outer and modes[3 - (actuator ^ 1)] == ACTIVE):
+            modes[actuator] = STANDBY
+
+
+@compiled
+def decide(
+    modes: Floats,
+    returns: Floats,
+    low: Floats,
+    failed: Floats,
+) -> None:
+    """Update the modes after the failures of a sample.
+
+    Args:
+        modes: The modes of the four actuators, in and out.
+        returns: The number of returns of each from Off, in and out.
+        low: 1 for each of the three circuits with failed pressure, otherwise 0.
+        failed: 1 for each actuator with a failed position, otherwise 0.
+    """
+    _switch(modes, returns, low, failed, 0, 1)
+    _switch(modes, returns, low, failed, 3, 2)
+    settled = False
+    while not settled:
+        settled = True
+        for actuator in _ORDER:
+            before = modes[actuator]
+            _react(modes, returns, low, actuator)
+            settled = settled and modes[actuator] == before
 
 
 _STEPPING = stepping(10)

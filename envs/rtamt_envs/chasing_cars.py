@@ -23,10 +23,9 @@ the benchmark has it. Its positions have no unit; they are read as metres here.
 closed solution. Throttle and brake go in a line from the last action to the present one (the first
 step holds its action), and the speed of car 1 is then a power series in time. Its terms are added
 until the rest is below 1e-19 of the speed, at most 17 of them: 0.05 s is short. So a gap within a
-period is one polynomial, and the first time at which it reaches a guard is found to rounding, see
-`rtamt_envs.crossings`. A period may have several changes of mode: followers never slow down but by
-braking, and late in a run gaps swing between 10 and 15 faster than samples show. Rounding is the
-only error. Against an independent solver of order 8 with located events (tolerances 1e-12) the
+period is one polynomial, and the first time at which it reaches a guard is found to rounding. A
+period may have several changes of mode: followers only slow down by braking, and late in a run gaps
+swing between 10 and 15 faster than samples show. Rounding is the only error. Against an independent solver of order 8 with located events (tolerances 1e-12) the
 positions of random runs differ by less than 2e-11 over 100 s, and at full throttle, where y1 comes
 to -5000, by 1.2e-10.
 
@@ -59,12 +58,97 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtamt_envs.compiled import compiled
-from rtamt_envs.crossings import first_crossing
 from rtamt_envs.scenario import EpisodeSoFar, Floats, Quantity, Scenario
 from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:  # it is optional
     from matplotlib.figure import Figure
+
+
+_FINEST = 2.0**-30  # beside an extremum, intervals this short differ from their ends by rounding
+
+
+@compiled
+def _at(polynomial: Floats, length: int, at: float) -> tuple[float, float]:
+    """Return the value of a polynomial and its slope."""
+    value, slope = 0.0, 0.0
+    for power in range(length - 1, -1, -1):
+        slope = slope * at + value
+        value = value * at + float(polynomial[power])
+    return value, slope
+
+
+@compiled
+def _root(
+    polynomial: Floats,
+    length: int,
+    level: float,
+    low: float,
+    at_low: float,
+    high: float,
+    at_high: float,
+) -> float:
+    """Return where a polynomial crosses a level, on a monotone interval with a crossing."""
+    rising = at_high > level
+    estimate = low + (high - low) * (level - at_low) / (at_high - at_low)
+    for _ in range(100):
+        value, slope = _at(polynomial, length, estimate)
+        if (value > level) == rising:
+            high = estimate
+        else:
+            low = estimate
+        better = estimate - (value - level) / slope if slope != 0.0 else estimate
+        if better == estimate:
+            break
+        if not low < better < high:
+            better = 0.5 * (low + high)
+            if not low < better < high:
+                break
+        estimate = better
+    return estimate
+
+
+@compiled
+def first_crossing(polynomial: Floats, length: int, level: float, sign: float) -> float:
+    """Return the first argument from 0 to 1 at which a polynomial reaches a level.
+
+    A bound of the curvature shows where a crossing is possible, so none is missed, not even a
+    touch. Newton's method within a bracket then finds it up to rounding.
+
+    Args:
+        polynomial: The coefficients, lowest power first.
+        length: The number of coefficients that count.
+        level: The level.
+        sign: 1 to reach the level from above, -1 from below.
+
+    Returns:
+        The argument; 0 if the polynomial starts there or beyond, 2 if it does not reach the level.
+    """
+    bend = 0.0  # the maximum curvature
+    for power in range(2, length):
+        bend += power * (power - 1) * abs(float(polynomial[power]))
+    low, width = 0.0, 1.0
+    at_low = float(polynomial[0])
+    if sign * (at_low - level) <= 0.0:
+        return 0.0
+    while low < 1.0:
+        high = min(low + width, 1.0)
+        at_high, slope = _at(polynomial, length, high)
+        if min(sign * (at_low - level), sign * (at_high - level)) > bend * width * width / 8.0:
+            low, at_low = high, at_high  # between its ends it is that much beyond its chord at most
+            width *= 2.0
+        elif abs(slope) > bend * width:  # monotone
+            if sign * (at_high - level) <= 0.0:
+                return _root(polynomial, length, level, low, at_low, high, at_high)
+            low, at_low = high, at_high
+        elif width > _FINEST:
+            width *= 0.5
+        elif sign * (at_high - level) <= 0.0:
+            return high
+        else:
+            low, at_low = high, at_high
+    return 2.0
+
 
 _PERIOD = 0.05  # seconds
 _CARS = 5

@@ -49,7 +49,7 @@ class Program:
         specification: The specification that was compiled.
         aligned: The texts of `timing.alignment` for rounded intervals.
         rates: The rates of change among the variables, and the variable of each; readers of samples
-            compute them (`rtamt.inputs.rates`).
+            compute them (`rtamt.inputs.samples`).
         seconds: The time between samples by which rates divide.
     """
 

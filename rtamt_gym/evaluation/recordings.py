@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, get_args
+from typing import Any, Final, get_args
 
 from rtamt import InputError, Verdict
 from rtamt.errors import Argument, shown
 from rtamt.monitors import BodyOccurrences, Occurrence
 from rtamt_gym.evaluation.compared import LEVEL, compared_of
 from rtamt_gym.evaluation.paired import effect_of, holm
-from rtamt_gym.evaluation.reading_differences import reading_differences
 from rtamt_gym.evaluation.recording_changes import (
     ChangedRequirement,
     ComparedTimes,
@@ -33,6 +33,67 @@ from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.span_matching import SpanMatches, Status, match_spans
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted
+
+_UNREAD: Final = ("sorted",)
+"""Options that change no value."""
+
+_NAMED: Final = {"signals": "--signal {}", "starts": "the default of {}", "where": "--where {}"}
+"""The options with a value for each name."""
+
+_FLAGS: Final = {"defaults": "--default"}
+"""The options with another name than their attribute."""
+
+
+def reading_differences(a: RecordingSet, b: RecordingSet) -> Iterator[str]:
+    """Yield each option with which A and B read columns differently, with both values.
+
+    A column or a default of a variable that only one side reads counts if a requirement of both
+    has that variable, or if that side has no requirement of its own.
+    """
+    one, two = (side.reading.get("columns") or {} for side in (a, b))
+    for key in dict.fromkeys([*one, *two]):
+        if key in _UNREAD or one.get(key) == two.get(key):
+            continue
+        if key in _NAMED:
+            yield from _named_differences(key, one.get(key) or {}, two.get(key) or {}, a, b)
+        else:
+            option = _FLAGS.get(key, f"--{key.replace('_', '-')}")
+            yield _difference(option, one.get(key), two.get(key))
+
+
+def _named_differences(
+    key: str, one: Mapping[str, Any], two: Mapping[str, Any], a: RecordingSet, b: RecordingSet
+) -> Iterator[str]:
+    for name in dict.fromkeys([*one, *two]):
+        usual = name if key == "signals" else None
+        values = one.get(name, usual), two.get(name, usual)
+        alone = key != "where" and ((name in one) != (name in two))
+        own = (a, b) if name in one else (b, a)
+        if values[0] != values[1] and not (alone and _of_own_requirement(name, *own)):
+            yield _difference(_NAMED[key].format(name), *values)
+
+
+def _of_own_requirement(name: str, side: RecordingSet, other: RecordingSet) -> bool:
+    """Return whether only requirements that the other side lacks can read a variable."""
+    texts, others = side.matrix.requirements, other.matrix.requirements
+    word = re.compile(rf"(?<![\w.]){re.escape(name)}(?!\w)")
+    return not texts.keys() <= others.keys() and not any(
+        word.search(text) for requirement, text in texts.items() if requirement in others
+    )
+
+
+def _difference(option: str, one: object, two: object) -> str:
+    texts = [_text(value) for value in (one, two)]
+    return f"{option} is {texts[0]} of A and {texts[1]} of B"
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return "not set"
+    if isinstance(value, list | tuple):
+        return " ".join(map(str, value)) or "not set"
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
+
 
 _FREE: Final = ("columns", "min_duration")
 """Options of an evaluation that change no verdict, or that `reading_differences` compares."""

@@ -18,7 +18,6 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.monitor_set import Assessment, Feed, MonitorSet, SeeValues
 from rtamt_gym.judging.specs import SpecsLike, load_specs
-from rtamt_gym.mujoco.callback import attached
 from rtamt_gym.mujoco.pictures import renderer
 from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
@@ -28,6 +27,64 @@ from rtamt_gym.signals.sources import MUJOCO
 
 if TYPE_CHECKING:
     from rtamt_gym.live.view import RerunView
+
+import ctypes
+from _ctypes import CFuncPtr  # the class of all functions of ctypes
+
+
+@contextmanager
+def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> Iterator[None]:
+    """Call ``offer`` for states of a simulation in this context, by ``mjcb_control``.
+
+    There is one callback in a process: one that was set before is called first, and is set again at
+    the end. An exception of ``offer`` does not pass through MuJoCo: the first one ends the offers,
+    and is raised at the end of the context.
+
+    Args:
+        data: The simulation; others are ignored.
+        offer: Called for the states of the simulation, including states that are only tried.
+        last: Called at the end, after the last step.
+    """
+    before = mujoco.get_mjcb_control()
+    controller = _called_from_python(before)
+    failed: Exception | None = None
+
+    def control(model: Any, stepped: Any) -> None:
+        nonlocal failed
+        if controller is not None:
+            controller(model, stepped)
+        if stepped is data and failed is None:
+            try:
+                offer()
+            except Exception as error:  # noqa: BLE001 - raised at the end of the context
+                failed = error
+
+    mujoco.set_mjcb_control(control)
+    try:
+        yield  # an error of the program's own passes through here, and comes first
+    finally:
+        replaced = mujoco.get_mjcb_control() is not control
+        if not replaced:
+            mujoco.set_mjcb_control(before)
+    if failed is not None:
+        raise failed
+    if replaced:
+        raise StateError(
+            "expected mjcb_control as it was attached, but the program has set another: no "
+            "samples came since; set the controller before, it is called too"
+        )
+    last()
+
+
+def _called_from_python(controller: Any) -> Any:
+    """Return a function that calls a controller with model and data; None if there is none."""
+    if not isinstance(controller, CFuncPtr):
+        return controller
+    # MuJoCo passes pointers, whatever argument types the controller declares; Numba makes functions
+    # of ctypes too.
+    pointed = ctypes.cast(controller, ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p))
+    return lambda model, data: pointed(model._address, data._address)  # noqa: SLF001
+
 
 Controller = Callable[[Any, Any], object]
 """Called with model and data before a step, to set ``data.ctrl``."""

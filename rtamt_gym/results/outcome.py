@@ -3,7 +3,7 @@
 To add a field of `Outcome`: the field with a default here, and its line in `plain_outcome` and
 `outcome_of` of `rtamt_gym.results.codec`. To show it on the page, add it to `Requirement` in
 `rtamt_gym.reports.model`, to `evidence` in `rtamt_gym.reports.requirements`, and to the first line
-of the page in `rtamt_gym.reports.standing`.
+of the page in `rtamt_gym.reports.html`.
 """
 
 from __future__ import annotations

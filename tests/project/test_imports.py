@@ -49,9 +49,7 @@ FLOORS = {
     "rtamt_ros": (
         ("middleware",),
         ("core", "messages", "packed", "callbacks", "process"),
-        ("plan",),
         ("node", "parameters"),
-        ("ros1_master",),
         ("ros2_subscription",),
         ("ros1", "ros2"),
         ("ros2_lifecycle", "generation"),
@@ -72,13 +70,7 @@ FLOORS = {
     ),
     "rtamt_envs": (
         ("compiled", "scenario"),
-        (
-            "crossings",
-            "pictures",
-            "scenario_batch",
-            "aircraft_elevator_modes",
-            "aircraft_elevator_plant",
-        ),
+        ("scenario_batch",),
         tuple(module for module, _ in SCENARIOS.values()),
         ("environment",),
         ("vector",),

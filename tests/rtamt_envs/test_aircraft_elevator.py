@@ -8,8 +8,7 @@ import pytest
 from interpreted import compiled_and_interpreted
 from matplotlib.figure import Figure
 from rtamt_envs import aircraft_elevator
-from rtamt_envs.aircraft_elevator import SCENARIO
-from rtamt_envs.aircraft_elevator_modes import ACTIVE, ISOLATED, OFF, STANDBY
+from rtamt_envs.aircraft_elevator import ACTIVE, ISOLATED, OFF, SCENARIO, STANDBY
 from rtamt_envs.scenario import EpisodeSoFar, Floats
 
 import rtamt

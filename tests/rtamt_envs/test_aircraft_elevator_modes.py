@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from rtamt_envs.aircraft_elevator_modes import (
+from rtamt_envs.aircraft_elevator import (
     ACTIVE,
     ISOLATED,
     OFF,

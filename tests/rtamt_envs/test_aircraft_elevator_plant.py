@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rtamt_envs.aircraft_elevator_plant import SIDE, advance, stepping
+from rtamt_envs.aircraft_elevator import SIDE, advance, stepping
 from rtamt_envs.scenario import Floats
 from scipy.integrate import solve_ivp
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from interpreted import compiled_and_interpreted
-from rtamt_envs.crossings import first_crossing
+from rtamt_envs.chasing_cars import first_crossing
 
 coefficients = st.lists(st.floats(-8, 8).map(lambda x: round(x, 3)), min_size=1, max_size=7)
 
@@ -55,7 +55,7 @@ def test_a_touch_counts_and_what_misses_by_a_little_does_not(at: float) -> None:
 def test_crossings_are_the_same_without_numba() -> None:
     program = (
         "import numpy as np\n"
-        "from rtamt_envs.crossings import first_crossing\n"
+        "from rtamt_envs.chasing_cars import first_crossing\n"
         "rows = np.random.default_rng(0).uniform(-8, 8, (400, 4)).round(3).tolist()\n"
         "rows += [[1 / 9 + 1e-12, -2 / 3, 1.0], [1.0, -6.0, 8.0], [0.957, -2.339, -2.941, 2.247]]\n"
         "for row in rows:\n"

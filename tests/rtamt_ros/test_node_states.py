@@ -8,8 +8,7 @@ import pytest
 from memory_middleware import SECOND, MemoryMiddleware
 from memory_nodes import MS, send, started
 
-from rtamt_ros.core.states import lease_of
-from rtamt_ros.node import MonitorNode
+from rtamt_ros.node import MonitorNode, lease_of
 
 START = 1000 * SECOND
 

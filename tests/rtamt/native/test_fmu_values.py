@@ -41,7 +41,7 @@ from rtamt import (
     Verdict,
     parse,
 )
-from rtamt.export.programs import Programs
+from rtamt.export.fmu import Programs
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 

@@ -11,10 +11,9 @@ import rtamt
 from rtamt import Verdict
 from rtamt.monitors import TriggerCount
 from rtamt_gym.__main__ import main
-from rtamt_gym.reports.html import render
+from rtamt_gym.reports.html import render, standing_of
 from rtamt_gym.reports.model import Report
 from rtamt_gym.reports.numbers import ROOM
-from rtamt_gym.reports.standing import standing_of
 from rtamt_gym.reports.write import section_of
 from rtamt_gym.results.codec import outcome_of, plain_outcome
 from rtamt_gym.results.outcome import Outcome

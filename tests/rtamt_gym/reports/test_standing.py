@@ -14,10 +14,9 @@ from report_example import EXAMPLE
 
 from rtamt_gym import write_report
 from rtamt_gym.__main__ import main
-from rtamt_gym.reports.html import render
+from rtamt_gym.reports.html import render, standing_of
 from rtamt_gym.reports.model import Report, Section, SectionKind, TrialRow
 from rtamt_gym.reports.requirements import requirement_of
-from rtamt_gym.reports.standing import standing_of
 from rtamt_gym.results.outcome import Word
 
 NOUNS = {"evaluation": "episode", "sweep": "simulation", "search": "simulation", "matrix": "trace"}

@@ -11,7 +11,7 @@ from profiles import examples
 import rtamt
 from rtamt_gym import Case, Parameter, Signal, Space, Waveform, falsify
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.falsification.reduction import reduced
+from rtamt_gym.search.falsification.falsify import reduced
 
 SPACE = Space(
     [
