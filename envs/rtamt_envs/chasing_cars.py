@@ -25,9 +25,9 @@ step holds its action), and the speed of car 1 is then a power series in time. I
 until the rest is below 1e-19 of the speed, at most 17 of them: 0.05 s is short. So a gap within a
 period is one polynomial, and the first time at which it reaches a guard is found to rounding. A
 period may have several changes of mode: followers only slow down by braking, and late in a run gaps
-swing between 10 and 15 faster than samples show. Rounding is the only error. Against an independent solver of order 8 with located events (tolerances 1e-12) the
-positions of random runs differ by less than 2e-11 over 100 s, and at full throttle, where y1 comes
-to -5000, by 1.2e-10.
+swing between 10 and 15 faster than samples show. Rounding is the only error. Against an independent
+solver of order 8 with located events (tolerances 1e-12) the positions of random runs differ by less
+than 2e-11 over 100 s, and at full throttle, where y1 comes to -5000, by 1.2e-10.
 
 Forward Euler does not do: with steps of 0.05 s 57 of 60 random inputs violate CC5, in truth one in
 forty does; with steps of 0.01 s followers are still up to 6 m from where they should be.
