@@ -9,7 +9,7 @@ To add a format:
    file with several traces has ``several``, and one whose columns have times of their own
    ``clocks``.
 2. Add a writer to ``tests/rtamt_gym/recorded/test_formats.py``, which runs `check_trace_format` on
-   every format with one trace in a file, and rows to ``docs/traces.md``, ``docs/trust.md`` and,
+   every format with one trace in a file, and rows to ``docs/traces.md``, ``docs/commands.md`` and,
    for the files of a tool, ``docs/tools.md``. A library is an extra of ``pyproject.toml``, listed
    in ``docs/installation.md`` and in `rtamt_gym.checks.extras`.
 3. If commands write robustness in the format, add a row to ``WRITERS`` of
