@@ -84,6 +84,7 @@ def read_events(
         rules = RowTable(recording, columns, read, time)
         rules.check_objects(rows, filled)
         rules.check_clocks(rows)
+        rules.check_spelling(rows, there)
     check_valid(rows, columns)
     axis = _event_times(rows, time, columns)
     times = axis.seconds
@@ -94,7 +95,7 @@ def read_events(
         column = columns.column(name)
         values = rows.numbers[column]
         there_at = rows.invalid.get(column, np.True_) if columns.missing == "unknown" else None
-        if not rows.sparse and columns.missing == "raise":
+        if not rows.sparse and columns.missing != "unknown":
             empty += _empty_cells(name, values)
         where = rows.source, f"column '{column}'"
         signals[name], note = _signal(name, times, values, there_at, where, columns)
@@ -271,7 +272,7 @@ def _read_long(
         axis.check_order(rows.where, own_rows, f" of '{called}'")
         at, values = times[own_rows], rows.numbers[value][own_rows]
         unknown = np.True_ if columns.missing == "unknown" else None
-        if columns.missing == "raise":
+        if columns.missing != "unknown":
             empty += _empty_cells(name, values)
         where = rows.source, f"'{called}'"
         signals[name], note = _signal(name, at, values, unknown, where, columns)

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import rtamt
 from rtamt import InputError
+from rtamt.columns import name_words
 from rtamt.errors import near_name, nearest
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import Columns
@@ -85,6 +86,53 @@ def check_near(
                 f"{signal} to read it, or --default {name} to take the default "
                 f"{number(columns.starts[name])}"
             )
+
+
+def misspellings(columns: Columns, variables: Sequence[str], names: Sequence[str]) -> Spellings:
+    """Return the columns that may hold values of a variable under a misspelt name.
+
+    Args:
+        columns: How columns are read. ``--signal speed=speed`` leaves a variable out.
+        variables: The variables that have a column.
+        names: The columns that nothing reads.
+
+    Example:
+        >>> misspellings(Columns(), ["speed", "acc_x"], ["Speed", "sped", "acc_y", "time"])
+        [('speed', 'Speed'), ('speed', 'sped')]
+    """
+    read = [columns.column(name) for name in variables if columns.signals.get(name) != name]
+    return [
+        (column, name)
+        for column in dict.fromkeys(read)
+        for name in dict.fromkeys(names)
+        if near_name(column, [name]) and not _other_axis(column, name)
+    ]
+
+
+def misspelt_value(column: str, name: str) -> str:
+    """Return the fault of a row that has a value under a misspelt name of a column."""
+    signal = shlex.quote(f"{column}={column}")
+    return (
+        f"no value of '{column}', but one of '{name}', which nothing reads. Write one name in all "
+        f"rows, or give --signal {signal} if '{name}' is another signal."
+    )
+
+
+Spellings = list[tuple[str, str]]
+"""Columns of variables, each with a column whose name may be its misspelt name."""
+
+
+def _other_axis(column: str, name: str) -> bool:
+    """Return whether one short word differs, as in ``acc_x`` and ``acc_y``."""
+    words = [name_words(text) for text in (column, name)]
+    if len(words[0]) != len(words[1]):
+        return False
+    unlike = [pair for pair in zip(*words, strict=True) if pair[0] != pair[1]]
+    return len(words[0]) > 1 and len(unlike) == 1 and max(map(len, unlike[0])) <= _SHORT
+
+
+_SHORT = 2
+"""The most letters of a word that names an axis or a side: x, y, fl, fr."""
 
 
 def needed_columns(

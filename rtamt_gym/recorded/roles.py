@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.cells import floats_in
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import times_of_texts
+from rtamt_gym.recorded.names import misspellings, misspelt_value
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 from rtamt_gym.recorded.times import TimeColumn, join_times, rises
 
@@ -134,6 +136,26 @@ class RowTable:
             "trace."
         )
 
+    def check_spelling(self, rows: Rows, variables: Sequence[str]) -> None:
+        """Check that no misspelt column has values in rows in which a variable has none.
+
+        A column that has a value next to a value of the variable is another signal.
+
+        Args:
+            rows: The rows that were read.
+            variables: The variables that have a column.
+        """
+        near = misspellings(self.columns, variables, self.unread)
+        near = [(column, name) for column, name in near if np.isnan(rows.numbers[column]).any()]
+        cells = self._cells(rows, [name for _, name in near]) if near else {}
+        for column, name in near:
+            if name not in cells:
+                continue
+            there, others = ~np.isnan(rows.numbers[column]), _filled(cells[name])
+            if others.any() and not (there & others).any():
+                row = int(others.argmax())
+                raise InputError(f"{rows.where(row)}: {misspelt_value(column, name)}")
+
     def check_clocks(self, rows: Rows) -> None:
         """Check that variables with columns of times of their own have the times of the rows."""
         if self.columns.time is not None or (self.time is not None and self.time.part is not None):
@@ -225,6 +247,17 @@ class RowTable:
         wanted = Wanted((), cells=names, where=self.columns.where)
         cells = self.recording.read(wanted).cells
         return {name: values for name, values in cells.items() if len(values) == rows.count}
+
+
+def _filled(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return whether each cell has a value."""
+    if values.dtype.kind in "mM":
+        return np.asarray(~np.isnat(values), bool)
+    return (
+        ~np.isnan(values.astype(np.float64))
+        if values.dtype.kind == "f"
+        else np.asarray(values != "", bool)
+    )
 
 
 _RATE = 0.01

@@ -92,6 +92,7 @@ def read_trace(
             rows, {n: ~np.isnan(column_values) for n, column_values in rows.numbers.items()}
         )
         rules.check_clocks(rows)
+        rules.check_spelling(rows, there)
     if table and timed and time is None and period is None:
         rules.check_times(rows)
     check_valid(rows, columns)

@@ -364,10 +364,7 @@ class TextNumbers:
         if self._option is None and decimal == ",":
             notes.append(COMMA_NOTE)
         if self._grouped:
-            notes.append(
-                f"marks between groups of three digits are left out: '{self._grouped}' is "
-                f"{_read(self._grouped, decimal)}"
-            )
+            notes.append(grouped_note(self._grouped, decimal))
         groups = {name: self._marks[name].grouped(decimal) for name in self._read}
         return notes + [
             stated_mark_note(name, cell, decimal)
@@ -377,6 +374,11 @@ class TextNumbers:
 
 
 COMMA_NOTE: Final = "numbers are read with a decimal comma"
+
+
+def grouped_note(cell: str, decimal: str) -> str:
+    """Return the note on a cell whose digits stand in groups of three."""
+    return f"marks between groups of three digits are left out: '{cell}' is {_read(cell, decimal)}"
 
 
 def stated_mark_note(name: str, cell: str, decimal: str) -> str:

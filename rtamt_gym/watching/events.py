@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -12,6 +13,7 @@ from rtamt import InputError, Verdict
 from rtamt.typing import End, NanPolicy
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.dates import RawTimes
+from rtamt_gym.recorded.names import take_default
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import same_as_before
 from rtamt_gym.results.extent import Extent
@@ -67,6 +69,10 @@ class EventGroup:
         self._first: RawTimes = np.zeros(0, np.int64)
         self._changes: list[tuple[float, RowValues]] = []
         """The values from the row before on, with their times."""
+        self._missing = Counter[str]()
+        """The number of empty cells of each variable."""
+        self._late: list[str] = []
+        """The variables that have had their default so far, because no event came."""
         self.samples = 0
         self.stopped = False
         self.stop_line = 0
@@ -94,10 +100,12 @@ class EventGroup:
     def _row(self, row: list[float], raw: RawTimes, line: int) -> None:
         if self._clock is None:
             self._clock = self._begin(raw, line)
+            self._take_defaults(row)
         elif self._raw is not None:
             both = plain_times(np.concatenate([self._raw, raw]))
             if bool(same_as_before(both)[0]):
                 self._merge(row)
+                self._count_empty(row)
                 return
             if both[1] < both[0]:
                 raise RowFault(
@@ -120,8 +128,32 @@ class EventGroup:
         self._gap = False
         self._raw, self._time, self._fed = raw, time, False
         self._pending = row
+        self._count_empty(row)
         if not any(map(self._is_no_event, row)):
             self._flush()
+
+    def _count_empty(self, row: RowValues) -> None:
+        """Count the empty cells of a row."""
+        for name, value in zip(self._rules.variables, row, strict=True):
+            if math.isnan(value):
+                self._missing[name] += 1
+                if self._is_no_event(value):
+                    self._rules.notes.no_events[name] += 1
+
+    def _take_defaults(self, row: RowValues) -> None:
+        """Take the defaults of the variables without an event in the first row, or refuse them."""
+        starts = self._columns.starts
+        for name, value in zip(self._rules.variables, row, strict=True):
+            if self._is_no_event(value) and name in starts:
+                self._default_note(name, "its first cell is empty")
+                self._late.append(name)
+
+    def _default_note(self, name: str, why: str) -> str:
+        """Return the note on a default; raise InputError without a place if it is refused."""
+        try:
+            return take_default(self._rules.source, name, self._columns, why)
+        except InputError as error:
+            raise InputError(str(error).removeprefix(f"{self._rules.source}: ")) from None
 
     def _begin(self, raw: RawTimes, line: int) -> StreamClock:
         """Return the clock that starts with the first row."""
@@ -171,6 +203,7 @@ class EventGroup:
                     0,
                     f"expected one value of '{self._rules.variables[place]}' at one time, got "
                     f"{number(old)} and {number(value)}{self._rules.objects_hint(self.group)}",
+                    skippable=False,
                 )
             self._pending[place] = value
 
@@ -184,6 +217,12 @@ class EventGroup:
                     name = self._rules.variables[place]
                     self._rules.notes.add_unknown_event(name, self._time)
                 self._held[place], self._known[place] = value, True
+                name = self._rules.variables[place]
+                if name in self._late:
+                    self._late.remove(name)
+                    if self._time > self._clock_start:
+                        why = f"its first event comes at {number(self._time)} s"
+                        self._rules.notes.add_default(self._default_note(name, why))
         row = [*self._held]
         self._keep(self._time, row)
         for state in self._states:
@@ -211,6 +250,10 @@ class EventGroup:
         reading = self._rules.reading
         nan: NanPolicy = "unknown" if reading.nan == "unknown" else "raise"
         return rtamt.dense.judge(spec, events, end, semantics=reading.semantics, nan=nan)
+
+    @property
+    def _clock_start(self) -> float:
+        return math.inf if self._clock is None else self._clock.start
 
     def _values_at(self, time: float) -> RowValues:
         """Return the values at a time since the row before."""
@@ -279,6 +322,8 @@ class EventGroup:
             return []
         if self._gap:
             end = "open"
+        for name in self._late:
+            self._rules.notes.add_default(self._default_note(name, "no event is there"))
         if self._clock is not None and len(self._first) > 1:
             try:
                 self._clock_rules.axis(self._first, [0] * len(self._first))
@@ -294,7 +339,9 @@ class EventGroup:
             counts: Mapping[str, int] | None = None
             if self._rules.by_step:
                 counts = {"changes": state.changes}
-            lines.append(self._line(state)._replace(end=end, final=True, instants=counts))
+            missing = {v: n for v in state.monitor.variables if (n := self._missing[v])}
+            line = self._line(state)._replace(end=end, final=True, instants=counts)
+            lines.append(line._replace(missing=missing))
         return lines
 
     def newest(self) -> list[Line]:

@@ -32,6 +32,10 @@ def _loader() -> Callable[[bytes], Any]:
     return loads
 
 
+TakeField = Callable[[str, object], tuple[str, bool]]
+"""Takes a new field and its value; returns its fault, or if further blocks have its column."""
+
+
 class JsonRows:
     """Divides lines of JSON into cells; nested fields have dotted names.
 
@@ -44,17 +48,24 @@ class JsonRows:
         self.names: list[str] = []
         self._wanted: list[str] = []
         self._plain = False
-        self._absent: Collection[str] = ()
+        self._known: set[str] = set()
+        self._needed: Collection[str] = ()
+        self._take_field: TakeField | None = None
 
-    def choose(self, names: Sequence[str], absent: Collection[str] = ()) -> None:
+    def choose(
+        self,
+        names: Sequence[str],
+        needed: Collection[str] = (),
+        take_field: TakeField | None = None,
+    ) -> None:
         """Set the columns of all further blocks.
 
         Args:
             names: The columns.
-            absent: Names that no line may have, because their variables have their default.
+            needed: Those of variables, times and groups.
+            take_field: Takes the first field of a name that the first line does not have.
         """
-        self._wanted, self._absent = [*names], {*absent}
-        self._plain = self._plain and not absent
+        self._wanted, self._needed, self._take_field = [*names], {*needed}, take_field
 
     def finish(self) -> None:
         """Raise InputError if no line came."""
@@ -80,15 +91,18 @@ class JsonRows:
                     good, numbers = [], []
                 yield BadLine(line, row)
                 continue
-            if not self.names:
-                self._start(row, text)
             good.append(row)
             numbers.append(line)
+            if not self.names:  # the next lines are read by its names
+                self._start(row, text)
+                yield self._block(good, numbers)
+                good, numbers = [], []
         if good:
             yield self._block(good, numbers)
 
     def _start(self, row: Mapping[str, Any], text: bytes) -> None:
         self.names = [*row]
+        self._known = {*row}
         self._wanted = self._wanted or self.names
         self._plain = [*self._load(text)] == self.names  # nothing is nested
 
@@ -100,6 +114,8 @@ class JsonRows:
             # Nothing but an object has members with names.
             objects = list(map(self._load, lines))
             rows = list(map(itemgetter(*self._wanted), objects))
+            if not set().union(*objects) <= self._known:
+                return None
             if _may_repeat(b"\n".join(lines), sum(map(len, objects))):
                 return None
             columns = dict(zip(self._wanted, zip(*rows, strict=True), strict=True))
@@ -118,18 +134,31 @@ class JsonRows:
             return f"expected one JSON object, got {type(row).__name__}"
         if _may_repeat(text, _names_in(row)) and (name := _repeated(text)) is not None:
             return f"expected one value of each field, got two of '{shown(name)}'"
-        fields = list(_fields(row, ""))
+        lists: dict[str, int] = {}
+        fields = list(_fields(row, "", lists))
         row = dict(fields)
         if len(row) < len(fields):
             name = next(name for name, count in Counter(n for n, _ in fields).items() if count > 1)
             return f"expected one value of each field, got two of '{name}'"
-        for name in self._absent:
-            if name in row:
-                return (
-                    f"'{shown(name)}' is not in the first line, so that its variable has its "
-                    "default. Write all fields in the first line."
-                )
-        return row
+        for name in self._needed:
+            if name not in row and (fault := _other_kind(name, row, lists)):
+                return fault
+        return self._fault_of_fields(row) or row
+
+    def _fault_of_fields(self, row: Mapping[str, Any]) -> str:
+        """Take the fields that no line before had; return their fault, or an empty text."""
+        if self._take_field is None:
+            return ""
+        for name in row:
+            if name in self._known:
+                continue
+            fault, wanted = self._take_field(name, row[name])
+            if fault:
+                return fault
+            self._known.add(name)
+            if wanted:
+                self._wanted.append(name)
+        return ""
 
     def _block(self, rows: list[Mapping[str, Any]], lines: list[int]) -> RowBlock:
         columns = {name: [row.get(name) for row in rows] for name in self._wanted}
@@ -167,15 +196,50 @@ def _repeated(text: bytes) -> str | None:
     return repeated[0] if repeated else None
 
 
-def _fields(value: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
-    """Yield the fields of an object: those of objects in it have dotted names."""
+def _fields(
+    value: Mapping[str, Any], prefix: str, lists: dict[str, int]
+) -> Iterator[tuple[str, Any]]:
+    """Yield the fields of an object: those of objects in it have dotted names.
+
+    Args:
+        value: The object.
+        prefix: The text before their names.
+        lists: Receives the lengths of lists; -1 for an object.
+    """
     for key, field in value.items():
         name = f"{prefix}{key}"
         if isinstance(field, dict):
-            yield from _fields(field, f"{name}.")
+            lists[shown(name)] = -1
+            yield from _fields(field, f"{name}.", lists)
         elif isinstance(field, list):
+            lists[shown(name)] = len(field)
             for index, element in enumerate(field):
-                if isinstance(element, int | float) or element is None:
+                if not isinstance(element, dict | list):
                     yield f"{name}[{index}]", element
         else:
             yield shown(name), field
+
+
+def _other_kind(name: str, row: Mapping[str, Any], lists: Mapping[str, int]) -> str:
+    """Return the fault of a line that has something else in place of a field; empty without one.
+
+    Args:
+        name: A field that the line does not have.
+        row: The fields of the line.
+        lists: The lengths of its lists; -1 for an object.
+    """
+    if name in lists:
+        return f"column '{name}': expected a number, got {_container(lists[name])}"
+    for place, mark in enumerate(name):
+        outer = name[:place]
+        if mark == "." and (row.get(outer) is not None or lists.get(outer, -1) >= 0):
+            kind = _container(lists[outer]) if outer in lists else repr(row[outer])
+            return f"column '{name}': expected an object in '{outer}', got {kind}"
+        if mark == "[" and (row.get(outer) is not None or outer in lists):
+            kind = _container(lists[outer]) if outer in lists else repr(row[outer])
+            return f"column '{name}': expected a list with this element, got {kind}"
+    return ""
+
+
+def _container(length: int) -> str:
+    return "an object" if length < 0 else f"a list of {length}"

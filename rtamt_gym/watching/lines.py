@@ -27,6 +27,7 @@ class Line(NamedTuple):
         reason: The values, or the end, that decided; empty.
         final: Whether the trace has ended.
         instants: The numbers of instants by verdict, in a final line of ``--view step``.
+        missing: The number of empty cells of each variable, in a final line; None without any.
     """
 
     requirement: str
@@ -42,6 +43,7 @@ class Line(NamedTuple):
     reason: str = ""
     final: bool = False
     instants: Mapping[str, int] | None = None
+    missing: Mapping[str, int] | None = None
 
     def to_json(self) -> str:
         """Return the line as strict JSON, as results are written."""
@@ -60,6 +62,8 @@ class Line(NamedTuple):
             head += f', "reason": {json.dumps(self.reason)}'
         if self.instants is not None:
             head += f', "instants": {json.dumps(dict(self.instants))}'
+        if self.missing:
+            head += f', "missing": {json.dumps(dict(self.missing))}'
         return f'{head}, "final": {"true" if self.final else "false"}}}'
 
 

@@ -58,6 +58,19 @@ class LostStarts:
             self._doubtful += 1
             self._first = self._first or f"{shown(group)!r} after {self._unknown}"
 
+    def failures(self, source: str) -> list[str]:
+        """Return a sentence on groups without a good row at the end; an empty list without any.
+
+        Args:
+            source: The name of the stream, for messages.
+        """
+        if not self._bad:
+            return []
+        (name, message), more = next(iter(self._bad.items())), len(self._bad) - 1
+        others = f" (and {counted(more, 'more group')})" if more else ""
+        group = f"group {shown(name)!r} has bad lines only, the first: {message}{others}"
+        return [f"{source}: {group}. Correct the line, or remove the group."]
+
     def notes(self) -> list[str]:
         """Return a sentence on groups whose first row may be lost; an empty list without one."""
         if not self._doubtful:

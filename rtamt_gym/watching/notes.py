@@ -17,11 +17,13 @@ class StreamNotes:
 
     Attributes:
         held: The number of empty cells of each variable that hold the value before.
+        no_events: The number of empty cells of each variable that are no events.
         dropped: The number of rows with an empty cell that were left out.
     """
 
     def __init__(self) -> None:
-        self.held = Counter[str]()
+        self.held, self.no_events = Counter[str](), Counter[str]()
+        self._defaults: dict[str, None] = {}
         self.dropped = 0
         self._unknown = Counter[str]()
         self._first: dict[str, str] = {}
@@ -48,6 +50,10 @@ class StreamNotes:
         self._unknown[name] += 1
         self._first.setdefault(name, f"{number(time)} s")
 
+    def add_default(self, text: str) -> None:
+        """Take in the note on a variable that has its default; equal notes are one."""
+        self._defaults[text] = None
+
     def add_unit(self, text: str) -> None:
         """Take in the note on the unit of a trace; the first of several is shown."""
         self._unit = self._unit or text
@@ -69,6 +75,10 @@ class StreamNotes:
         if self.held:
             counts = ", ".join(f"{name}: {count}" for name, count in self.held.items())
             texts.append(f"empty cells hold the value before ({counts})")
+        if self.no_events:
+            counts = ", ".join(f"{name}: {count}" for name, count in self.no_events.items())
+            texts.append(f"empty cells are no events: the value before holds ({counts})")
+        texts += self._defaults
         if self.dropped:
             rows = f"{self.dropped} row{'s' * (self.dropped > 1)}"
             texts.append(f"{rows} with an empty cell left out")

@@ -40,10 +40,12 @@ class BadLine:
     Attributes:
         line: Its number, from 1.
         reason: The fault.
+        skippable: Whether ``--skip-bad`` may leave it out.
     """
 
     line: int
     reason: str
+    skippable: bool = True
 
 
 class RowReader(Protocol):

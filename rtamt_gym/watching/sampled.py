@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -15,6 +15,7 @@ from rtamt.typing import End
 from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.dates import RawTimes
+from rtamt_gym.recorded.names import take_default
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.ruled import check_bounds
 from rtamt_gym.recorded.times import same_as_before
@@ -72,6 +73,8 @@ class SampledGroup:
         self.stop_line = 0
         """The line of the row at which ``--stop`` ended the stream."""
         self._kept: list[Floats] = []
+        self._missing = Counter[str]()
+        """The number of empty cells of each variable."""
         rules.undecided += len(rules.specs)
         rules.evidence.begin()
         if self._stated or clock is None:
@@ -242,6 +245,7 @@ class SampledGroup:
                     at,
                     f"expected one value of '{name}' at one time, got {number(old)} and "
                     f"{number(new)}{self._rules.objects_hint(self.group)}",
+                    skippable=False,
                 )
 
     def _filled(self, values: Floats, lines: Sequence[int]) -> tuple[Floats, np.ndarray | None]:
@@ -251,6 +255,9 @@ class SampledGroup:
             self._held = self._hold(values, empty)
         if not empty.any():
             return values, None
+        for name, count in zip(self._rules.variables, empty.sum(axis=0).tolist(), strict=True):
+            if count:
+                self._missing[name] += count
         if self._columns.missing == "drop":
             (kept,) = np.nonzero(~empty.any(axis=1))
             self._rules.notes.dropped += len(values) - len(kept)
@@ -274,11 +281,23 @@ class SampledGroup:
                             f"column '{self._columns.column(name)}': expected a number to hold, "
                             "got an empty cell; give --missing unknown",
                         )
+                    if held is None:
+                        self._note_default(row, name)
                     cells[index] = value
                     self._rules.notes.held[name] += 1
                 held = cells.tolist()
         last: RowValues = values[-1].tolist()
         return last
+
+    def _note_default(self, row: int, name: str) -> None:
+        """Note that a variable has its default at the first row, or refuse the default."""
+        why = "its first cell is empty"
+        try:
+            note = take_default(self._rules.source, name, self._columns, why)
+        except InputError as error:
+            text = str(error).removeprefix(f"{self._rules.source}: ")
+            raise RowFault(row, text, skippable=False) from None
+        self._rules.notes.add_default(note)
 
     def _start(self) -> None:
         self._states = [SampledState(self._rules, name, self._period) for name in self._rules.specs]
@@ -423,6 +442,8 @@ class SampledGroup:
             sum(not state.verdict for state in self._states) if self._states else len(rules.specs)
         )
         rules.undecided -= open_
+        if not self.samples and self._missing and not early:
+            raise InputError("expected a row without an empty cell, got none")
         if not self.samples:
             return []
         if self._gap:
@@ -435,7 +456,8 @@ class SampledGroup:
             state.finish(end)
             line = self._line(state, self.samples - 1)
             counts = state.counts(self.samples, end)
-            lines.append(line._replace(end=end, final=True, instants=counts))
+            missing = {v: n for v in state.monitor.variables if (n := self._missing[v])}
+            lines.append(line._replace(end=end, final=True, instants=counts, missing=missing))
         return lines
 
     def _judge_all(self, name: str, spec: rtamt.Specification, end: End) -> rtamt.Judgement:

@@ -42,6 +42,7 @@ class StreamRules:
         show: Takes a group and its newest row, after its lines; None: nothing shows rows.
         options: The keywords of monitors by the period.
         undecided: The number of undecided verdicts of all groups so far.
+        source: The name of the stream, for messages.
         notes: The notes on how rows were read.
         evidence: The triggers of implications.
     """
@@ -55,6 +56,7 @@ class StreamRules:
     show: Callable[[Any, RowValues], None] | None = None
     options: dict[Fraction | None, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     undecided: int = 0
+    source: str = ""
     notes: StreamNotes = field(default_factory=StreamNotes)
     evidence: StreamEvidence = field(init=False)
 

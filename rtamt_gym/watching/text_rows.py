@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from rtamt import InputError
 from rtamt.errors import shown
 from rtamt_gym.checks.names import listed
+from rtamt_gym.recorded.cells import floats_in
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.csv_reader import skip_note, units_note
 from rtamt_gym.recorded.text_layout import TOP, layout_of, may_be_units
@@ -55,8 +56,41 @@ class TextRows:
         texts = text.split("\n")
         if not self.names:
             texts, first = self._below_names(texts, first)
-        if texts:
+        # Few blocks of values contain a name.
+        if texts and max(self.names, key=len) in text:
+            yield from self._without_names(texts, first)
+        elif texts:
             yield from self._divided(texts, first)
+
+    def _without_names(self, texts: list[str], first: int) -> Iterator[RowBlock | BadLine]:
+        """Yield the rows in lines, of which some may have the names of the columns again."""
+        begin = 0
+        for at, text in enumerate(texts):
+            fault = self._fault_of_names(text, first + at)
+            if fault is None:
+                continue
+            if begin < at:
+                yield from self._divided(texts[begin:at], first + begin)
+            yield fault
+            begin = at + 1
+        if begin < len(texts):
+            yield from self._divided(texts[begin:], first + begin)
+
+    def _fault_of_names(self, text: str, line: int) -> BadLine | None:
+        """Return the fault of a line with the names of the columns again; None for another line."""
+        cells = [shown(cell.strip()) for cell in self._row(text) or []]
+        names = [*map(str.strip, self.names)]
+        known = sum(cell in names for cell in cells)
+        if 2 * known <= len(cells) or any(floats_in([cell]) is not None for cell in cells):
+            return None
+        if cells == names:
+            return BadLine(line, "expected values, got the names of the columns again")
+        return BadLine(
+            line,
+            f"expected values, got other names of columns than in line {self.header}: "
+            f"{listed(cells)}. Cut the stream there.",
+            skippable=False,
+        )
 
     def choose(self, names: Sequence[str]) -> None:
         """Set the columns of all further blocks."""

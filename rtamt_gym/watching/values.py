@@ -31,13 +31,15 @@ from rtamt_gym.recorded.names import (
     are_long,
     check_near,
     check_recorded,
+    misspellings,
+    misspelt_value,
     needed_columns,
     recorded_variables,
     take_default,
 )
 from rtamt_gym.recorded.recording import Floats, Recording
 from rtamt_gym.recorded.roles import has_time_bounds
-from rtamt_gym.recorded.text_numbers import COMMA_NOTE, ColumnMarks, stated_mark_note
+from rtamt_gym.recorded.text_numbers import COMMA_NOTE, ColumnMarks, grouped_note, stated_mark_note
 from rtamt_gym.recorded.times import TimeColumn, find_times, join_times
 from rtamt_gym.watching.one_trace import Guard, guards_of
 from rtamt_gym.watching.rows import ColumnCells, RowBlock, RowFault, cell_text
@@ -115,7 +117,8 @@ class StreamColumns:
         self._source, self._specs, self._columns, self._by = source, specs, columns, by
         self._dense, self._period = dense, period
         self._mark = columns.decimal
-        self._mark_line = 0
+        self._grouped = ""
+        """The first cell whose digits stand in groups."""
         self.variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
         self.there: list[str] = []
         """The variables that have a column."""
@@ -126,6 +129,11 @@ class StreamColumns:
         self._read: set[str] = set()
         self._guarded: dict[str, _Guarded] = {}
         self._guards: dict[str | None, list[Guard]] = {}
+        self._near: dict[tuple[str, str], bool] = {}
+        """Columns of variables and others of nearly their names; whether a row has both."""
+        self._timed = self._uneven = False
+        self.needed: set[str] = set()
+        """The columns of variables, times and groups."""
 
     def choose(self, names: Sequence[str], block: RowBlock) -> list[str]:
         """Find the columns to read, by the names and the first row; return their names."""
@@ -167,10 +175,12 @@ class StreamColumns:
             )
         times = [] if self.time is None else self.time.columns
         by = [] if self._by is None else [self._by]
+        used = self.needed = {*needed, *times, *by}
+        timed = self._timed = self.time is not None
+        uneven = self._uneven = timed and (self._dense or self._period)
+        unread = [name for name in names if name not in used]
+        self._near = dict.fromkeys(misspellings(columns, self.there, unread), False)
         if not columns.one_trace:
-            used = {*needed, *times, *by}
-            timed = self.time is not None
-            uneven = timed and (self._dense or self._period)
             self._guarded = {
                 name: _Guarded(name in head.texts, timed, name == names[0], uneven)
                 for name in dict.fromkeys(names)
@@ -180,12 +190,54 @@ class StreamColumns:
                     or (uneven and name not in head.dates)
                 )
             }
-        return [*dict.fromkeys([*needed, *times, *by, *self._guarded])]
+        near = [name for _, name in self._near]
+        return [*dict.fromkeys([*needed, *times, *by, *self._guarded, *near])]
+
+    def take_field(self, name: str, value: object) -> tuple[str, bool]:
+        """Take a field that the first line of a stream does not have.
+
+        Args:
+            name: Its name.
+            value: Its first value.
+
+        Returns:
+            Its fault, or an empty text; whether further blocks have its column.
+        """
+        columns = self._columns
+        for variable in self.variables:
+            column = columns.column(variable)
+            if variable in self.there:
+                continue
+            fault = ""
+            if name == column:
+                fault = "Write all fields in the first line."
+            elif variable not in columns.defaults and misspellings(columns, [variable], [name]):
+                fault = (
+                    f"Write '{column}' in the first line, or give --default {variable} if '{name}' "
+                    "is another signal."
+                )
+            if fault:
+                absent = f"'{column}' is not in the first line, so that its variable has its "
+                return f"got '{name}', but {absent}default. {fault}", False
+        near = misspellings(columns, self.there, [name])
+        self._near |= dict.fromkeys(near, False)
+        texts = isinstance(value, str) and not _is_number(value)
+        guarded = not columns.one_trace and (
+            self._uneven or may_tell_objects(name, self._read, timed=self._timed)
+        )
+        if guarded:
+            row = self._guarded[name] = _Guarded(
+                texts, timed=True, first=False, uneven=self._uneven
+            )
+            for guards in self._guards.values():
+                guards.extend(guards_of(name, self._read, **row._asdict()))
+        return "", bool(near) or guarded
 
     def mark_notes(self) -> list[str]:
         """Return the notes on the decimal mark, as files have them."""
         stated, mark = self._columns.decimal is not None, self._mark or "."
         notes = [COMMA_NOTE] * (not stated and mark == ",")
+        notes += [grouped_note(self._grouped, mark)] if self._grouped else []
         cells = {name: marks.grouped(mark) for name, marks in self._marks.items()}
         return notes + [stated_mark_note(name, cell, mark) for name, cell in cells.items() if cell]
 
@@ -196,11 +248,6 @@ class StreamColumns:
             marks.add(TextCells(cells), 0, brief=True)
             if marks.evidence or marks.digits:
                 del self._marks[name]
-
-    @property
-    def absent(self) -> list[str]:
-        """The columns that variables with a default would have."""
-        return [self._columns.column(n) for n in self.variables if n not in self.there]
 
     def numbers(self, block: RowBlock) -> Numbered:
         """Return the numbers of a block.
@@ -311,6 +358,7 @@ class StreamColumns:
         for index, name in enumerate(self.variables):
             column = columns.column(name)
             values[:, index] = read[column] if name in self.there else columns.starts[name]
+        self._check_spelling(block, read)
         groups = None
         if self._by is not None:
             self._check_groups(block.columns[self._by])
@@ -321,6 +369,20 @@ class StreamColumns:
         if self._marks:
             self._look_for_marks(block)
         return numbered
+
+    def _check_spelling(self, block: RowBlock, read: Mapping[str, Floats]) -> None:
+        """Check that a row without a value of a variable has none under a misspelt name."""
+        for (column, name), both in self._near.items():
+            if both or name not in block.columns:
+                continue
+            empty = np.isnan(read[column])
+            others = np.array([bool(cell_text(cell).strip()) for cell in block.columns[name]])
+            lost, together = empty & others, ~empty & others
+            first = int(lost.argmax()) if lost.any() else len(lost)
+            if together[:first].any():
+                self._near[column, name] = True
+            elif lost.any():
+                raise RowFault(first, misspelt_value(column, name))
 
     def _check_groups(self, cells: ColumnCells) -> None:
         """Check that the names of groups in JSON are of one kind, as 7 and "7" are not."""
@@ -382,7 +444,7 @@ class StreamColumns:
             read = None if mark == "," else read_floats(cells)
             values = None if read is None else np.array(read)
             if values is None or np.isnan(values).any():
-                values = floats_in(cells, mark, gaps=gaps, nan=nan)
+                values = self._of_texts(cells, mark, gaps=gaps, nan=nan)
         elif kinds <= {float, int}:
             values = _floats_of(cells)
         else:
@@ -391,6 +453,14 @@ class StreamColumns:
             raise self._not_a_number(cells, name, mark, gaps=gaps, nan=nan)
         return values
 
+    def _of_texts(self, cells: Sequence[str], mark: str, *, gaps: bool, nan: bool) -> Floats | None:
+        """Return the numbers of texts; None if a text is not a number."""
+        read = TextCells(cells).numbers(mark, gaps=gaps, nan=nan)
+        if read is None:
+            return None
+        self._grouped = self._grouped or read.grouped
+        return read.values
+
     def _mixed(self, cells: ColumnCells, mark: str, *, gaps: bool, nan: bool) -> Floats | None:
         """Return the numbers in values of JSON, of which some are null, truth values or texts."""
         values = np.empty(len(cells))
@@ -398,7 +468,7 @@ class StreamColumns:
             if cell is None:
                 cell = ""  # noqa: PLW2901 - an empty cell
             if isinstance(cell, str):
-                one = floats_in([cell], mark, gaps=gaps, nan=nan)
+                one = self._of_texts([cell], mark, gaps=gaps, nan=nan)
                 if one is None:
                     return None
                 values[row] = one[0]

@@ -96,7 +96,8 @@ class StreamWatch:
         if reading.period is not None:
             reading = reading.having(period=reading.seconds)
         self.rules = StreamRules(
-            options.specs, self._cells.variables, reading, emit, options.every, options.stop
+            *(options.specs, self._cells.variables, reading, emit, options.every, options.stop),
+            source=source,
         )
         self._lines, self._line = Lines(source), 1
         self._reader: TextRows | JsonRows | None = None
@@ -138,7 +139,7 @@ class StreamWatch:
                 return
         for item in self._reader.rows(lines, first):
             if isinstance(item, BadLine):
-                self._left_out(item.line, item.reason)
+                self._left_out(item.line, item.reason, skippable=item.skippable)
             else:
                 self._block(item)
             if self.stopped:
@@ -206,7 +207,7 @@ class StreamWatch:
         assert reader is not None, "it made the block"  # noqa: S101 - for mypy
         chosen = self._cells.choose(reader.names, block)
         if isinstance(reader, JsonRows):
-            reader.choose(chosen, self._cells.absent)
+            reader.choose(chosen, self._cells.needed, self._cells.take_field)
         else:
             reader.choose(chosen)
         time = self._cells.time
@@ -408,6 +409,9 @@ class StreamWatch:
         fault = "" if self.stopped else self._cells.end_trace(None)
         if fault:
             raise InputError(f"{self._source}: {fault}")
+        if not self.stopped:
+            self.failures += self._lost.failures(self._source)
+            self._words |= {"failed"} if self.failures else set()
 
     def finish(self, *, early: bool) -> None:
         """End all traces and emit their final lines.
@@ -434,9 +438,9 @@ class StreamWatch:
         return exit_code(self._words, self._own_warnings())
 
     def _own_warnings(self) -> list[VerdictWarning]:
-        """Return the warnings on traces that are too short or got rows after their end."""
-        late = self._idle.late_text()
-        return [*self._warnings, *([VerdictWarning(late, fails=True)] if late else [])]
+        """Return the warnings on traces that are too short or may lack rows."""
+        lost = filter(None, [self._idle.late_text(), *self._lost.notes()])
+        return [*self._warnings, *(VerdictWarning(text, fails=True) for text in lost)]
 
     def messages(self) -> list[str]:
         """Return what weakens the verdicts, in sentences to print."""
@@ -444,6 +448,5 @@ class StreamWatch:
         texts = [warning.text for warning in warnings]
         if self.bad:
             texts.append(f"{counted(self.bad, 'bad line')} left out, the first: {self._first_bad}")
-        texts += self._lost.notes()
         read = self.rules.notes.texts(dense=self.rules.reading.dense)
         return [*self.notes, *self._cells.mark_notes(), *read, *texts]

@@ -173,8 +173,9 @@ def test_a_group_may_not_start_with_a_bad_line(
     assert "line 4: " in errors
     assert [line["group"] for line in finals] == ["a"]
     gone = text.replace("2,b,1\n", "").replace("3,b,1\n", "")
-    code, finals, _ = watched(capsys, path, gone, "--skip-bad", *kind)
-    assert code in (0, 3)
+    code, finals, errors = watched(capsys, path, gone, "--skip-bad", *kind)
+    assert code == 2
+    assert "group 'b' has bad lines only, the first: " in errors
     assert [line["group"] for line in finals] == ["a"]
 
 
@@ -184,7 +185,7 @@ def test_a_line_without_a_group_may_be_the_first_of_later_groups(
     text = "time,car,x\n0,a,1\n1,a,1\n1,b\n2,a,1\n2,b,1\n3,b,1\n3,c,1\n4,c,1\n"
     path = tmp_path / "rows.csv"
     code, finals, errors = watched(capsys, path, text, "--skip-bad")
-    assert code == 0
+    assert code == 3
     assert len(finals) == 3
     note = "2 groups start after a bad line that may have been their first row, the first: 'b'"
     assert note in errors
