@@ -19,9 +19,9 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "commands.md
 
 _HEAD = """# Options of the commands
 
-This page has every option of `rtamt COMMAND --help`. Options of several commands come first.
-[The command line](../commands.md) describes output and exit codes. A *trial* is an episode, a
-simulation, a run or a trace.
+This page has every option of every command; `rtamt COMMAND --help` also has exit codes and an
+example. Options of several commands come first. [The command line](../commands.md) describes the
+output. A *trial* is an episode, a simulation, a run or a trace.
 """
 
 _MINIMUM = 4
@@ -44,13 +44,9 @@ def page() -> str:
         for names, listed in groups.items()
         if len(names) > 1 and len(listed) >= _MINIMUM
     }
-    others = {
-        row: names for row, names in users.items() if len(names) > 1 and (*names,) not in tables
-    }
+    others = [row for row, names in users.items() if len(names) > 1 and (*names,) not in tables]
     lines = ["\n## Options of several commands\n"]
-    lines += [
-        f"- {option}: {text} (*{', '.join(names)}*)" for (option, text), names in others.items()
-    ]
+    lines += [f"- {option}: {text}" for option, text in others]
     for commands, listed in tables.items():
         lines += [f"\n## Options of {_listing(commands)}\n"]
         lines += [f"- {option}: {text}" for option, text in listed]
@@ -93,7 +89,7 @@ def _command(
     others: Collection[tuple[str, str]],
     links: Sequence[str],
 ) -> Iterator[str]:
-    yield f"## rtamt {name}\n\n{_text(parser.description or '')}"
+    yield f"## rtamt {name}\n\n{_text(_first_sentence(parser.description or ''))}"
     own = [row for row in rows if len(users[row]) == 1]
     if own:
         yield ""
@@ -103,8 +99,6 @@ def _command(
     more += [f"the options of {'; '.join(links)}"] if links else []
     if more:
         yield f"\nAlso: {', '.join(more)}."
-    if parser.epilog:
-        yield f"\n{_example(parser.epilog)}"
 
 
 def _written(action: argparse.Action) -> str:
@@ -124,15 +118,14 @@ def _help(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
     return parser._get_formatter()._expand_help(action) if action.help else ""
 
 
+def _first_sentence(text: str) -> str:
+    return re.split(r"(?<=\.) ", text, maxsplit=1)[0]
+
+
 def _text(text: str) -> str:
     """A text of a parser as Markdown shows it."""
     plain = re.sub(r"\s+", " ", text)
     return re.sub(r"([*_<>\[\]{}$~]|(?<=\])\()", r"\\\1", plain)  # "](" would begin a link
-
-
-def _example(text: str) -> str:
-    said, colon, command = text.partition(": ")
-    return f"{said}{colon}`{command}`" if colon else _text(text)
 
 
 if __name__ == "__main__":
