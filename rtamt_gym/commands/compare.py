@@ -37,7 +37,8 @@ _RECORDINGS = (
     ),
     Option(
         "--require-all",
-        "exit 3 if B lacks a recording, a requirement or a time of A, and is not worse",
+        "exit 3 if B lacks a recording, a requirement, a time or all triggers of a requirement "
+        "that A has, and is not worse",
     ),
 )
 """The options for recordings."""

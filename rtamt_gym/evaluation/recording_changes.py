@@ -150,6 +150,8 @@ class RecordingsComparison:
         not_compared: Requirements on recordings without a verdict on one side.
         shorter: The recordings of which B covers less time, with the time that it lacks.
         shifts: The time that was added to the times of B, where it is not 0, by recording.
+        untriggered: The requirements that no recording of B triggers, with the number of recordings
+            of A that trigger them.
         notes: Remarks, each a sentence.
         ids: The ids of requirements with an id, by name.
     """
@@ -170,6 +172,7 @@ class RecordingsComparison:
     not_compared: tuple[NotCompared, ...] = ()
     shorter: Mapping[str, float] = field(default_factory=dict)
     shifts: Mapping[str, float] = field(default_factory=dict)
+    untriggered: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     ids: Mapping[str, RequirementId] = field(default_factory=dict)
 
@@ -183,9 +186,11 @@ class RecordingsComparison:
 
         B is worse if it has a new or a longer violation, or is shown to satisfy a requirement in
         fewer recordings. It may be worse if a violation of B has no counterpart that A could
-        show, or if B does not decide what A satisfies.
+        show, if B does not decide what A satisfies, or if nothing was compared.
         """
         result = set[Word]()
+        if not self.requirements:
+            result.add("undecided")
         every = self.requirements.values()
         if self.rows("new", "longer") or any(
             item.compared.shown and item.compared.difference < 0 for item in every

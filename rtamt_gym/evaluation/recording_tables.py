@@ -139,9 +139,10 @@ def comparison_warnings(
 
     Args:
         comparison: The comparison.
-        require_all: Whether the command fails if B lacks a recording, a requirement or a time.
+        require_all: Whether the command fails if B lacks a recording, a requirement, a time or all
+            triggers of a requirement.
     """
-    unit = _unit(comparison)
+    unit, total = _unit(comparison), len(comparison.recordings)
     groups: list[tuple[str, Sequence[str], bool]] = [
         ("only in A", comparison.only_a, True),
         ("only in B", comparison.only_b, False),
@@ -153,6 +154,20 @@ def comparison_warnings(
             [f"{name} ({number(time)}{unit} less)" for name, time in comparison.shorter.items()],
             True,
         ),
+        (
+            "never triggered in B",
+            [
+                f"{name} ({count} of {counted(total, 'recording')} of A)"
+                for name, count in comparison.untriggered.items()
+                if count
+            ],
+            True,
+        ),
+        (
+            "never triggered in A and B",
+            [name for name, count in comparison.untriggered.items() if not count],
+            False,
+        ),
     ]
     missing = comparison.not_compared
     texts = [
@@ -161,7 +176,9 @@ def comparison_warnings(
     ]
     if len(missing) > _NAMED:
         texts.append(f"not compared: {len(missing) - _NAMED} more")
+    nothing = [] if comparison.requirements else ["nothing was compared: no verdict in both"]
     return [
+        *(VerdictWarning(text, fails=True) for text in nothing),
         *(
             VerdictWarning(f"{phrase}: {_listed(names)}", fails=require_all and lacking)
             for phrase, names, lacking in groups

@@ -171,6 +171,7 @@ def compare_recordings(
         tuple(builder.not_compared),
         builder.shorter,
         builder.shifts,
+        builder.untriggered(),
         (*_notes(different, pairs, rows, len(names)), *short),
         a.matrix.provenance.ids,
     )
@@ -337,6 +338,20 @@ class _Builder:
         more = f" and {len(short) - 1} more" if short[1:] else ""
         note = f"the tolerance of {tolerance} is longer than {shown(short[0])}{more}"
         return [f"{note}, where any two violations may be partners"]
+
+    def untriggered(self) -> dict[str, int]:
+        """Return the requirements that no recording of B triggers.
+
+        The number of recordings of A that trigger each may be 0.
+        """
+        result = {}
+        for name, pairs in self._outcomes.items():
+            if any(not outcome.triggers for pair in pairs for outcome in pair):
+                continue  # without an implication, or not counted
+            a, b = (sum(bool(pair[side].trigger_count) for pair in pairs) for side in (0, 1))
+            if not b:
+                result[name] = a
+        return result
 
     def requirements(self, formulas: Mapping[str, str]) -> dict[str, ChangedRequirement]:
         """Return the comparison of each requirement, with adjusted p-values."""

@@ -555,3 +555,29 @@ def test_two_kinds_of_files_error(judge: Judge, capsys: Output) -> None:
     judge("a", {"1.csv": QUIET})
     Path("b.json").write_text(Path("a.json").read_text().replace('"traces"', '"evaluation"'))
     assert "b.json holds no traces but a result of kind 'evaluation'" in refused(capsys)
+
+
+def test_nothing_compared(judge: Judge, compare: Compare) -> None:
+    for side in ("a", "b"):
+        judge(side, {"1.csv": [0, "zz"], "2.csv": ["zz", 0]})
+    code, comparison, text = compare()
+    assert (code, comparison.words) == (3, {"undecided"})
+    assert "nothing was compared: no verdict in both" in text
+
+
+def test_lost_triggers_in_b(judge: Judge, compare: Compare) -> None:
+    response = ("limit = always(x > 5 implies x > 6)",)
+    judge("a", {"1.csv": [9, 0], "2.csv": [0, 0]}, specs=response)
+    judge("b", {"1.csv": [0, 0], "2.csv": [0, 0]}, specs=response)
+    code, comparison, text = compare()
+    assert (code, comparison.untriggered) == (0, {"limit": 1})
+    assert "never triggered in B: limit (1 of 2 recordings of A)" in text
+    assert compare("--require-all")[0] == 3
+
+
+def test_never_triggered_in_both(judge: Judge, compare: Compare) -> None:
+    for side in ("a", "b"):
+        judge(side, {"1.csv": [0, 0]}, specs=("limit = always(x > 5 implies x > 6)",))
+    code, _, text = compare("--require-all")
+    assert code == 0
+    assert "never triggered in A and B: limit" in text
