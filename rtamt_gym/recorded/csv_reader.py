@@ -206,10 +206,12 @@ class CsvRecording(Recording):
         before = self._skipped + layout.at
         if layout.rows is None:
             head = [names_line(self._top[layout.at]), *self._top[layout.at + 1 :]]
-            return rows_of(itertools.chain(head, below), self.separator, before, self.source)
+            lines = itertools.chain(head, below)
+            return rows_of(lines, self.separator, before, self.source, layout.width)
         parsed = [(before + line, row) for line, row in layout.rows] if before else layout.rows
         end = self._skipped + len(self._top)
-        return itertools.chain(parsed, rows_of(below, self.separator, end, self.source))
+        more = rows_of(below, self.separator, end, self.source, layout.width)
+        return itertools.chain(parsed, more)
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted columns; an empty cell that is allowed becomes nan."""
@@ -345,7 +347,25 @@ class CsvRecording(Recording):
             return None
         if any(column.has('"') for column in columns):  # a quote after a blank is not one here
             return None
+        if not self._has_row_a_line(len(columns[0])):
+            return None
         return dict(zip(names, columns, strict=False))
+
+    def _has_row_a_line(self, rows: int) -> bool:
+        """Return whether no quoted cell below the names can go over several lines.
+
+        Args:
+            rows: The number of rows that pyarrow reads.
+        """
+        lines, quoted, end = 0, False, b"\n"
+        with Path(self._file).open("rb") as raw:
+            opened = gzip.GzipFile(fileobj=raw) if self._file.endswith(".gz") else raw
+            for _ in range(self.last_above):
+                opened.readline()
+            while block := opened.read(_LONG):
+                quoted = quoted or b'"' in block
+                lines, end = lines + block.count(b"\n"), block[-1:]
+        return not quoted or lines + (end != b"\n") == rows
 
     def _other_columns(
         self, table: Mapping[str, TextCells]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from operator import itemgetter
 from typing import Final
 
@@ -82,7 +82,7 @@ def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
         del full[0]
         separator = separator or stated["mark"]
     first = full[0]
-    for row, below in pairwise(full):
+    for row, below in itertools.pairwise(full):
         if not _COMMENT.match(lines[row]) or _names_of(lines, row, below, separator):
             break
         first = below
@@ -98,8 +98,12 @@ def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
     return table.layout
 
 
+_END: Final = "\0end"
+"""A line after the last one, which a quote that is not closed takes into its cell."""
+
+
 def rows_of(
-    lines: Iterable[str], separator: str, before: int = 0, source: str = "text"
+    lines: Iterable[str], separator: str, before: int = 0, source: str = "text", width: int = 0
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield the rows that are not empty, with the number of their last line.
 
@@ -108,19 +112,46 @@ def rows_of(
         separator: The separator of the cells.
         before: The number of lines above them.
         source: The name of the file, for messages.
+        width: The number of cells in a row, if the lines go up to the end of the text. Quotes that
+            may hide rows are then an error.
     """
     if separator == " ":
         lines = (line.strip() for line in lines)
+    if width:
+        lines = itertools.chain(lines, [_END])
     reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
     last = before
     try:
         for row in reader:
+            line = before + reader.line_num
+            if width and (line > last + 1 or row == [_END]):
+                if row == [_END]:
+                    return
+                _check_quotes(row, separator, f"{source}, line", last + 1, line, width)
             if row:
-                last = before + reader.line_num
-                yield last, row
+                yield line, row
+            last = line
     except csv.Error as error:
         reason, _, _ = str(error).partition(" - ")  # the rest is advice for programmers
         raise InputError(f"{source}, line {last + 1}: {reason}") from None
+
+
+def _check_quotes(
+    row: Sequence[str], separator: str, where: str, first: int, last: int, width: int
+) -> None:
+    """Check that a row of several lines cannot be several rows."""
+    if row[-1].endswith(_END):
+        raise InputError(
+            f"{where} {first}: expected the end of a quoted cell, got the end of the file. Close "
+            "the quote, or remove it."
+        )
+    lines = separator.join(row).splitlines()
+    rows = all(line.count(separator) + 1 == width for line in lines if line)
+    if width == len(row) > 1 and (rows or separator == " "):  # line breaks are blanks there
+        raise InputError(
+            f"{where}s {first} to {last}: expected a row on each line, got a quoted cell over "
+            "lines that may be rows. Remove the quotes, or the line breaks in the cell."
+        )
 
 
 def _names_of(lines: Sequence[str], at: int, below: int, separator: str | None) -> bool:
