@@ -18,12 +18,12 @@ from rtamt_gym.judging.monitors import EXACT, robustness_text
 from rtamt_gym.judging.stages import progress_of, progress_of_events
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.recording import Floats
-from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.recorded.trace import EventTrace, PassedRows, Trace
 from rtamt_gym.results.extent import Extent, LateStart
 from rtamt_gym.results.outcome import Moment
 from rtamt_gym.results.statistics import progress_text
 from rtamt_gym.results.warnings import trigger_texts
-from rtamt_gym.tables import number, sample_text, time_text
+from rtamt_gym.tables import counted, number, sample_text, time_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,8 +276,17 @@ def judge(
             requirement, from_begin.columns, end=end, n=from_begin.samples, **unknown
         )
 
+    def with_passed_rows(end: End) -> rtamt.Judgement:
+        columns = dict[str, Any](trace.columns)
+        if trace.passed is not None:
+            lower, upper = trace.passed.lower, trace.passed.upper
+            columns |= {n: rtamt.UncertainValue(each, upper[n]) for n, each in lower.items()}
+        return rtamt.judge(requirement, columns, end=end, n=n, **options)
+
     judges = from_start, with_beginning
     judgement, known, late, cut = _by_start(judges, late, reading.end, known=recorded.start_known)
+    if trace.passed is not None and not {*trace.passed.lower}.isdisjoint(requirement.variables):
+        _check_passed_rows(trace.passed, judgement.verdict, with_passed_rows(reading.end).verdict)
     times, step = _clock(trace, period)
     series = {
         name: Series(
@@ -300,6 +309,23 @@ def judge(
         cut=cut,
         late_start=late,
         from_start=known,
+    )
+
+
+def _check_passed_rows(passed: PassedRows, verdict: Verdict, with_rows: Verdict) -> None:
+    """Refuse a verdict on samples that depends on rows between them.
+
+    Args:
+        passed: The rows.
+        verdict: The verdict on the samples.
+        with_rows: The verdict if a sample may have the value of a row before it.
+    """
+    if verdict in (Verdict.UNDECIDED, with_rows):
+        return
+    raise InputError(
+        f"{passed.place}: {verdict.name} if samples are resampled, but this depends on "
+        f"{counted(passed.count, 'row')} between samples, of which this is the first. Give --dense "
+        "to read every row."
     )
 
 

@@ -35,7 +35,7 @@ from rtamt_gym.recorded.times import (
     one_record,
     same_as_before,
 )
-from rtamt_gym.recorded.trace import PERIODS, Trace
+from rtamt_gym.recorded.trace import PERIODS, PassedRows, Trace
 from rtamt_gym.results.extent import Gap
 from rtamt_gym.tables import counted
 
@@ -270,9 +270,40 @@ def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trac
     for name in resampled_values.keys() - {*absent} if columns.max_gap is not None else ():
         unknown = hole | (new.held & np.isnan(trace.columns[name][after]))
         resampled_values[name] = np.where(unknown, np.nan, resampled_values[name])
+    passed = _passed_rows(trace, new.rows)
     return _with_unknown(
-        replace(taken, columns=resampled_values, times=times, notes=notes), columns
+        replace(taken, columns=resampled_values, times=times, notes=notes, passed=passed), columns
     )
+
+
+def _passed_rows(trace: Trace, rows: NDArray[np.intp]) -> PassedRows | None:
+    """Return the rows whose values no sample has; None if there are none.
+
+    Args:
+        trace: All rows.
+        rows: The row of each sample, which do not decrease.
+    """
+    kept = np.unique(rows)
+    if len(kept) == trace.samples:
+        return None
+    starts = np.append(0, kept[:-1] + 1)  # the last part goes on to the last row
+    again = np.append(False, rows[1:] == rows[:-1])
+    lower, upper, other = {}, {}, np.zeros(trace.samples, bool)
+    owners = kept[np.minimum(np.searchsorted(kept, np.arange(trace.samples)), len(kept) - 1)]
+    for name, column in trace.columns.items():
+        values = np.where(np.isnan(column), column[owners], column)  # an empty cell shows nothing
+        differs = (values != values[owners]) & ~np.isnan(values)
+        if not differs.any():
+            continue
+        other |= differs
+        part = np.searchsorted(kept, rows)
+        for ends, fold, unknown in ((lower, np.minimum, -np.inf), (upper, np.maximum, np.inf)):
+            known = np.where(np.isnan(values), unknown, values)
+            end, own = fold.reduceat(known, starts)[part], known[rows]
+            ends[name] = np.where(again | (end == own), own, end)
+    if not lower:
+        return None
+    return PassedRows(lower, upper, int(other.sum()), trace.where(int(other.argmax())))
 
 
 def _resampled_notes(trace: Trace, grid: Grid, new: Resampled, most: float) -> list[str]:

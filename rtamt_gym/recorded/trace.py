@@ -29,6 +29,29 @@ PERIODS = 1e-300, 1e300
 
 
 @dataclass(frozen=True, slots=True)
+class PassedRows:
+    """Rows between samples whose values no sample of a resampled trace has.
+
+    Attributes:
+        lower: For each variable with such values the smallest one at or before each sample, after
+            the sample before.
+        upper: The largest ones.
+        count: The number of such rows.
+        place: The first of them.
+    """
+
+    lower: Mapping[str, Floats]
+    upper: Mapping[str, Floats]
+    count: int
+    place: str
+
+    def selected(self, rows: NDArray[np.intp]) -> PassedRows:
+        """Return the values at some samples."""
+        parts = ({n: each[rows] for n, each in ends.items()} for ends in (self.lower, self.upper))
+        return PassedRows(*parts, self.count, self.place)
+
+
+@dataclass(frozen=True, slots=True)
 class Trace:
     """Samples of the variables that specifications read.
 
@@ -50,6 +73,7 @@ class Trace:
         grid: The grid beside the times, if it is known already.
         start_known: Whether samples count only from the first one on at which all variables of a
             requirement have a value.
+        passed: The rows of a resampled trace that no sample has, if their values differ.
     """
 
     source: str
@@ -67,6 +91,7 @@ class Trace:
     gap: Gap | None = None
     grid: Grid | None = None
     start_known: bool = False
+    passed: PassedRows | None = None
 
     def late_start(self, variables: Collection[str]) -> LateStart | None:
         """Return the start of a trace of variables; None if all start at the first sample."""
@@ -115,6 +140,7 @@ class Trace:
             times=times,
             unknown=[name for name in self.unknown if np.isnan(columns[name]).any()],
             grid=None,
+            passed=None if self.passed is None else self.passed.selected(rows),
             where=lambda sample: self.where(int(rows[sample])),
         )
 
