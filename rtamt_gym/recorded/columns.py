@@ -30,6 +30,9 @@ UNITS = NANOSECONDS
 NEAR = 0.05
 """The default part of the period by which a sample may lie off the grid."""
 
+_ROUNDED: Final = 1e-10
+"""The part of ``max_gap`` by which a distance of rounded times may differ from it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Columns:
@@ -131,8 +134,11 @@ class Columns:
 
     @property
     def most(self) -> float:
-        """The longest time in seconds for which a value holds: infinite if nothing is said."""
-        return math.inf if self.max_gap is None else float(self.max_gap)
+        """The longest time in seconds for which a value holds: infinite if nothing is said.
+
+        A distance of rounded times, such as 1.1 - 0.4, is not longer than the time that it shows.
+        """
+        return math.inf if self.max_gap is None else float(self.max_gap) * (1 + _ROUNDED)
 
     def column(self, variable: str) -> str:
         """Return the column of a variable."""

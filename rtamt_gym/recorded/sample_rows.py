@@ -108,6 +108,8 @@ def read_trace(
     times = None if time is None else TimeAxis.of(rows, time.name, columns)
     if times is not None and period is None:
         times.check_distances(rows)
+    if times is not None and columns.max_gap is not None:
+        columns = replace(columns, max_gap=columns.max_gap + Fraction(2 * times.precision))
     if times is not None and newest_first(times.since):
         times.check_order(rows.where)
     trace = Trace(

@@ -551,3 +551,29 @@ def test_a_topic_is_unknown_after_its_last_message(folder: Path, capsys: Output)
         assert main(["monitor", "always[0:1](speed < 1)", *words, *time]) == 0
         assert main(["monitor", "always(speed < 1)", *words[:3], *time]) == 0
         capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("times", "most"),
+    [
+        ("0 0.1 0.2 0.3 0.4 1.1", "0.7"),
+        ("1000.1 1000.2 1000.3 1000.6 1000.7", "300ms"),
+        ("1700000000.1 1700000000.2 1700000000.3 1700000000.6", "0.3"),
+    ],
+)
+@pytest.mark.parametrize("dense", [(), ("--dense",)])
+def test_gap_of_exactly_the_maximum_is_no_hole(
+    folder: Path, capsys: Output, times: str, most: str, dense: tuple[str, ...]
+) -> None:
+    rows = "".join(f"{time},1\n" for time in times.split())
+    (folder / "exact.csv").write_text(f"time,x\n{rows}")
+    assert main(["monitor", "always(x > 0)", "exact.csv", "--max-gap", most, *dense]) == 0
+    assert "a hole of" not in capsys.readouterr().out
+    less = f"{float(most.removesuffix('ms')) * 0.999:.9g}{'ms' * most.endswith('ms')}"
+    assert main(["monitor", "always(x > 0)", "exact.csv", "--max-gap", less, *dense]) == 3
+
+
+def test_hold_of_exactly_the_maximum_is_no_hole(folder: Path) -> None:
+    (folder / "exact.csv").write_text("time,x\n0,1\n0.1,1\n0.2,\n0.3,\n0.4,1\n0.5,1\n")
+    options = ["--max-gap", "0.3", "--missing", "hold"]
+    assert main(["monitor", "always(x > 0)", "exact.csv", *options]) == 0
