@@ -24,7 +24,7 @@ from rtamt_gym.recorded.grid import (
     resampled,
 )
 from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variables, take_default
-from rtamt_gym.recorded.recording import Recording, Rows, Wanted, selection_notes
+from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable
 from rtamt_gym.recorded.times import (
     TIME,
@@ -290,7 +290,8 @@ def _passed_rows(trace: Trace, rows: NDArray[np.intp]) -> PassedRows | None:
         return None
     starts = np.append(0, kept[:-1] + 1)  # the last part goes on to the last row
     again = np.append(False, rows[1:] == rows[:-1])
-    lower, upper, other = {}, {}, np.zeros(trace.samples, bool)
+    lower, upper = dict[str, Floats](), dict[str, Floats]()
+    other = np.zeros(trace.samples, bool)
     owners = kept[np.minimum(np.searchsorted(kept, np.arange(trace.samples)), len(kept) - 1)]
     for name, column in trace.columns.items():
         values = np.where(np.isnan(column), column[owners], column)  # an empty cell shows nothing

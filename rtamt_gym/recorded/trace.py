@@ -47,8 +47,9 @@ class PassedRows:
 
     def selected(self, rows: NDArray[np.intp]) -> PassedRows:
         """Return the values at some samples."""
-        parts = ({n: each[rows] for n, each in ends.items()} for ends in (self.lower, self.upper))
-        return PassedRows(*parts, self.count, self.place)
+        lower = {name: values[rows] for name, values in self.lower.items()}
+        upper = {name: values[rows] for name, values in self.upper.items()}
+        return replace(self, lower=lower, upper=upper)
 
 
 @dataclass(frozen=True, slots=True)
