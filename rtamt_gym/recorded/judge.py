@@ -18,7 +18,7 @@ from rtamt_gym.judging.monitors import EXACT, robustness_text
 from rtamt_gym.judging.stages import progress_of, progress_of_events
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.recording import Floats
-from rtamt_gym.recorded.trace import EventTrace, PassedRows, Trace
+from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.results.extent import Extent, LateStart
 from rtamt_gym.results.outcome import Moment
 from rtamt_gym.results.statistics import progress_text
@@ -285,8 +285,17 @@ def judge(
 
     judges = from_start, with_beginning
     judgement, known, late, cut = _by_start(judges, late, reading.end, known=recorded.start_known)
-    if trace.passed is not None and not {*trace.passed.lower}.isdisjoint(requirement.variables):
-        _check_passed_rows(trace.passed, judgement.verdict, with_passed_rows(reading.end).verdict)
+    if (
+        trace.passed is not None
+        and judgement.verdict is Verdict.SATISFIED
+        and not {*trace.passed.lower}.isdisjoint(requirement.variables)
+        and with_passed_rows(reading.end).verdict is not Verdict.SATISFIED
+    ):
+        raise InputError(
+            f"{trace.passed.place}: SATISFIED if samples are resampled, but this depends on "
+            f"{counted(trace.passed.count, 'row')} between samples, of which this is the first. "
+            "Give --dense to read every row."
+        )
     times, step = _clock(trace, period)
     series = {
         name: Series(
@@ -309,23 +318,6 @@ def judge(
         cut=cut,
         late_start=late,
         from_start=known,
-    )
-
-
-def _check_passed_rows(passed: PassedRows, verdict: Verdict, with_rows: Verdict) -> None:
-    """Refuse a verdict on samples that depends on rows between them.
-
-    Args:
-        passed: The rows.
-        verdict: The verdict on the samples.
-        with_rows: The verdict if a sample may have the value of a row before it.
-    """
-    if verdict in (Verdict.UNDECIDED, with_rows):
-        return
-    raise InputError(
-        f"{passed.place}: {verdict.name} if samples are resampled, but this depends on "
-        f"{counted(passed.count, 'row')} between samples, of which this is the first. Give --dense "
-        "to read every row."
     )
 
 

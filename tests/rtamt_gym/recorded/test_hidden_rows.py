@@ -60,8 +60,9 @@ def test_row_between_resampled_samples_matters(capsys: Output) -> None:
     assert judged(capsys, f"time,x; {LATE}", "--dense")[0] == 1
 
 
-def test_missed_goal_between_resampled_samples(capsys: Output) -> None:
-    assert judged(capsys, f"time,x; {LATE}", "--jitter", "5%", text="eventually(x < 0)")[0] == 2
+def test_violation_between_rows_that_were_passed(capsys: Output) -> None:
+    table = "time,x; 0,1; 1,1; 2,1; 2.7,1; 3,-1; 4,1"
+    assert judged(capsys, table, "--jitter", "5%")[0] == 1
 
 
 def test_row_after_the_last_sample_matters(capsys: Output) -> None:
