@@ -140,9 +140,6 @@ SHOWN: dict[str, Shown] = {
     "unknown values may hide a trigger": Shown(
         f"monitor '{RESPONSE}' asks.csv --missing unknown", ASKED
     ),
-    "no requirement has an implication, with `--require-triggered`": Shown(
-        f"monitor 'grants = always(not (req >= 9) or gnt >= 3)' idle.csv {ASKED}"
-    ),
     "no simulation of a search triggers it": Shown(SEARCH, ASKED),
     "one of several implications is never triggered": Shown(
         f"monitor '{BOTH}' -- idle.csv busy.csv"
@@ -150,9 +147,6 @@ SHOWN: dict[str, Shown] = {
     "the traces of a mined constant trigger nothing": Shown(f"mine {MINED} -- busy.csv idle.csv"),
     "the verdict needed no answer": Shown(f"monitor '{EITHER}' busy.csv", "--require-answered"),
     "a variable stands alone as a formula": Shown("monitor 'p = always(gnt or req < 3)' idle.csv"),
-    "the recording ends too early for a requirement": Shown(
-        "monitor 'always(gnt > 0) and eventually[4:6](gnt < 3)' idle.csv"
-    ),
     "windows extend past a trace that counts as complete": Shown(
         "monitor 'always[0:60](gnt >= 3)' idle.csv --end complete", "--end cut"
     ),
@@ -164,8 +158,6 @@ SHOWN: dict[str, Shown] = {
     "a value is outside its declared range": Shown(
         "monitor 'input float gnt in [0, 5]; p = always(gnt >= 3)' short.csv", "--strict-ranges"
     ),
-    "a value is unknown": Shown(f"monitor {GRANTED} holes.csv --missing unknown"),
-    "a cell is empty": Shown(f"monitor {GRANTED} holes.csv"),
     "a cell of a table of events is empty": Shown(
         f"monitor {GRANTED} holes.csv --dense", "--missing unknown"
     ),
@@ -179,20 +171,12 @@ SHOWN: dict[str, Shown] = {
         f"monitor {GRANTED} ms.csv", "--time-unit ms --min-duration 10s"
     ),
     "a default replaces a missing column": Shown(f"monitor {LIMITED} short.csv", "--no-defaults"),
-    "a default would hide a misspelt column": Shown(f"monitor {LIMITED} near.csv"),
-    "one trace is unreadable, and the others satisfy": Shown(
-        f"monitor {GRANTED} -- idle.csv broken.csv"
-    ),
     "a folder of traces has other files": Shown(f"monitor {GRANTED} -- runs", "--min-traces 2"),
     "B lacks a recording, a requirement or a time of A": Shown(
         "compare both.json idle.json", "--require-all"
     ),
     "a requirement has another text in B": Shown(
         "compare two.json changed.json --accept-changed", "--require-all"
-    ),
-    "A does not decide whether a violation of B is new": Shown("compare holes.json high.json"),
-    "all simulations of a search leave a requirement undecided": Shown(
-        FADES.replace("[0:10]", "[0:30]")
     ),
     "some simulations of a search leave it undecided": Shown(
         FADES, "--at-termination failure", "--at-termination cut"
@@ -209,15 +193,10 @@ SHOWN: dict[str, Shown] = {
     "an input of a search has no effect": Shown(
         f"falsify plants:server {GRANTED} --vary load=0:1 --budget 10 --period 1"
     ),
-    "some simulations of a search failed": Shown(
-        SEARCH.replace(":server", ":half").replace(RESPONSE, "always(gnt >= 3)")
-    ),
-    "all simulations failed": Shown(SEARCH.replace(":server", ":broken")),
     "some points of a sweep failed": Shown(
         f"sweep {FRAIL} --requirement 'always(abs(angle) < 1)' --vary env.gravity=9:10 --samples 8",
         "--allow-failures 0",
     ),
-    "some episodes of a run failed": Shown(f"run {FRAIL} {STANDS} --episodes 4"),
     "a policy raises an error in some episodes": Shown(
         f"evaluate {FRAIL} {STANDS} --episodes 6 --at-termination cut",
         "--target 0.95",
@@ -241,23 +220,88 @@ SHOWN: dict[str, Shown] = {
     "an episode differs when it is played again": Shown(
         "evaluate tiring:Tiring-v0 --policy zero --success --episodes 6 --report page.html"
     ),
-    "there are too few episodes for `--target`": Shown(
-        f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"
-    ),
     "traces do not test the numbers of a requirement": Shown(
         f"monitor --mutants '{RESPONSE}' busy.csv", "--min-killed 80%"
     ),
     "surviving mutants may mean the same": Shown(f"monitor --mutants {GRANTED} --dense short.csv"),
-    "a saved case now has another verdict": Shown("replay other.json"),
     "a saved case has no hashes of its model": Shown("replay bare.json"),
     "a report shows a saved case without running it": Shown(
         "report gone.json -o page.html", "--play"
     ),
-    "a report shows a case that cannot run again": Shown("report gone.json --play -o page.html"),
 }
 
 
 SENTENCES: dict[Row, Shown] = {
+    Row(
+        "no requirement has an implication, with `--require-triggered`",
+        "no implication to trigger: grants; write 'p implies q' for 'not p or q'",
+        "3",
+    ): Shown(f"monitor 'grants = always(not (req >= 9) or gnt >= 3)' idle.csv {ASKED}"),
+    Row(
+        "the recording ends too early for a requirement",
+        "eventually[4:6](gnt < 3): not recorded: 6 s",
+        "3",
+    ): Shown("monitor 'always(gnt > 0) and eventually[4:6](gnt < 3)' idle.csv"),
+    Row(
+        "a value is unknown",
+        "undecided under every --end: it depends on values of gnt that are not known",
+        "3",
+    ): Shown(f"monitor {GRANTED} holes.csv --missing unknown"),
+    Row(
+        "a cell is empty",
+        "column 'gnt': expected a number, got ''",
+        "2",
+    ): Shown(f"monitor {GRANTED} holes.csv"),
+    Row(
+        "a default would hide a misspelt column",
+        "no column 'limit', which has a default, but 'Limit'",
+        "2",
+    ): Shown(f"monitor {LIMITED} near.csv"),
+    Row(
+        "one trace is unreadable, and the others satisfy",
+        "rtamt: error: broken.csv, line 2",
+        "2",
+    ): Shown(f"monitor {GRANTED} -- idle.csv broken.csv"),
+    Row(
+        "A does not decide whether a violation of B is new",
+        "undecided in the other:",
+        "3",
+    ): Shown("compare holes.json high.json"),
+    Row(
+        "all simulations of a search leave a requirement undecided",
+        "late of fades was not violated, and is undecided in 8 of 8 simulations",
+        "3",
+    ): Shown(FADES.replace("[0:10]", "[0:30]")),
+    Row(
+        "some simulations of a search failed",
+        "not violated in 5 evaluated simulations; 5 failed",
+        "3",
+    ): Shown(SEARCH.replace(":server", ":half").replace(RESPONSE, "always(gnt >= 3)")),
+    Row(
+        "all simulations failed",
+        "all 8 simulations failed, the first with ValueError: no licence",
+        "2",
+    ): Shown(SEARCH.replace(":server", ":broken")),
+    Row(
+        "some episodes of a run failed",
+        "2 of 4 episodes failed; the first, seed 0:",
+        "2",
+    ): Shown(f"run {FRAIL} {STANDS} --episodes 4"),
+    Row(
+        "there are too few episodes for `--target`",
+        "spec: undecided after 3",
+        "3",
+    ): Shown(f"evaluate {POLE} {STANDS} --episodes 3 --target 0.9 --at-termination cut"),
+    Row(
+        "a saved case now has another verdict",
+        "another verdict",
+        "1",
+    ): Shown("replay other.json"),
+    Row(
+        "a report shows a case that cannot run again",
+        "gone.json was not run: the case holds results of another model",
+        "3",
+    ): Shown("report gone.json --play -o page.html"),
     Row(
         "no episode of a policy triggers it",
         "never triggered: right in 0 of 3 episodes",
