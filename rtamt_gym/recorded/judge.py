@@ -309,9 +309,9 @@ def judge(
         )
         for name, part in (_parts(spec) if formulas and not known.unknown else {}).items()
     }
-    counted = late is not None and late.counted
-    progress = None if counted else progress_of(requirement, trace.columns, reading)
-    start = late.begin if late is not None and counted else trace.start
+    before = late is not None and late.counted
+    progress = None if before else progress_of(requirement, trace.columns, reading)
+    start = late.begin if late is not None and before else trace.start
     return TraceJudgement(
         *(judgement, series, semantics, start, period, step),
         progress=progress,
