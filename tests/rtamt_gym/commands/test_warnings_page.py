@@ -127,6 +127,7 @@ FRAIL = POLE.replace("zero", "plants:frail")
 GRANTED = "'always(gnt >= 3)'"
 LIMITS = {
     **dict.fromkeys(("holes", "high"), "'low = always(gnt < 5)'"),
+    **dict.fromkeys(("asks", "calms"), f"'{RESPONSE}'"),
     "two": "'low = always(gnt < 5); high = always(gnt < 6)'",
     "changed": "'low = always(gnt < 5); high = always(gnt < 7)'",
 }
@@ -174,6 +175,9 @@ SHOWN: dict[str, Shown] = {
     "a folder of traces has other files": Shown(f"monitor {GRANTED} -- runs", "--min-traces 2"),
     "B lacks a recording, a requirement or a time of A": Shown(
         "compare both.json idle.json", "--require-all"
+    ),
+    "B never triggers a requirement that A triggers": Shown(
+        "compare asks.json calms.json", "--require-all"
     ),
     "a requirement has another text in B": Shown(
         "compare two.json changed.json --accept-changed", "--require-all"
@@ -409,6 +413,8 @@ def cases(folder: Path, capsys: Output) -> None:
         ("holes", "holes.csv"),
         ("high", "high.csv"),
         ("two", "idle.csv"),
+        ("asks", "busy.csv"),
+        ("calms", "idle.csv"),
         ("changed", "idle.csv"),
     ):
         limit = LIMITS.get(name, GRANTED)
