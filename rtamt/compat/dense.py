@@ -1,7 +1,7 @@
 """The drop-in classes for dense time, over `rtamt.dense.Monitor` and `rtamt.dense.evaluate`.
 
 Signals are pairs of a name and its events: ``["x", [[0.0, 1.0], [0.7, 3.0]]]``. ``update`` returns
-the robustness at t - horizon with the time t, at which it is known.
+the robustness at t - horizon together with t, the time when it becomes known.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rtamt.compat.specification import (
     AbstractSpecification,
     OfflineSpecification,
     OnlineSpecification,
-    own_advice,
+    drop_in_advice,
     warn_of_unknown,
 )
 from rtamt.errors import InputError, InputTypeError
@@ -36,7 +36,7 @@ EventLists = dict[str, list[tuple[float, Any]]]
 
 
 class _Dense(AbstractSpecification):
-    """A specification of signals whose events each have their own time."""
+    """A specification of signals that are events at any times."""
 
     sampling_tolerance = None
     sampling_violation_counter = None
@@ -94,7 +94,7 @@ def _held_to_the_end(signals: EventLists, clock: Clock) -> EventLists:
 
 
 def _without_signs(breakpoints: Iterable[tuple[float, float]]) -> Pairs:
-    """Return breakpoints with 0.0 for -0.0, which programs do not expect, and no step between."""
+    """Return breakpoints with 0.0 for -0.0, which programs do not expect, without a step there."""
     pairs: Pairs = []
     for time, value in breakpoints:
         if not (pairs and value == pairs[-1][1] == 0.0):
@@ -121,24 +121,24 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     event at the same time would replace it."""
     _last: dict[str, tuple[float, Any]]
     """The last event of every variable or message."""
-    _begins: dict[str, int]
+    _first_ticks: dict[str, int]
     """The tick of the first event of every variable or message."""
     _last_value: float
     """The last value of the monitor; nan before there is one."""
     _reported: tuple[float, float] | None
     """The last reported time and value."""
     _clock: Clock
-    _late: int
+    _horizon_ticks: int
     """The horizon in ticks."""
 
-    @own_advice()
+    @drop_in_advice()
     def update(self, *signals: NamedEvents) -> Pairs:
-        """Add events, and return the robustness up to the time to which it is settled.
+        """Add events, and return the robustness up to the settled time.
 
-        That is the minimum of the variables' last times. The pairs are the times at which the
-        robustness changes, and the settled time with its value; there are none if a call settles
-        nothing. The time of a value is the time at which it is known: its own time plus the
-        horizon. Until a value is known, the only pair of a call has the robustness of the trace if
+        The settled time is the minimum of the variables' last times. The result has a pair for each
+        time at which the robustness changes, and one for the settled time; it is empty if a call
+        settles nothing. The time of a value is the time at which it is known: its own time plus the
+        horizon. Until a value is known, a call returns one pair with the robustness of the trace if
         it ended now.
 
         If a variable has several events at one time, the last one counts, also across calls. A call
@@ -158,25 +158,25 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         monitor, clock = self._running(), self._clock
         named, needed = self._read_signals(signals)
         needed, before, steps = self._look_ahead(needed)
-        last, begins = self._last.copy(), self._begins.copy()
+        last, first_ticks = self._last.copy(), self._first_ticks.copy()
         for name, events in needed.items():
             last[name] = events[-1]
-            if name not in begins:
-                begins[name] = clock.nearest(events[0][0])
-        steps, settled = self._settled(steps, last, begins)
+            if name not in first_ticks:
+                first_ticks[name] = clock.nearest(events[0][0])
+        steps, settled = self._settled(steps, last, first_ticks)
         confirmed = {n: before[n] + needed[n][:-1] for n in needed}
         news = self._news(steps, settled)
         for _, value in monitor.update(confirmed):
             self._last_value = value
         unread = [name for name in self._sources() if name not in last]
         warn_of_unknown(named.keys() - self.var_object_dict.keys(), unread)
-        self._last, self._begins = last, begins
+        self._last, self._first_ticks = last, first_ticks
         self.var_object_dict |= named
         return self._stamped(news)
 
-    @own_advice()
+    @drop_in_advice()
     def final_update(self, *signals: NamedEvents) -> Pairs:
-        """Add the last events, and return the rest of the robustness.
+        """Add the last events, and return the remaining robustness.
 
         Every variable holds its last value to the last event of all. Raises the errors of `update`,
         and StateError if a variable has no events.
@@ -195,9 +195,9 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     def _look_ahead(
         self, needed: EventLists
     ) -> tuple[EventLists, EventLists, list[tuple[float, float]]]:
-        """Return the new events, the events before them, and the steps that they settle.
+        """Return the new events, the event before them, and the steps that they settle.
 
-        The event before the new ones is the last one, unless the first new one has the same time.
+        The event before them is the last known event, unless the first new event has its time.
         """
         clock, ahead = self._clock, self._ahead
         new = {n: events for n, events in _last_of_each_tick(needed, clock).items() if events}
@@ -219,16 +219,16 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         self,
         steps: list[tuple[float, float]],
         last: Mapping[str, tuple[float, Any]],
-        begins: Mapping[str, int],
+        first_ticks: Mapping[str, int],
     ) -> tuple[list[tuple[float, float]], tuple[float, float] | None]:
         """Return all settled steps, and the last settled time with its value, or None."""
         if len(last) < len(self._sources()):
             return steps, None
         clock, ahead = self._clock, self._ahead
         ticks = {name: clock.nearest(time) for name, (time, _) in last.items()}
-        end, begin = min(ticks.values()), max(begins.values())
-        time = clock.time(end - self._late)
-        if end - self._late >= begin:
+        end, begin = min(ticks.values()), max(first_ticks.values())
+        time = clock.time(end - self._horizon_ticks)
+        if end - self._horizon_ticks >= begin:
             # The monitor returns a value after it has lasted for a tick.
             after = (end + 1) * clock.tick
             held = {name: [(after, last[name][1])] for name in ticks if ticks[name] == end}
@@ -247,7 +247,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     def _news(
         self, steps: Sequence[tuple[float, float]], settled: tuple[float, float] | None
     ) -> list[tuple[float, float]]:
-        """Return the steps that were not reported, and the settled time if it was not."""
+        """Return the unreported steps, and the settled time if it is unreported."""
         time, value = self._reported or (-math.inf, math.nan)
         now = self._last_value
         news = []
@@ -269,9 +269,9 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         if steps:
             self._robustness = steps[-1][1]
         times = [time for time, _ in steps]
-        if self._late:
+        if self._horizon_ticks:
             ticks = self._clock.ticks(np.array(times, np.float64), "")
-            times = self._clock.times(ticks + self._late).tolist()
+            times = self._clock.times(ticks + self._horizon_ticks).tolist()
         return [[time, value + 0.0] for time, (_, value) in zip(times, steps, strict=True)]
 
     def _value(self, formula: str) -> float:
@@ -282,8 +282,8 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         monitor, self._ahead = DenseMonitor(spec, **options), DenseMonitor(spec, **options)
         program = monitor.program.program
         self._clock = Clock(monitor.program)
-        self._late = program.latencies[program.result] or 0
-        self._last, self._begins, self._reported = {}, {}, None
+        self._horizon_ticks = program.latencies[program.result] or 0
+        self._last, self._first_ticks, self._reported = {}, {}, None
         self._last_value = self._robustness = math.nan
         return self._run(monitor)
 
@@ -300,7 +300,7 @@ class StlDenseTimeOfflineSpecification(OfflineSpecification[EventLists], _Dense)
         [[0.0, -3.0], [1.0, 2.0], [4.0, -2.0]]
     """
 
-    @own_advice()
+    @drop_in_advice()
     def evaluate(self, *signals: NamedEvents) -> Pairs:
         """Return the breakpoints of the robustness of complete signals.
 

@@ -18,8 +18,8 @@ from rtamt.compat.specification import (
     AbstractSpecification,
     OfflineSpecification,
     OnlineSpecification,
-    of_a_sample,
-    own_advice,
+    drop_in_advice,
+    sample_error,
     warn_of_unknown,
 )
 from rtamt.errors import InputError, InputTypeError, SpecificationError, StateError
@@ -39,7 +39,7 @@ class _Sampled(AbstractSpecification):
     Attributes:
         sampling_period: The period, in `sampling_period_unit`.
         sampling_period_unit: s, ms, us, ns, ps, min or h.
-        sampling_tolerance: Share of the period by which a sample may be early or late.
+        sampling_tolerance: How early or late a sample may be, as a share of the period.
         sampling_violation_counter: The number of samples outside of this tolerance.
     """
 
@@ -62,7 +62,7 @@ class _Sampled(AbstractSpecification):
         Args:
             sampling_period: The period; 0 for a specification without bounds.
             unit: s, ms, us, ns, ps, min or h.
-            tolerance: Share of the period by which a sample may be early or late.
+            tolerance: How early or late a sample may be, as a share of the period.
 
         Raises:
             SpecificationError: If the period is negative or infinite, the unit is unknown, or the
@@ -116,19 +116,19 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
         [-3.0, 2.0, 2.0, -1.0]
     """
 
-    _begins: dict[str, EpisodeMonitor]
+    _start_monitors: dict[str, EpisodeMonitor]
     """Monitors of the result and of named formulas with a latency, until all have a value."""
     _time: float | None
     """The time of the last sample."""
-    _least: float
-    _most: float
+    _shortest_step: float
+    _longest_step: float
     _names: tuple[str, ...]
     """The names in `var_object_dict` that the monitor needs."""
     _arguments: Callable[[Mapping[str, Any]], Iterable[Any]]
-    """Return their values as arguments of a monitor."""
+    """Returns the values of these names as arguments of a monitor."""
 
     def update(self, timestamp: float, dataset: Iterable[tuple[str, Any]]) -> float:
-        """Add a sample, and return the robustness, late by the latency.
+        """Add a sample, and return the robustness at the time of the sample minus the latency.
 
         A call that raises an error leaves the specification unchanged.
 
@@ -161,13 +161,13 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
             raise InputTypeError(
                 f"expected a number as the time of the sample, got {timestamp!r}"
             ) from None
-        violated = last is not None and not self._least <= passed <= self._most
+        violated = last is not None and not self._shortest_step <= passed <= self._longest_step
         try:
             robustness = monitor.update(*sample)
         except InputError as error:
-            raise of_a_sample(error) from None
-        if self._begins:
-            robustness = self._begin(monitor, sample, robustness)
+            raise sample_error(error) from None
+        if self._start_monitors:
+            robustness = self._early_robustness(monitor, sample, robustness)
         robustness += 0.0  # programs print it, and do not expect -0.0
         if len(values) > len(self.var_object_dict):
             unknown = values.keys() - self.var_object_dict.keys()
@@ -184,17 +184,17 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
             write_fields(monitor.specification, {self._result: robustness}, message, {})
         return robustness
 
-    @own_advice()
+    @drop_in_advice()
     def _start(self) -> Monitor:
         spec, period, options = self._specification(), self._period(), self._options()
         monitor = Monitor(spec, period, **options)
         late = {name: self._named(name) for name, n in monitor.latencies.items() if n}
         late |= {self._result: spec} if monitor.latency else {}
-        self._begins = {
+        self._start_monitors = {
             n: EpisodeMonitor(formula, period, **options) for n, formula in late.items()
         }
         self._time = None
-        self._least, self._most = self._durations()
+        self._shortest_step, self._longest_step = self._durations()
         self.sampling_violation_counter = 0
         self._names = self._sources()
         self._arguments = self._by_name
@@ -207,20 +207,22 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
                 field.holder(self.var_object_dict[self.out_var])
         return self._run(monitor)
 
-    def _begin(self, monitor: Monitor, sample: Iterable[Any], robustness: float) -> float:
+    def _early_robustness(
+        self, monitor: Monitor, sample: Iterable[Any], robustness: float
+    ) -> float:
         """Return the robustness of the samples so far until there is a sample at t - latency."""
-        for episode in self._begins.values():
+        for episode in self._start_monitors.values():
             episode.update(*sample)
         if monitor.samples <= monitor.latency:
-            robustness = self._begins[self._result].robustness
+            robustness = self._start_monitors[self._result].robustness
         if monitor.samples > max([monitor.latency, *monitor.latencies.values()]):
-            self._begins = {}
+            self._start_monitors = {}
         return robustness
 
     def _value(self, formula: str) -> float:
         monitor = self._running()
-        if formula in self._begins and monitor.samples <= monitor.latencies[formula]:
-            return self._begins[formula].robustness
+        if formula in self._start_monitors and monitor.samples <= monitor.latencies[formula]:
+            return self._start_monitors[formula].robustness
         return monitor.values[formula]
 
     def _by_name(self, values: Mapping[str, Any]) -> tuple[dict[str, Any]]:
@@ -278,7 +280,7 @@ class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled
         self._evaluated((columns, time))
         return [[t, value] for t, value in zip(time, robustness, strict=True)]
 
-    @own_advice()
+    @drop_in_advice()
     def explain(self) -> Explanation:
         """Return the sub-formulas and samples that decided the robustness at the first sample.
 
@@ -292,7 +294,7 @@ class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled
         spec, period, options = self._specification(), self._period(), self._options()
         return explain(spec, columns, period, start=seconds, n=len(time), **options)
 
-    @own_advice()
+    @drop_in_advice()
     def _robustness_of(self, spec: Specification, trace: _Trace) -> list[Any]:
         columns, time = trace
         values = evaluate(spec, columns, self._period(), n=len(time), **self._options())

@@ -11,7 +11,7 @@ from rtamt.errors import InputError
 
 
 class _Word(Enum):
-    """An enumeration whose members print as their values."""
+    """An enumeration with members that print as their values."""
 
     @classmethod
     def _missing_(cls, value: object) -> None:

@@ -124,7 +124,7 @@ class AbstractSpecification:
             module_name: The type in it.
 
         Raises:
-            SpecificationError: If there is no such module.
+            SpecificationError: If the module does not exist.
         """
         try:
             module = importlib.import_module(from_name)
@@ -177,14 +177,12 @@ class AbstractSpecification:
         """Return the text of a file.
 
         Raises:
-            InputError: If there is no such file.
+            InputError: If the file does not exist.
         """
         try:
             return Path(path).read_text(encoding="utf-8-sig")
         except FileNotFoundError:
-            raise InputError(
-                f"expected a file with a specification, found none at {path}"
-            ) from None
+            raise InputError(f"expected a file with a specification, got no file {path}") from None
 
     def get_value(self, var_name: str) -> Any:  # noqa: ANN401 - a number, a message, a signal
         """Return the last value of a variable or of a named formula.
@@ -192,8 +190,11 @@ class AbstractSpecification:
         Raises:
             InputError: If the name is unknown.
         """
-        if self._ran is not None and var_name in {*self._specification().formulas, self._result}:
-            return self._ran(var_name)
+        if self._value_of is not None and var_name in {
+            *self._specification().formulas,
+            self._result,
+        }:
+            return self._value_of(var_name)
         if var_name not in self.var_object_dict:
             raise InputError(f"no variable and no formula is named '{var_name}'")
         return self.var_object_dict[var_name]
@@ -203,7 +204,7 @@ class AbstractSpecification:
 
         Raises:
             ParseError: If the text is wrong; with line, column and a hint.
-            SpecificationError: If there is no text.
+            SpecificationError: If `spec` is not a text.
         """
         parsed = self._read()
         for name, module in parsed.imports.items():
@@ -240,9 +241,9 @@ class AbstractSpecification:
         self._specification()
 
     def _forget(self) -> None:
-        """Drop the monitor and the trace of the earlier text."""
-        self._ran: Callable[[str], object] | None = None
-        """Return the value of a formula in the last run."""
+        """Drop the monitor and the trace of the previous text."""
+        self._value_of: Callable[[str], object] | None = None
+        """Returns the value of a formula in the last run."""
 
     def _initial(self) -> object:
         """Return the value of a variable before its first sample or event."""
@@ -341,7 +342,7 @@ class OnlineSpecification(AbstractSpecification, Generic[_M]):
         return self._monitor or self._start()
 
     def _run(self, monitor: _M) -> _M:
-        self._monitor, self._ran = monitor, self._now
+        self._monitor, self._value_of = monitor, self._now
         return monitor
 
     def _now(self, formula: str) -> float:
@@ -369,7 +370,7 @@ class OfflineSpecification(AbstractSpecification, Generic[_Trace]):
         raise NotImplementedError
 
     def _evaluated(self, trace: _Trace) -> None:
-        self._trace, self._ran = trace, self._history
+        self._trace, self._value_of = trace, self._history
 
     def _history(self, formula: str) -> list[Any]:
         """Return the robustness of a named formula over the last trace."""
@@ -417,7 +418,7 @@ class ParsedFormulas:
 
         Args:
             spec: The specification.
-            source: Return the declared name of a variable: the name of its message for a field.
+            source: Returns the declared name of a variable: for a field, the name of its message.
             roles: Declared name to ``"input"``, ``"output"`` (the default) or another role.
         """
         specs = []
@@ -453,7 +454,7 @@ def check_declared(parsed: Specification, declared: Collection[str]) -> None:
             unknown[name] = node
     if not unknown:
         return
-    name = min(unknown, key=lambda each: parsed.positions[unknown[each]])
+    name = min(unknown, key=lambda variable: parsed.positions[unknown[variable]])
     known = {*declared, *parsed.declarations, *parsed.formulas, *parsed.constants}
     near = nearest(name, sorted(known)).removeprefix("; ")
     hint = f"{near} declare_var('{_head(name)}', 'float') declares it".lstrip()
@@ -502,26 +503,26 @@ _ADVICE = (
 
 
 @contextmanager
-def own_advice() -> Iterator[None]:
+def drop_in_advice() -> Iterator[None]:
     """Raise errors of the library with advice that applies to the drop-in classes."""
     try:
         yield
     except ParseError as error:
-        hint = _replaced(error.hint)
+        hint = _with_own_advice(error.hint)
         raise ParseError(error.reason, error.text, error.line, error.column, hint) from None
     except SpecificationError as error:
-        raise SpecificationError(_replaced(str(error))) from None
+        raise SpecificationError(_with_own_advice(str(error))) from None
     except InputError as error:
-        raise InputError(_replaced(str(error))) from None
+        raise InputError(_with_own_advice(str(error))) from None
 
 
-def of_a_sample(error: InputError) -> InputError:
-    """Return an error about a sample, with advice for ``update``."""
+def sample_error(error: InputError) -> InputError:
+    """Return the error with advice for ``update``."""
     advice = "; leave it out of the sample, and it keeps its last value"
     return InputError(re.sub(_HOLD, advice, str(error)))
 
 
-def _replaced(text: str) -> str:
+def _with_own_advice(text: str) -> str:
     for advice, own in _ADVICE:
         text = re.sub(advice, own, text)
     return text

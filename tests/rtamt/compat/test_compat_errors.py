@@ -37,7 +37,7 @@ def test_every_error_is_the_released_exception() -> None:
             lambda: spec.set_sampling_period(-1)
         ),
         "no variable and no formula is named 'z'": lambda: spec.get_value("z"),
-        "expected a file with a specification, found none at /no/such.stl": (
+        "expected a file with a specification, got no file /no/such.stl": (
             lambda: spec.get_spec_from_file("/no/such.stl")
         ),
     }

@@ -1,3 +1,3 @@
-"""The module from which programs of the released library take its exception."""
+"""The module of the released library's exception."""
 
 from rtamt.compat import RTAMTException
