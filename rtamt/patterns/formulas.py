@@ -1,8 +1,8 @@
 """The patterns: functions that return the formulas of common requirements.
 
-To add a pattern, add a function here and an example in `rtamt.patterns.catalogue`, export it in
-``rtamt/patterns/__init__.py``, and add its row to ``docs/patterns.md``, which a test compares.
-Define it again on arrays in ``tests/rtamt/patterns/test_patterns.py``.
+To add a pattern, add a function here, export it in ``rtamt/patterns/__init__.py`` and give it an
+example in the `CATALOGUE` there. Add its row to ``docs/patterns.md``, which a test compares, and
+define it again on arrays in ``tests/rtamt/patterns/test_patterns.py``.
 
 To add a reading of success, make its formula with `success` here, add its name to `SuccessReading`
 and its arguments to `reading` in `rtamt_gym.success`, and add a row to the table in
@@ -71,7 +71,7 @@ def within_limits(x: TermLike, least: AmountLike, most: AmountLike) -> Formula:
     """
     value, low, high = _quantity(x, "x"), _amount(least, "least"), _amount(most, "most")
     if isinstance(low.leaf, float) and isinstance(high.leaf, float) and low.leaf > high.leaf:
-        raise SpecificationError(f"expected least= to be at most most=, got {low} and {high}")
+        raise SpecificationError(f"expected least= below or equal to most=, got {low} and {high}")
     return ((value >= low) & (value <= high)).always()
 
 
@@ -104,9 +104,9 @@ def minimum_duration(p: ConditionLike, duration: Exact) -> Formula:
 def recurrence(p: ConditionLike, within: Exact) -> Formula:
     """``always[T:inf](once[0:T] p)``: p comes again and again, at most T apart.
 
-    *Bounded recurrence* (Konrad and Cheng). Every window of length T inside the trace has a time at
-    which p holds. So ``"complete"`` and ``"cut"`` give the same verdict, except for a trace shorter
-    than T: it satisfies with ``"complete"``, and is undecided with ``"cut"``.
+    *Bounded recurrence* (Konrad and Cheng). p holds at some time in every window of length T inside
+    the trace. ``"complete"`` and ``"cut"`` give the same verdict, except for a trace shorter than
+    T: it satisfies with ``"complete"``, and is undecided with ``"cut"``.
 
     Args:
         p: The condition that must recur.
@@ -244,7 +244,7 @@ def in_order(*several: ConditionLike, within: Exact | None = None) -> Formula:
         msg = f"expected at least two stages, each an argument, got {len(several)}"
         raise SpecificationError(msg)
     window = None if within is None else _lasting(within, "within")
-    chain, *before = reversed([_condition(each, f"stage {i}") for i, each in enumerate(several, 1)])
+    chain, *before = reversed([_condition(p, f"stage {i}") for i, p in enumerate(several, 1)])
     for stage in before:
         chain = stage & _timed("eventually", window, chain)
     return chain.eventually()
@@ -290,7 +290,7 @@ def settling_time(
 
     Args:
         x: The quantity that settles.
-        target: The value at which it settles, in the unit of x.
+        target: The value that x settles at, in the unit of x.
         tolerance: The maximum distance from the target, in the unit of x.
         within: T, above 0.
         after: The condition that starts the time, whenever it holds; None: the start of the
@@ -330,7 +330,7 @@ def overshoot(
         target: The target, in the unit of x.
         most: The maximum overshoot, in the unit of x.
         falling: Whether x comes from above; the overshoot is ``target - x`` then.
-        after: The condition from which x moves; None: the start of the trace.
+        after: The condition that starts the movement of x; None: the start of the trace.
 
     Raises:
         SpecificationError: If the maximum overshoot is negative.
@@ -358,7 +358,7 @@ def rise_time(x: TermLike, low: AmountLike, high: AmountLike, within: Exact) -> 
 
     Args:
         x: The quantity that rises.
-        low: The level at which the time starts, in the unit of x.
+        low: The level that starts the time, in the unit of x.
         high: The level to reach, in the unit of x.
         within: T, above 0.
 

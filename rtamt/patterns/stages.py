@@ -65,7 +65,7 @@ def prefixes(spec: str | Formula | Specification) -> tuple[Formula, ...]:
 def named_stages(
     spec: str | Formula | Specification, several: Iterable[str | Formula]
 ) -> tuple[Formula, ...]:
-    """Return stages that are named, for a requirement of any form.
+    """Return the stages that the caller names, for a requirement of any form.
 
     Args:
         spec: As for `stages`.
@@ -74,7 +74,7 @@ def named_stages(
 
     Raises:
         SpecificationError: If a text is wrong, or a stage reads a variable that the requirement
-            does not read.
+            does not use.
 
     Example:
         >>> spec = "limit = 2; near = d < limit; eventually always[0:5](near and up > 0)"
@@ -103,7 +103,7 @@ def named_stages(
 
 
 def _definitions(spec: Specification) -> dict[Node, Node]:
-    """Return the formulas and constants behind the names of a specification."""
+    """Return the formulas and constants that the names of a specification stand for."""
     nodes: dict[Node, Node] = {variable(n): number(value) for n, value in spec.constants.items()}
     for name, formula in spec.formulas.items():
         term = variable(name)
