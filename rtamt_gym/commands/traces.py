@@ -482,8 +482,13 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
             raise InputError(
                 f"expected a trace, got the specification {word}; specifications stand first"
             )
-    as_traces = [word for word in specs if word.lower().endswith(_SURE) or folder_format(word)]
-    if as_traces and len(words) > 1 and not _names_file(words[-1]):
+    formula_last = len(words) > 1 and not names_file(words[-1])
+    as_traces = [
+        word
+        for word in specs
+        if is_trace(word) or folder_format(word) or (formula_last and _may_be_trace(word))
+    ]
+    if as_traces and formula_last:
         spec = shorten(words[-1], 60)
         raise InputError(
             f"expected a specification first, got the trace {as_traces[0]}; write '{spec}' "
@@ -500,9 +505,19 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
     return specs, traces
 
 
-def _names_file(word: str) -> bool:
+def names_file(word: str) -> bool:
     """Return whether a word is a path, and not the text of a specification."""
-    return Path(word).exists() or re.search(r"[\s(<>]", word) is None
+    return os.path.exists(word) or re.search(r"[\s(<>]", word) is None  # noqa: PTH110 - a formula may be longer than a name
+
+
+def is_trace(word: str) -> bool:
+    """Return whether the end of a name shows that a word is a trace."""
+    return word.lower().endswith(_SURE)
+
+
+def _may_be_trace(word: str) -> bool:
+    """Return whether a word in front of a formula is a trace: standard input, or a file."""
+    return word == "-" or (os.path.isfile(word) and not word.endswith(".stl"))  # noqa: PTH113 - as above
 
 
 def trace_paths(words: Sequence[str], *, as_files: bool = False) -> tuple[list[str], list[str]]:

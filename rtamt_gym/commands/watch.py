@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rtamt import InputError
@@ -17,7 +19,7 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.live_view import hold, open_view
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
-from rtamt_gym.commands.traces import add_columns
+from rtamt_gym.commands.traces import add_columns, is_trace, names_file
 from rtamt_gym.options.command_line import (
     Option,
     add_options,
@@ -27,6 +29,7 @@ from rtamt_gym.options.command_line import (
 )
 from rtamt_gym.recorded.columns import Columns, read_columns, read_seconds
 from rtamt_gym.results.warnings import INTERRUPTED
+from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
     from rtamt_gym.watching.lines import Line
@@ -171,6 +174,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.watching.sources import StreamSource
     from rtamt_gym.watching.watch import StreamWatch, few_collections
 
+    _check_order(options.spec, options.source)
     settings = _settings(options)
     idle = None if options.idle is None else float(read_seconds("--idle", options.idle))
     beat = _BEAT if options.screen else None
@@ -264,6 +268,28 @@ def _replayed(
     return paced(blocks, seconds, options.speed)
 
 
+def _check_order(spec: str, source: str) -> None:
+    """Refuse a stream before its specification, and a second specification."""
+    for_sure = spec == "-" or spec.startswith(("tcp:", "unix:")) or is_trace(spec)
+    is_spec = source.endswith(".stl") or not names_file(source)
+    if source.startswith(("tcp:", "unix:")) or not (for_sure or is_spec):
+        return
+    if is_spec and (for_sure or (Path(spec).exists() and not spec.endswith(".stl"))):
+        raise InputError(
+            f"expected a specification first, got the stream {shorten(spec, 60)}; write "
+            f"rtamt watch {shlex.quote(shorten(source, 60))} {shlex.quote(spec)}"
+        )
+    if for_sure:
+        raise InputError(
+            f"expected a specification first, got the stream {shorten(spec, 60)}; write "
+            f"rtamt watch SPEC {shlex.quote(spec)}"
+        )
+    raise InputError(
+        f"expected a stream after the specification, got the specification {shorten(source, 60)}; "
+        "write all requirements into one file or formula"
+    )
+
+
 def _settings(options: argparse.Namespace) -> WatchOptions:
     """Read the requirements and the options."""
     from rtamt_gym.recorded.judge import viewed
@@ -291,7 +317,7 @@ def _settings(options: argparse.Namespace) -> WatchOptions:
         reading,
         columns,
         options.format,
-        _group_column(options.by),
+        [*dict.fromkeys(options.by)],
         options.max_groups,
         None if group_idle is None else read_seconds("--group-idle", group_idle),
         options.every,
@@ -299,16 +325,6 @@ def _settings(options: argparse.Namespace) -> WatchOptions:
         options.skip_bad,
         None if least is None else read_seconds("--min-duration", least),
     )
-
-
-def _group_column(names: Sequence[str]) -> str | None:
-    """Return the column of groups; None without one."""
-    if len({*names}) > 1:
-        raise InputError(
-            f"--by: expected one column, got {listing(names)}. Write one column that names the "
-            "groups, or evaluate the recording with rtamt monitor."
-        )
-    return names[0] if names else None
 
 
 class _Output:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
@@ -27,7 +27,7 @@ class WatchOptions:
         reading: The options of evaluation.
         columns: How columns are read.
         format: How lines hold rows; None to recognise it by the first byte.
-        by: The column that names groups; None: all rows are one trace.
+        by: The columns that name groups; without one, all rows are one trace.
         max_groups: The most groups at one time.
         group_idle: Seconds of trace time after which a group has ended; None: never.
         every: Whether every sample has lines.
@@ -40,7 +40,7 @@ class WatchOptions:
     reading: EvaluationOptions
     columns: Columns
     format: RowFormat | None = None
-    by: str | None = None
+    by: Sequence[str] = ()
     max_groups: int = 100_000
     group_idle: Fraction | None = None
     every: bool = False
@@ -56,9 +56,9 @@ class WatchOptions:
             raise InputError(
                 f"expected --min-duration without --stop {self.stop}, which ends a trace early"
             )
-        if self.by is None and self.group_idle is not None:
+        if not self.by and self.group_idle is not None:
             raise InputError("--group-idle ends groups, which --by COLUMN makes")
-        if self.by is not None and self.skip_bad and stated:
+        if self.by and self.skip_bad and stated:
             raise InputError(
                 "expected --skip-bad without --by and --period: nobody knows whose sample a bad "
                 "line was. Leave out --period to see it by the times."

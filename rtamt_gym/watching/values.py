@@ -6,10 +6,9 @@ cell with one reading decides, and a cell with two readings before it is an erro
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,16 +40,9 @@ from rtamt_gym.recorded.recording import Floats, Recording
 from rtamt_gym.recorded.roles import has_time_bounds
 from rtamt_gym.recorded.text_numbers import COMMA_NOTE, ColumnMarks, grouped_note, stated_mark_note
 from rtamt_gym.recorded.times import TimeColumn, find_times, join_times
+from rtamt_gym.watching.group_names import GroupNames
 from rtamt_gym.watching.one_trace import Guard, guards_of
 from rtamt_gym.watching.rows import ColumnCells, RowBlock, RowFault, cell_text
-
-_KINDS: Final[Mapping[type, str]] = {
-    str: "a text",
-    bool: "a truth value",
-    int: "a number",
-    float: "a number",
-}
-"""The kinds of values in JSON; null is of any kind."""
 
 
 class Numbered(NamedTuple):
@@ -99,7 +91,7 @@ class StreamColumns:
         source: The name of the stream, for messages.
         specs: The requirements by name.
         columns: How columns are read, with the defaults of the requirements.
-        by: The column that names groups; None without groups.
+        by: The columns that name groups.
         dense: Whether rows are events.
         period: Whether the period is stated, so that times are left aside.
     """
@@ -110,7 +102,7 @@ class StreamColumns:
         specs: dict[str, rtamt.Specification],
         columns: Columns,
         *,
-        by: str | None,
+        by: Sequence[str],
         dense: bool,
         period: bool,
     ) -> None:
@@ -124,7 +116,7 @@ class StreamColumns:
         """The variables that have a column."""
         self.time: TimeColumn | None = None
         self.notes: list[str] = []
-        self._group_kind = ""
+        self._groups = GroupNames(by)
         self._marks: dict[str, ColumnMarks] = {}
         self._read: set[str] = set()
         self._guarded: dict[str, _Guarded] = {}
@@ -168,14 +160,9 @@ class StreamColumns:
             if name not in self.there:
                 why = "there is no such column"
                 self.notes.append(take_default(self._source, name, columns, why))
-        if self._by is not None and self._by not in names:
-            raise InputError(
-                f"{self._source}: no column '{self._by}', which --by names; the columns are "
-                f"{', '.join(names)}"
-            )
+        self._groups.check(self._source, names)
         times = [] if self.time is None else self.time.columns
-        by = [] if self._by is None else [self._by]
-        used = self.needed = {*needed, *times, *by}
+        used = self.needed = {*needed, *times, *self._by}
         timed = self._timed = self.time is not None
         uneven = self._uneven = timed and (self._dense or self._period)
         unread = [name for name in names if name not in used]
@@ -191,7 +178,7 @@ class StreamColumns:
                 )
             }
         near = [name for _, name in self._near]
-        return [*dict.fromkeys([*needed, *times, *by, *self._guarded, *near])]
+        return [*dict.fromkeys([*needed, *times, *self._by, *self._guarded, *near])]
 
     def take_field(self, name: str, value: object) -> tuple[str, bool]:
         """Take a field that the first line of a stream does not have.
@@ -305,10 +292,7 @@ class StreamColumns:
 
     def group_at(self, block: RowBlock, row: int) -> str | None:
         """Return the group of a bad row; None without groups, or if its cell is not a name."""
-        cells = block.columns.get(self._by or "")
-        if cells is None or _KINDS.get(type(cells[row]), "") != self._group_kind:
-            return None
-        return cell_text(cells[row]).strip() or None
+        return self._groups.at(block, row)
 
     def end_trace(self, group: str | None, *, early: bool = False, beyond: int = 0) -> str:
         """Return the fault that the rows of a trace show; empty if they were one trace.
@@ -359,12 +343,7 @@ class StreamColumns:
             column = columns.column(name)
             values[:, index] = read[column] if name in self.there else columns.starts[name]
         self._check_spelling(block, read)
-        groups = None
-        if self._by is not None:
-            self._check_groups(block.columns[self._by])
-            groups = [cell_text(cell).strip() for cell in block.columns[self._by]]
-            if "" in groups:
-                raise RowFault(groups.index(""), f"column '{self._by}': expected a group, got none")
+        groups = self._groups.of(block) if self._by else None
         numbered = Numbered(values, self._times(block), groups)
         if self._marks:
             self._look_for_marks(block)
@@ -383,21 +362,6 @@ class StreamColumns:
                 self._near[column, name] = True
             elif lost.any():
                 raise RowFault(first, misspelt_value(column, name))
-
-    def _check_groups(self, cells: ColumnCells) -> None:
-        """Check that the names of groups in JSON are of one kind, as 7 and "7" are not."""
-        kinds = {_KINDS.get(type(cell), "") for cell in cells} - {""}
-        if kinds <= {self._group_kind}:
-            return
-        for row, cell in enumerate(cells):
-            kind = _KINDS.get(type(cell), "")
-            self._group_kind = self._group_kind or kind
-            if kind not in ("", self._group_kind):
-                raise RowFault(
-                    row,
-                    f"column '{self._by}': expected {self._group_kind}, as in the first row, got "
-                    f"{json.dumps(cell)}, {kind}. Write all names of groups as texts.",
-                )
 
     def _decide(self, block: RowBlock, names: Sequence[str]) -> None:
         """Find the decimal mark in texts, in the order of rows."""

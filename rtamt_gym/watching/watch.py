@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -105,7 +106,9 @@ class StreamWatch:
         self._clock: ClockRules | None = None
         self.traces: dict[str | None, Group] = {}
         self._touched: Group | None = None
-        self._guarded = self._beyond = 0
+        self._guarded = self._beyond = self._stop_line = 0
+        self._ended = Counter[bool]()
+        """The traces that have ended, by whether all their verdicts are decided."""
         self._idle = IdleGroups(float(options.group_idle or 0), source)
         self._lost = LostStarts(options.max_groups)
         self._stream_clock: StreamClock | None = None
@@ -164,14 +167,14 @@ class StreamWatch:
             raise InputError(message)
         if not self.rows:
             raise InputError(f"{message} (--skip-bad needs a good first row)")
-        if self._options.by is not None and self._cells.time is None:
+        if self._options.by and self._cells.time is None:
             raise InputError(
                 f"{message} (--skip-bad with --by needs a column of times, by which the groups "
                 "that miss a row are known)"
             )
         self.bad += 1
         self._first_bad = self._first_bad or message
-        if self._options.by is not None:
+        if self._options.by:
             trace = None if group is None else self.traces.get(group)
             if group is not None and group in self._idle:
                 self._idle.add_late(group)
@@ -251,6 +254,7 @@ class StreamWatch:
         """Note whether a trace has stopped the stream, and how many of its rows lie beyond."""
         self.stopped = trace.stopped
         if trace.stopped:
+            self._stop_line = trace.stop_line
             self._beyond = sum(line > trace.stop_line for line in lines)
 
     def _one_trace(
@@ -290,6 +294,7 @@ class StreamWatch:
                     self._finish(self.traces.pop(idle), self.rules.reading.end)
                 decided = self.traces and not self.rules.undecided
                 self.stopped = self._options.stop == "decided" and bool(decided)
+                self._stop_line = block.lines[at]
             at = end
 
     def _one_group(
@@ -374,6 +379,7 @@ class StreamWatch:
         for line in lines:
             self._words.add(_WORDS[line.verdict.name])
             self.rules.emit(line)
+        self._ended[all(line.verdict for line in lines)] += 1
         self._check_length(trace)
 
     def _check_length(self, trace: Group) -> None:
@@ -448,5 +454,17 @@ class StreamWatch:
         texts = [warning.text for warning in warnings]
         if self.bad:
             texts.append(f"{counted(self.bad, 'bad line')} left out, the first: {self._first_bad}")
+        if self.stopped:
+            texts.append(self._stop_text())
         read = self.rules.notes.texts(dense=self.rules.reading.dense)
         return [*self.notes, *self._cells.mark_notes(), *read, *texts]
+
+    def _stop_text(self) -> str:
+        """Return a sentence on the rows on which the verdicts rest after ``--stop``."""
+        place = f"--stop {self._options.stop} ended the stream at line {self._stop_line}"
+        if not self._options.by:
+            return f"{place}: rows after it were not read"
+        decided, groups = self._ended[True], counted(sum(self._ended.values()), "group")
+        return (
+            f"{place}, with {decided} of {groups} decided: rows and groups after it were not read"
+        )

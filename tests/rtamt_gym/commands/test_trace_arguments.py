@@ -377,3 +377,45 @@ def test_instants_and_intervals_are_refused_where_they_mean_nothing(
     plain = ["--stage", "up > 0", "--stage", "up > 4"]
     assert main(["monitor", "eventually always[0:1](up > 4)", str(events), "--dense", *plain]) == 1
     assert "progress 0.50" in capsys.readouterr().out
+
+
+SLOW = "always(speed < 30)"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["a.csv", SLOW], f"expected a specification first, got the trace a.csv; write '{SLOW}' "),
+        (["log", SLOW], f"expected a specification first, got the trace log; write '{SLOW}' log"),
+        (["-", SLOW], f"expected a specification first, got the trace -; write '{SLOW}' -"),
+    ],
+)
+def test_a_trace_before_a_formula_is_an_error(
+    words: list[str], message: str, folder: Path, capsys: Output
+) -> None:
+    (folder / "log").write_text("time,speed\n0,1\n")
+    assert main(["monitor", *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("spec", [SLOW, "req.stl"])
+@pytest.mark.parametrize("stream", ["a.csv", "log", "-", "tcp:9000", "new.ndjson"])
+def test_a_stream_before_its_specification_is_an_error(
+    stream: str, spec: str, folder: Path, capsys: Output
+) -> None:
+    (folder / "log").write_text("time,speed\n0,1\n")
+    written = f"'{spec}'" if spec == SLOW else spec
+    assert main(["watch", stream, spec]) == 2
+    swapped = f"expected a specification first, got the stream {stream}; write rtamt watch "
+    assert f"{swapped}{written} {stream}" in capsys.readouterr().err
+
+
+def test_a_stream_needs_one_specification(capsys: Output) -> None:
+    assert main(["watch", "a.csv"]) == 2
+    assert "got the stream a.csv; write rtamt watch SPEC a.csv" in capsys.readouterr().err
+    for second in (SLOW, "req.stl"):
+        assert main(["watch", "req.stl", second]) == 2
+        errors = capsys.readouterr().err
+        assert (
+            f"expected a stream after the specification, got the specification {second}" in errors
+        )

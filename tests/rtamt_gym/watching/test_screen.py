@@ -26,7 +26,7 @@ SPECS = {
 }
 
 
-def drawn(width: int, text: str, *, by: str | None = None, encoding: str = "utf-8") -> list[str]:
+def drawn(width: int, text: str, *, by: Sequence[str] = (), encoding: str = "utf-8") -> list[str]:
     """The lines of the picture after a stream."""
     file = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
     console = Console(width=width, file=file, color_system=None, force_terminal=True)
@@ -78,7 +78,7 @@ def test_the_picture_fits_and_says_everything_without_colours(width: int, encodi
 
 def test_of_many_groups_the_worst_are_shown() -> None:
     rows = [f"{time},{car % 7},car {car:02}" for time in (0, 1) for car in range(30)]
-    lines = drawn(120, "\n".join(["time,x,car", *rows, ""]), by="car")
+    lines = drawn(120, "\n".join(["time,x,car", *rows, ""]), by=("car",))
     assert len(lines) == 2 + 20 + 1
     assert lines[-1] == "and 40 rows with a higher robustness"
     assert all("VIOLATED" in line for line in lines[2:10])

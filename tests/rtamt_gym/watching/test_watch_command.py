@@ -303,7 +303,7 @@ def test_groups_are_traces_of_their_own(dense: bool, idle: int | None) -> None: 
         {"it": spec},
         EvaluationOptions(dense=dense),
         Columns(),
-        by="car",
+        by=("car",),
         every=True,
         group_idle=None if idle is None else Fraction(idle),
     )

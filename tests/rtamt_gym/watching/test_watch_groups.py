@@ -53,7 +53,7 @@ def streamed(text: str, places: Sequence[int], **options: Any) -> tuple[int, dic
             {"spec": rtamt.parse(SPEC)},
             EvaluationOptions(dense=dense, period=options.pop("period", None)),
             Columns(),
-            by="car",
+            by=("car",),
             **options,
         ),
         "stdin",
@@ -194,18 +194,44 @@ def test_a_line_without_a_group_may_be_the_first_of_later_groups(
     assert "may have been" not in errors
 
 
-@pytest.mark.parametrize("names", [["lap", "car"], ["car", "lap"]])
-def test_two_columns_of_groups_are_an_error(
-    names: list[str], capsys: Output, tmp_path: Path
+@pytest.mark.parametrize("kind", [[], ["--dense"], ["--period", "1"]])
+@pytest.mark.parametrize("names", [["lap", "car"], ["car", "lap"], ["car", "lap", "car"]])
+@pytest.mark.parametrize("form", ["csv", "ndjson"])
+def test_several_columns_name_groups_as_in_monitor(
+    form: str, names: list[str], kind: list[str], capsys: Output, tmp_path: Path
 ) -> None:
+    cells = [(time, car, lap) for lap in (1, 2) for time in range(3) for car in ("a", "b,=c")]
+    rows = [
+        {"time": time, "car": car, "lap": lap, "x": 9 if (time, car, lap) == (1, "a", 2) else 1}
+        for time, car, lap in cells
+    ]
+    path = tmp_path / f"rows.{form}"
+    if form == "csv":
+        lines = ["time,car,lap,x", *(f'{t["time"]},"{t["car"]}",{t["lap"]},{t["x"]}' for t in rows)]
+    else:
+        lines = [*map(json.dumps, rows)]
+    path.write_text("\n".join(lines) + "\n")
+    options = [*(option for name in names for option in ("--by", name)), *kind]
+    assert main(["monitor", "always(x < 3)", str(path), *options, "--json"]) == 1
+    expected = {
+        trial["name"].removeprefix(f"{path}[").removesuffix("]"): outcome["verdict"]
+        for trial in json.loads(capsys.readouterr().out)["trials"]
+        for outcome in trial["outcomes"].values()
+    }
+    assert main(["watch", "always(x < 3)", str(path), *options]) == 1
+    finals = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert {line["group"]: line["verdict"] for line in finals if line["final"]} == expected
+    assert len(expected) == 4
+
+
+def test_a_group_needs_all_its_columns(capsys: Output, tmp_path: Path) -> None:
     path = tmp_path / "rows.csv"
-    path.write_text("time,lap,car,x\n0,1,7,1\n1,1,7,1\n2,2,7,1\n")
-    options = [option for name in names for option in ("--by", name)]
+    path.write_text("time,car,lap,x\n0,a,1,1\n1,a,,1\n2,,1,1\n")
+    options = ["--by", "car", "--by", "lap"]
     assert main(["watch", "always(x < 3)", str(path), *options]) == 2
-    captured = capsys.readouterr()
-    assert not captured.out
-    assert f"--by: expected one column, got '{names[0]}', '{names[1]}'." in captured.err
-    assert main(["watch", "always(x < 3)", str(path), "--by", "lap", "--by", "lap"]) == 0
+    assert "line 3: column 'lap': expected a group, got none" in capsys.readouterr().err
+    assert main(["watch", "always(x < 3)", str(path), "--by", "lab"]) == 2
+    assert "no column 'lab', which --by names" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("options", [[], ["--dense"]])
@@ -226,3 +252,38 @@ def test_rows_after_an_idle_end_are_not_a_pass(
     text = "".join(line for line in text.splitlines(keepends=True) if not line.endswith("b,9\n"))
     got, _, errors = watched(capsys, path, text, *idle)
     assert (got, "--group-idle" in errors) == (code - 3 if code == 3 else 1, False)
+
+
+@pytest.mark.parametrize("idle", [[], ["--group-idle", "5"]])
+@pytest.mark.parametrize(
+    ("stop", "value", "line", "decided"),
+    [("decided", 1, 7, 2), ("violation", 9, 4, 1)],
+)
+def test_a_stop_reports_the_groups_on_which_it_rests(
+    stop: str,
+    value: int,
+    line: int,
+    decided: int,
+    idle: list[str],
+    capsys: Output,
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "rows.csv"
+    rows = [f"{time},{car},{value if time == 1 else 1}" for time in range(3) for car in "ab"]
+    path.write_text("\n".join(["time,car,x", *rows, "3,c,9", "4,c,9"]) + "\n")
+    arguments = ["watch", "always[0:2](x < 3)", str(path), "--stop", stop]
+    code = 1 if stop == "violation" else 0
+    assert main([*arguments, "--by", "car", *idle]) == code
+    note = f"--stop {stop} ended the stream at line {line}, with {decided} of 2 groups decided: "
+    assert f"{note}rows and groups after it were not read" in capsys.readouterr().err
+
+
+def test_a_stop_reports_its_line(capsys: Output, tmp_path: Path) -> None:
+    path = tmp_path / "rows.csv"
+    path.write_text("time,x\n0,1\n1,9\n2,1\n")
+    assert main(["watch", "always(x < 3)", str(path), "--stop", "violation"]) == 1
+    note = "--stop violation ended the stream at line 3: rows after it were not read"
+    assert note in capsys.readouterr().err
+    assert main(["watch", "always(x < 3)", str(path), "--stop", "decided"]) == 1
+    assert main(["watch", "always(x < 10)", str(path), "--stop", "decided"]) == 0
+    assert "ended the stream" not in capsys.readouterr().err.splitlines()[-1]
