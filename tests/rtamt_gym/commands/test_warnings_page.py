@@ -182,14 +182,14 @@ SHOWN: dict[str, Shown] = {
     "a requirement has another text in B": Shown(
         "compare two.json changed.json --accept-changed", "--require-all"
     ),
-    "some simulations of a search leave it undecided": Shown(
+    "some simulations of a search leave a requirement undecided": Shown(
         FADES, "--at-termination failure", "--at-termination cut"
     ),
-    "points of a sweep leave it undecided": Shown(
+    "points of a sweep leave a requirement undecided": Shown(
         f"sweep {POLE} --requirement '{SOON}' --vary env.gravity=9:10 --samples 2 --duration 0.1",
         "--require-satisfied",
     ),
-    "no point of a sweep satisfies it": Shown(
+    "no point of a sweep satisfies a requirement": Shown(
         f"sweep {POLE} --requirement 'right = always(angle > 2)' --vary env.gravity=9:10 "
         "--samples 2",
         "--require-satisfied",
