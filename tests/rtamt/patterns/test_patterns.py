@@ -253,7 +253,9 @@ ERRORS: dict[str, Callable[[], object]] = {
     "expected a time for within, got None": lambda: patterns.recurrence("x", None),  # type: ignore[arg-type]
     "expected a bound of at least 0, got -1": lambda: patterns.response("x", "y", -1),
     "expected a unit (s, ms, us, ns, ps, min, h), got 'd'": lambda: patterns.success("x", "1d"),
-    "expected least= below or equal to most=, got 3 and 1": lambda: patterns.within_limits("x", 3, 1),
+    "expected least= below or equal to most=, got 3 and 1": (
+        lambda: patterns.within_limits("x", 3, 1)
+    ),
     "expected low= to be below high=, got 1 and 1": lambda: patterns.rise_time("x", 1, 1, 1),
     "expected at least two stages, each an argument, got 1": (
         lambda: patterns.in_order(["x", "y"])  # type: ignore[arg-type]
