@@ -316,6 +316,28 @@ _ROWS = word_set(
 """Numbers of rows."""
 
 
+def missing_row(name: str, values: NDArray[Any]) -> int | None:
+    """Return the row before which rows are missing by the numbers of rows; None if there is none.
+
+    Args:
+        name: The column.
+        values: Its values.
+
+    Example:
+        >>> missing_row("frame", np.array([0, 1, 5, 6])), missing_row("frame", np.array([0, 5, 10]))
+        (2, None)
+    """
+    if not (INDEX.fullmatch(name) or "".join(read_name(name).words) in _ROWS):
+        return None
+    if values.dtype.kind not in "iuf" or len(values) < 3:
+        return None
+    steps = np.diff(values.astype(np.float64))
+    if not (steps > 0).all() or (steps % 1).any():
+        return None
+    (far,) = np.nonzero(steps > steps.min())
+    return int(far[0]) + 1 if len(far) else None
+
+
 _FEW_ROWS = 4
 """The minimum number of rows of a run in times under any name."""
 

@@ -54,6 +54,9 @@ _DAY = 12
 _LONG = 1 << 20
 """Bytes from which on a file is worth the import of pyarrow."""
 
+_TAIL = 1 << 16
+"""Bytes at the end of a file that hold its last line."""
+
 _LATIN = "the text is not UTF-8 and is read as Latin-1"
 
 
@@ -246,6 +249,17 @@ class CsvRecording(Recording):
             if name in (cell.strip().strip('"') for cell in cells):
                 return self._skipped + index
         return None
+
+    def last_texts(self) -> Mapping[str, str]:
+        """Return the cells of the last line by their columns; empty if it cannot be read alone."""
+        lines: Sequence[str] = self._lines or ()
+        if self._lines is None and not self._file.endswith(".gz"):
+            with Path(self._file).open("rb") as raw:
+                raw.seek(max(0, raw.seek(0, os.SEEK_END) - _TAIL))
+                lines = raw.read().decode("utf-8", "surrogateescape").splitlines()[1:]
+        line = next(filter(str.strip, reversed(lines)), "")
+        row = next((cells for _, cells in rows_of([line], self.separator)), [])
+        return dict(zip(self.names, map(str.strip, row), strict=False))
 
     @contextmanager
     def _reopened(self) -> Iterator[CsvRecording]:

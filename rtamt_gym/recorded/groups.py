@@ -20,7 +20,8 @@ from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.parts import TracePart, file_of, group_name, group_names, part_of
 from rtamt_gym.recorded.readers import FORMATS, format_of, open_recording
-from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts, check_one_writing
+from rtamt_gym.recorded.roles import names_totals
 from rtamt_gym.recorded.sorted_groups import SortedGroups
 from rtamt_gym.tables import counted
 
@@ -111,6 +112,22 @@ class GroupTable:
             before = self.rows.get(key)
             self.rows[key] = part if before is None else np.sort(np.concatenate([before, part]))
             self.values.setdefault(key, dict(zip(self._columns.by, values, strict=True)))
+        self._check_totals(rows)
+        for i, name in enumerate(self._columns.by):
+            check_one_writing(self.source, name, {keys[i] for keys in self.rows})
+
+    def _check_totals(self, rows: Rows) -> None:
+        """Check that the last row, alone in its group, is not called a row of totals."""
+        key = next(reversed(self.rows), ())
+        part = self.rows.get(key, ())
+        if self._columns.one_trace or len(self.rows) == 1:
+            return
+        if len(part) == 1 and part[0] == rows.count - 1 and any(map(names_totals, key)):
+            raise InputError(
+                f"{rows.where(rows.count - 1)}: expected rows of a trace, but {', '.join(key)!r} "
+                f"in '{', '.join(self._columns.by)}' names a row of totals. Remove it, or give "
+                "--one-trace if it is a trace."
+            )
 
     def _without_object(self, count: int, cells: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
         """Return the rows in which all cells are empty except times.

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,6 +155,10 @@ class Recording:
         del name
         return None
 
+    def last_texts(self) -> Mapping[str, str]:
+        """Return the cells of the last row of a text by their columns; empty if unknown."""
+        return {}
+
 
 class RowFilter:
     """The rows in which some columns have the texts that ``--where`` names.
@@ -189,7 +194,9 @@ class RowFilter:
         return selected
 
     def check(self) -> None:
-        """Check that a row was selected."""
+        """Check that a row was selected, and that no other text may mean the same object."""
+        for name, value in self._where.items():
+            check_one_writing(self._source, name, self._values[name], value)
         if self._kept:
             return
         for name, value in self._where.items():
@@ -201,6 +208,42 @@ class RowFilter:
                 )
         rows = " and ".join(f"{name}={value}" for name, value in self._where.items())
         raise InputError(f"{self._source}: no row with {rows}, which --where selects")
+
+
+def check_one_writing(
+    source: str, column: str, texts: Collection[str], value: str | None = None
+) -> None:
+    """Check that no whole number is written in two ways, such as 7 and 7.0.
+
+    Args:
+        source: The name of the file, for messages.
+        column: The column.
+        texts: Its different texts.
+        value: The text of interest; None: all are.
+
+    Raises:
+        InputError: If a number is written in two ways.
+
+    Example:
+        >>> check_one_writing("log.csv", "id", ["7", "07", "7.5", "8.0"])
+        >>> check_one_writing("log.csv", "id", ["7", "7.0"])
+        Traceback (most recent call last):
+        ...
+        rtamt.errors.InputError: log.csv: the column 'id' has '7' and '7.0', which may be one \
+object or two. Write the number in one way.
+    """
+    for text in texts:
+        whole = _WHOLE.fullmatch(text)
+        if whole is None or whole["number"] not in texts:
+            continue
+        if value is None or value in (text, whole["number"]):
+            raise InputError(
+                f"{source}: the column '{column}' has '{whole['number']}' and '{text}', which may "
+                "be one object or two. Write the number in one way."
+            )
+
+
+_WHOLE: Final = re.compile(r"(?P<number>-?\d+)\.0*")
 
 
 def cell_texts(values: NDArray[Any]) -> list[str]:

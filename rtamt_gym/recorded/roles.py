@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from rtamt.columns import (
     looks_like_times,
     may_tell_objects,
     median,
+    missing_row,
     name_words,
     objects_by_turns,
     objects_in,
@@ -89,6 +91,7 @@ class RowTable:
         """
         if self.columns.one_trace:
             return
+        self._check_totals(rows)
         timed = rows.times is not None
         late = rows.times is not None and not rises(rows.times)
         uneven = rows.times is not None and not are_even(rows.times)
@@ -156,6 +159,22 @@ class RowTable:
                 row = int(others.argmax())
                 raise InputError(f"{rows.where(row)}: {misspelt_value(column, name)}")
 
+    def _check_totals(self, rows: Rows) -> None:
+        """Check that a text in the last row does not call it a row of totals."""
+        if self.columns.where or self.columns.by:
+            return
+        last = self.recording.last_texts()
+        for name in self.unread:
+            if not names_totals(last.get(name, "")):
+                continue
+            values = [str(value).strip() for value in self._cells(rows, [name]).get(name, [])]
+            if only_last_totals(values):
+                raise InputError(
+                    f"{rows.where(rows.count - 1)}: expected a sample, but {values[-1]!r} in "
+                    f"'{name}' names a row of totals. Remove it, or give --one-trace if it is a "
+                    "sample."
+                )
+
     def check_clocks(self, rows: Rows) -> None:
         """Check that variables with columns of times of their own have the times of the rows."""
         if self.columns.time is not None or (self.time is not None and self.time.part is not None):
@@ -192,6 +211,7 @@ class RowTable:
                     "count samples."
                 )
         self._check_period(expected, cells)
+        self._check_row_numbers(rows, cells)
         parts = {n: v for n, v in cells.items() if calendar_unit(n) or name_words(n) in _SECONDS}
         for name in names:
             if name not in cells:
@@ -220,6 +240,20 @@ class RowTable:
                 f"{expected} '{name}', which {reads}, looks like one. Give {', '.join(times)}, or "
                 "--period 1 to count samples."
             )
+
+    def _check_row_numbers(self, rows: Rows, cells: Mapping[str, NDArray[np.generic]]) -> None:
+        """Check that no row is missing by the numbers of the rows."""
+        for name in self.unread:
+            row = missing_row(name, cells[name]) if name in cells else None
+            if row is not None:
+                before, after = cells[name][row - 1 : row + 1].tolist()
+                column = shlex.quote(name)
+                raise InputError(
+                    f"{rows.where(row)}: expected rows at even distances in '{name}', got "
+                    f"{after:.15g} after {before:.15g}, so time bounds that count rows may reach "
+                    f"too far. Give --time {column} --time-unit s to count in '{name}', or "
+                    "--period 1 to count rows."
+                )
 
     def _check_period(self, expected: str, cells: Mapping[str, NDArray[np.generic]]) -> None:
         """Check that no constant in the file states the time between samples."""
@@ -329,6 +363,41 @@ def has_footer(values: NDArray[np.generic]) -> bool:
     *body, last = map(str, values.tolist())
     read = floats_in(body)
     return read is not None and rises(read) and floats_in([last]) is None
+
+
+_TOTALS = re.compile(
+    r"((grand|sub|over)[ -]?)?totals?|totale|sums?|summe|gesamt(summe|ergebnis)?|somme|suma|soma|"
+    r"summary|average|avg|mean|median|mittel(wert)?|durchschnitt|moyenne|promedio|media"
+)
+_STATISTICS = re.compile(r"min|max|(mini|maxi)mum|count|std([ .-]?dev)?|variance|anzahl")
+"""Names that states have, too: they are of totals only next to numbers or empty cells."""
+
+
+def names_totals(text: str) -> bool:
+    """Return whether a cell may be the name of a row of totals.
+
+    Example:
+        >>> [names_totals(text) for text in ("Grand total:", "max", "Tokyo")]
+        [True, True, False]
+    """
+    word = text.lower().rstrip(" :")
+    return bool(_TOTALS.fullmatch(word) or _STATISTICS.fullmatch(word))
+
+
+def only_last_totals(texts: Sequence[str]) -> bool:
+    """Return whether the last cell of a column names totals, and no other cell is like it.
+
+    Example:
+        >>> only_last_totals(["Rome", "Paris", "Total"]), only_last_totals(["", "", "max"])
+        (True, True)
+        >>> only_last_totals(["low", "high", "max"]), only_last_totals(["Total", "Total"])
+        (False, False)
+    """
+    if len(texts) < 2 or not names_totals(texts[-1]) or texts[-1] in texts[:-1]:
+        return False
+    word = texts[-1].lower().rstrip(" :")
+    others = [text for text in texts[:-1] if text not in ("", "nan")]
+    return bool(_TOTALS.fullmatch(word)) or floats_in(others) is not None
 
 
 def are_even(times: NDArray[np.generic]) -> bool:

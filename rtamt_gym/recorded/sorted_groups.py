@@ -17,7 +17,7 @@ from rtamt.errors import no_such
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.parts import file_of, group_names
 from rtamt_gym.recorded.readers import open_recording
-from rtamt_gym.recorded.recording import RowFilter, Rows, cell_texts
+from rtamt_gym.recorded.recording import RowFilter, Rows, cell_texts, check_one_writing
 
 PART_ROWS: Final = 1 << 20
 """The rows after which a part of a file ends with its group."""
@@ -65,6 +65,8 @@ class SortedGroups:
             selection.check()
         if not self.values:
             raise InputError(f"{self._source}: expected at least one row, got none")
+        for i, name in enumerate(self._by):
+            check_one_writing(self._source, name, {key[i] for key in self.values})
         self._spans = self._parts()
 
     def _add(self, first: int, rows: Rows, chosen: NDArray[np.intp]) -> None:

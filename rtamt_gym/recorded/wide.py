@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from typing import Any
 
@@ -9,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
+from rtamt.columns import may_tell_objects, objects_in
 from rtamt.errors import no_such
+from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts, check_one_writing
 from rtamt_gym.recorded.times import TIME, find_times, same_as_before
 
 
@@ -47,13 +50,16 @@ class WideRecording(Recording):
                 f"{rows.where(row)}, column '{key}': expected the name of an object for --wide, "
                 "got an empty cell"
             )
+        check_one_writing(self.source, key, {*objects})
         kept = {key, *time.columns, *columns.where, *columns.by}
         # The columns and objects of each name; a name with several cannot be read.
         self._places: dict[str, list[tuple[str, str]]] = {}
         for name in dict.fromkeys(names):
             for of in objects if name not in kept else ():
                 self._places.setdefault(f"{name}.{of}", []).append((name, of))
-        self._columns = {*names}
+        self._columns, self._one_trace = {*names}, columns.one_trace
+        self._others = [name for name in dict.fromkeys(names) if name not in kept]
+        self._are_single = False
         self.names = [*time.columns, *self._places]
         self.dates = [name for name in recording.dates if name in time.columns]
         self.days = [name for name in recording.days if name in time.columns]
@@ -78,6 +84,9 @@ class WideRecording(Recording):
         rows = self._recording.read(self._with_objects(base))
         assert rows.times is not None, "wanted"  # noqa: S101 - for mypy
         objects = np.array(self._objects(rows))
+        if not (self._one_trace or self._are_single):
+            self._check_single(rows, objects, {*numbers}, wanted)
+            self._are_single = True
         instants, first, places = find_instants(rows.times, _least_step(rows.times, objects))
         of_objects: dict[str, NDArray[np.intp]] = {}
         columns, absent = {}, {}
@@ -101,6 +110,35 @@ class WideRecording(Recording):
             rows.unit,
             invalid=absent,
         )
+
+    def _check_single(
+        self, rows: Rows, objects: NDArray[np.str_], read: set[str], wanted: Wanted
+    ) -> None:
+        """Check that the rows of each object belong to one run or episode."""
+        names = [n for n in self._others if n not in read and may_tell_objects(n, read, timed=True)]
+        if not names:
+            return
+        cells = self._recording.read(Wanted((), cells=names, where=wanted.where)).cells
+        cells = {name: values for name, values in cells.items() if len(values) == rows.count}
+        for of in np.unique(objects).tolist():
+            (own,) = np.nonzero(objects == of)
+            there = [np.ones(len(own), bool)]
+            times = None if rows.times is None else rows.times[own]
+            evidence = objects_in({n: c[own] for n, c in cells.items()}, times, there, read)
+            if evidence is None or not evidence.column:
+                continue
+            column = shlex.quote(evidence.column)
+            if evidence.row is not None:
+                raise InputError(
+                    f"{rows.where(int(own[evidence.row]))}: expected one trace of {of!r}, but "
+                    f"'{evidence.column}' shows that another one starts here. Cut the file there, "
+                    "or give --one-trace if all rows are one trace."
+                )
+            raise InputError(
+                f"{self.source}: expected one trace of {of!r}, got {len(evidence.values)} values "
+                f"of '{evidence.column}', which no requirement reads: {listed(evidence.values)}. "
+                f"Give --by {column} for a trace of each, or --one-trace if all rows are one trace."
+            )
 
     def _place(self, name: str) -> tuple[str, str]:
         """Return the column and the object of a name that can be read in one way only."""

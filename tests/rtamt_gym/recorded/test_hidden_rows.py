@@ -74,3 +74,89 @@ def test_row_after_the_last_sample_matters(capsys: Output) -> None:
 def test_harmless_rows_between_samples(capsys: Output, bound: str) -> None:
     table = "time,x,y; 0,1,1; 1,1,1; 2,1,1; 2.1,-1,1; 3,1,1; 4,1,1"
     assert judged(capsys, table, "--jitter", "5%", text=f"always({bound})")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "name,x; Berlin,1; Paris,1; Rome,1; {},-1",
+        "x,note; 1,; 1,; 1,; -1,{}",
+        "time,n,x; 0,1,1; 1,2,1; 2,3,1; 3,{},-1",
+    ],
+)
+@pytest.mark.parametrize("name", ["Total", "Grand total:", "mean", "Summe"])
+def test_named_row_of_totals_is_refused(capsys: Output, table: str, name: str) -> None:
+    code, text = judged(capsys, table.format(name), text="eventually(x < 0)")
+    assert code == 2
+    assert f"'{name}' in" in text
+    options = ("--one-trace",)
+    assert judged(capsys, table.format(name), *options, text="eventually(x < 0)")[0] == 0
+
+
+@pytest.mark.parametrize("last", ["max", "count"])
+def test_name_of_a_statistic_next_to_numbers(capsys: Output, last: str) -> None:
+    table = f"time,n,x; 0,1,1; 1,2,1; 2,{last},-1"
+    assert judged(capsys, table, text="eventually(x < 0)")[0] == 2
+    states = f"time,fan,x; 0,low,1; 1,high,1; 2,{last},-1"
+    assert judged(capsys, states, text="eventually(x < 0)")[0] == 0
+
+
+def test_group_of_totals_is_refused(capsys: Output) -> None:
+    table = "time,id,x; 0,a,1; 1,a,1; 0,b,1; 1,b,1; 1,Total,-1"
+    code, text = judged(capsys, table, "--by", "id", text="eventually(x < 0)")
+    assert code == 2
+    assert "names a row of totals" in text
+
+
+@pytest.mark.parametrize("column", ["frame", "step", "index"])
+def test_missing_row_numbers_are_refused(capsys: Output, column: str) -> None:
+    table = f"{column},x; 0,1; 1,1; 5,1; 6,-1"
+    goal = "eventually[0:3](x < 0)"
+    code, text = judged(capsys, table, text=goal)
+    assert code == 2
+    assert f"line 4: expected rows at even distances in '{column}', got 5 after 1" in text
+    assert judged(capsys, table, "--period", "1", text=goal)[0] == 0
+    options = ("--time", column, "--time-unit", "s", "--max-gap", "1")
+    assert judged(capsys, table, *options, text=goal)[0] == 3
+
+
+def test_even_row_numbers_count_rows(capsys: Output) -> None:
+    assert judged(capsys, "x,step; 1,0; 1,10; -1,20", text="eventually[0:2](x < 0)")[0] == 0
+
+
+IDS = "time,id,x; 0,7.0,1; 1,7,-1; 0,8,1; 1,8,1"
+
+
+@pytest.mark.parametrize("options", [("--by", "id"), ("--where", "id=7"), ("--where", "id=7.0")])
+def test_number_of_an_object_in_two_writings(capsys: Output, options: tuple[str, ...]) -> None:
+    code, text = judged(capsys, IDS, *options)
+    assert code == 2
+    assert "the column 'id' has '7' and '7.0', which may be one object or two" in text
+
+
+def test_wide_number_of_an_object_in_two_writings(capsys: Output) -> None:
+    options = ("--wide", "id", "--signal", "a=x.7")
+    assert judged(capsys, IDS, *options, text="always(a > 0)")[0] == 2
+
+
+@pytest.mark.parametrize("options", [("--by", "id"), ("--where", "id=007")])
+def test_leading_zeros_are_other_objects(capsys: Output, options: tuple[str, ...]) -> None:
+    table = "time,id,x; 0,007,1; 1,007,1; 0,7,1; 1,7,1; 0,7.5,1; 1,7.5,1"
+    assert judged(capsys, table, *options)[0] == 0
+
+
+RUNS = "time,run,name,x; 0,1,E,1; 0,1,F,1; 1,1,E,1; 1,1,F,1; 2,2,E,1; 2,2,F,1; 3,2,E,1; 3,2,F,-1"
+
+
+def test_wide_table_of_several_runs_is_refused(capsys: Output) -> None:
+    goal = "eventually(x.F < 0)"
+    code, text = judged(capsys, RUNS, "--wide", "name", text=goal)
+    assert code == 2
+    assert "expected one trace of 'E', got 2 values of 'run'" in text
+    assert judged(capsys, RUNS, "--wide", "name", "--by", "run", text=goal)[0] == 1
+    assert judged(capsys, RUNS, "--wide", "name", "--one-trace", text=goal)[0] == 0
+
+
+def test_wide_table_with_a_second_name_of_objects(capsys: Output) -> None:
+    table = RUNS.replace("run", "vehicle_id").replace(",2,E", ",1,E").replace(",1,F", ",2,F")
+    assert judged(capsys, table, "--wide", "name", text="eventually(x.F < 0)")[0] == 0
