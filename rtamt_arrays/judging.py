@@ -163,7 +163,7 @@ class StepJudge:
             self._shaping.weights,
             self._shaping.clip,
             self._monitors.latencies,
-            whole=self._shaping.pays_episode,
+            whole_episode=self._shaping.pays_episode,
         )
 
     @property

@@ -53,7 +53,7 @@ def evaluate_rollouts(
     Raises:
         SpecificationError: As `rtamt.evaluate` does.
         InputError: If a variable has no signal; if a selector does not fit the model or a rollout;
-            on shapes that do not fit, on nan, and on an option without such a value.
+            on shapes that do not fit, on nan, and on a wrong option.
 
     Example:
         >>> import mujoco, mujoco.rollout, numpy as np
@@ -88,7 +88,7 @@ def evaluate_rollouts(
         columns = np.concatenate([columns, sensed], axis=2)
     data = {
         name: columns[:, :, position]
-        for name, position in _places(model, parsed, sensordata).items()
+        for name, position in _indices(model, parsed, sensordata).items()
     }
     lengths = np.full(columns.shape[0], columns.shape[1])
     return {
@@ -102,13 +102,13 @@ def evaluate_rollouts(
     }
 
 
-def _places(
+def _indices(
     model: mujoco.MjModel, signals: tuple[ParsedSignal, ...], sensordata: ArrayLike | None
 ) -> dict[str, int]:
-    """Return the place of every signal in a row of states and sensor data.
+    """Return the index of every signal in a row of states and sensor data.
 
-    Every number of a simulation is set to a unique value, which identifies the place of the number
-    that a selector reads.
+    Every number of a simulation is set to a unique value, which identifies the number that a
+    selector reads.
     """
     data = mujoco.MjData(model)
     counts = [1, model.nq, model.nv, model.na, model.nsensordata]
@@ -140,11 +140,11 @@ def _places(
     return places
 
 
-def _table(what: str, values: ArrayLike, width: int, has: str) -> Floats:
+def _table(name: str, values: ArrayLike, width: int, has: str) -> Floats:
     table = np.asarray(values, dtype=np.float64)
     if table.ndim != 3 or table.shape[2] != width:
         raise InputError(
-            f"expected {what} of shape (rollouts, steps, {width}), as many numbers as {has}, got "
+            f"expected {name} of shape (rollouts, steps, {width}), as many numbers as {has}, got "
             f"shape {table.shape}"
         )
     return table

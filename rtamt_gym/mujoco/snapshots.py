@@ -23,8 +23,8 @@ class Snapshot:
     """A `StepMonitor` and its simulation at an instant.
 
     After `restore` the simulation continues exactly as before, bit for bit, and so do robustness,
-    bounds and verdicts, any number of times, in the same monitor or in another one of the same
-    model and specifications. A snapshot holds no model and can be pickled.
+    bounds and verdicts, any number of times, in the same monitor or in another monitor with the
+    same model and specifications. A snapshot holds no model and can be pickled.
 
     It does not hold derived quantities (``xpos``, ``sensordata``, contacts): the next step derives
     them. `restore` derives them at once if the monitor has ``forward=True``; otherwise a controller

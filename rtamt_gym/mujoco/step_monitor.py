@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 import warnings
+from _ctypes import CFuncPtr  # the class of all functions of ctypes
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
@@ -18,7 +20,6 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.monitor_set import Assessment, Feed, MonitorSet, SeeValues
 from rtamt_gym.judging.specs import SpecsLike, load_specs
-from rtamt_gym.mujoco.pictures import renderer
 from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
@@ -28,69 +29,30 @@ from rtamt_gym.signals.sources import MUJOCO
 if TYPE_CHECKING:
     from rtamt_gym.live.view import RerunView
 
-import ctypes
-from _ctypes import CFuncPtr  # the class of all functions of ctypes
+_TOLERANCE = 0.01
+"""In timesteps; the time of a simulation is a sum of timesteps, which rounding changes by less."""
 
+_CHECKED = 16
+"""Samples between two checks of the time; a check costs as much as a sample."""
 
-@contextmanager
-def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> Iterator[None]:
-    """Call ``offer`` for states of a simulation in this context, by ``mjcb_control``.
+_MOVED = 0.25
+"""In timesteps; a simulation with a time further ahead has left its last sample."""
 
-    There is one callback in a process: one that was set before is called first, and is set again at
-    the end. An exception of ``offer`` does not pass through MuJoCo: the first one ends the offers,
-    and is raised at the end of the context.
+_SLACK = 1e-6
+"""Relative difference between a period and a timestep that counts as rounding."""
 
-    Args:
-        data: The simulation; others are ignored.
-        offer: Called for the states of the simulation, including states that are only tried.
-        last: Called at the end, after the last step.
-    """
-    before = mujoco.get_mjcb_control()
-    controller = _called_from_python(before)
-    failed: Exception | None = None
+_UNPICKLED = frozenset({"_reads", "_feed", "_feed_values", "_live"})
 
-    def control(model: Any, stepped: Any) -> None:
-        nonlocal failed
-        if controller is not None:
-            controller(model, stepped)
-        if stepped is data and failed is None:
-            try:
-                offer()
-            except Exception as error:  # noqa: BLE001 - raised at the end of the context
-                failed = error
+_WIDTH, _HEIGHT = 480, 360
+"""The maximum size of rendered pictures."""
 
-    mujoco.set_mjcb_control(control)
-    try:
-        yield  # an error of the program's own passes through here, and comes first
-    finally:
-        replaced = mujoco.get_mjcb_control() is not control
-        if not replaced:
-            mujoco.set_mjcb_control(before)
-    if failed is not None:
-        raise failed
-    if replaced:
-        raise StateError(
-            "expected mjcb_control as it was attached, but the program has set another: no "
-            "samples came since; set the controller before, it is called too"
-        )
-    last()
-
-
-def _called_from_python(controller: Any) -> Any:
-    """Return a function that calls a controller with model and data; None if there is none."""
-    if not isinstance(controller, CFuncPtr):
-        return controller
-    # MuJoCo passes pointers, whatever argument types the controller declares; Numba makes functions
-    # of ctypes too.
-    pointed = ctypes.cast(controller, ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p))
-    return lambda model, data: pointed(model._address, data._address)  # noqa: SLF001
-
+_mj_step = mujoco.mj_step
 
 Controller = Callable[[Any, Any], object]
 """Called with model and data before a step, to set ``data.ctrl``."""
 
 OnStepViolation = Literal["stop", "report"]
-"""What a certain violation does to a run."""
+"""The effect of a certain violation on a run."""
 
 
 @documents_options("instants")
@@ -120,7 +82,7 @@ class StepMonitor(MonitorSetValues):
         signals: A selector or a function for every variable, and further signals to record.
         forward: Whether to call ``mj_forward`` after every step.
         live: A view that shows each sample with all signals, such as
-            ``rtamt_gym.live.RerunView()``; copies have none. Default: no view.
+            ``rtamt_gym.live.RerunView()``; copies do not show theirs. Default: no view.
         **reading: The evaluation options of `rtamt_gym.EvaluationOptions`. ``period=None`` reads
             ``model.opt.timestep``; another value causes a warning, except 1, which counts steps.
 
@@ -426,7 +388,7 @@ class StepMonitor(MonitorSetValues):
         try:
             return self._feed()[0]
         except BaseException:
-            # A monitor that misses a sample would count wrong ever after.
+            # After a missed sample the monitor would count wrong.
             self._running = False
             raise
 
@@ -467,9 +429,9 @@ class StepMonitor(MonitorSetValues):
         warnings.warn(message, UserWarning, stacklevel=caller_level())
 
     def _offer(self) -> None:
-        """Keep the state inside ``mj_step`` as the next sample, unless it is only tried.
+        """Keep the state inside ``mj_step`` as the next sample, unless it is a trial.
 
-        The time distinguishes tried states. The simulation continued from the last state that was
+        The time distinguishes trials. The simulation continued from the last state that was
         offered at a time, so a sample is taken when the time has moved on.
         """
         now, clock = self.data.time, self._clock
@@ -507,7 +469,7 @@ class StepMonitor(MonitorSetValues):
         self._offered = False
 
     def _feed_pending(self) -> None:
-        """Take the pending sample, whose time was checked when it was offered."""
+        """Take the pending sample; its time was checked when it was offered."""
         values, self._pending, self._offered = self._pending, None, True
         try:
             self._feed_values(values)
@@ -531,12 +493,12 @@ class StepMonitor(MonitorSetValues):
 
 @dataclass(slots=True)
 class StepClock:
-    """The times of samples, counted from the last sample whose time was checked.
+    """The times of samples, counted from the last checked sample.
 
     Attributes:
-        time: Time of that sample.
-        sample: Number of that sample.
-        timestep: Time between samples.
+        time: Time of the last checked sample, in seconds.
+        sample: Number of the last checked sample.
+        timestep: Seconds between samples.
     """
 
     time: float = math.nan
@@ -551,9 +513,9 @@ class StepClock:
         """Return the number of timesteps from the due time of a sample to ``now``."""
         return (now - self.time) / self.timestep - (sample - self.sample)
 
-    def near(self, ahead: float, place: float) -> bool:
-        """Whether a number of timesteps equals ``place``, up to rounding."""
-        return abs(ahead - place) < _TOLERANCE
+    def near(self, ahead: float, steps: float) -> bool:
+        """Whether two numbers of timesteps are equal, up to rounding."""
+        return abs(ahead - steps) < _TOLERANCE
 
     def check(self, now: float, sample: int) -> None:
         """Raise a `StateError` at another time than the sample's: samples are missing or extra."""
@@ -567,13 +529,74 @@ class StepClock:
         self.time, self.sample = now, sample  # rounding does not add up
 
 
-_mj_step = mujoco.mj_step
-_TOLERANCE = 0.01
-"""In timesteps; the time of a simulation is a sum of timesteps, which rounding changes by less."""
-_CHECKED = 16
-"""Samples between two checks of the time; a check costs as much as a sample."""
-_MOVED = 0.25
-"""In timesteps; a simulation whose time has moved by more has left its last sample."""
-_SLACK = 1e-6
-"""Relative difference between a period and a timestep that counts as rounding."""
-_UNPICKLED = frozenset({"_reads", "_feed", "_feed_values", "_live"})
+def renderer(model: Any, data: Any) -> Callable[[], Any]:
+    """Return a function that renders the simulation now, as an array of shape (height, width, 3).
+
+    Args:
+        model: A ``mujoco.MjModel``.
+        data: A ``mujoco.MjData`` of the model.
+    """
+    size = model.vis.global_
+    scene = mujoco.Renderer(
+        model, height=min(_HEIGHT, size.offheight), width=min(_WIDTH, size.offwidth)
+    )
+
+    def render() -> Any:
+        scene.update_scene(data)
+        return scene.render()
+
+    return render
+
+
+@contextmanager
+def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> Iterator[None]:
+    """Call ``offer`` for states of a simulation in this context, by ``mjcb_control``.
+
+    A process has one callback: the callback that was set before is called first, and is set again
+    at the end. An exception of ``offer`` does not pass through MuJoCo: the first one ends the
+    offers, and is raised at the end of the context.
+
+    Args:
+        data: The simulation; others are ignored.
+        offer: Called for the states of the simulation, including trial states.
+        last: Called at the end, after the last step.
+    """
+    before = mujoco.get_mjcb_control()
+    controller = _called_from_python(before)
+    failed: Exception | None = None
+
+    def control(model: Any, stepped: Any) -> None:
+        nonlocal failed
+        if controller is not None:
+            controller(model, stepped)
+        if stepped is data and failed is None:
+            try:
+                offer()
+            except Exception as error:  # noqa: BLE001 - raised at the end of the context
+                failed = error
+
+    mujoco.set_mjcb_control(control)
+    try:
+        yield  # an error of the program passes through here, and comes first
+    finally:
+        replaced = mujoco.get_mjcb_control() is not control
+        if not replaced:
+            mujoco.set_mjcb_control(before)
+    if failed is not None:
+        raise failed
+    if replaced:
+        raise StateError(
+            "expected mjcb_control as it was attached, but the program has set another callback: "
+            "no samples came since; set the controller before, and the monitor calls it too"
+        )
+    last()
+
+
+def _called_from_python(controller: Any) -> Any:
+    """Return a function that calls a controller with model and data; None without a controller."""
+    if not isinstance(controller, CFuncPtr):
+        return controller
+    # MuJoCo passes pointers, whatever argument types the controller declares; Numba makes functions
+    # of ctypes too.
+    pointed = ctypes.cast(controller, ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p))
+    return lambda model, data: pointed(model._address, data._address)  # noqa: SLF001

@@ -32,7 +32,7 @@ class MonitorSetValues:
         """The minimum robustness over all specifications if the run ended now.
 
         It is nan before sample 0. With ``view="step"`` it is the minimum robustness at the newest
-        instant whose horizon has passed.
+        instant with a complete horizon.
         """
         return self.monitor_set.robustness
 
@@ -53,12 +53,12 @@ class MonitorSetValues:
 
     @property
     def violated_by(self) -> str | None:
-        """The specification that was violated first; None if there is none."""
+        """The specification that was violated first; None without a violation."""
         return self.monitor_set.violated_by
 
     @property
     def violated_at(self) -> int | None:
-        """The sample that showed the first violation; None if there is none."""
+        """The sample that showed the first violation; None without a violation."""
         return self.monitor_set.violated_at
 
     @property

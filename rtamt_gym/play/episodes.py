@@ -13,10 +13,10 @@ from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.play.loop import Played, SideBySide, Task, play
 from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.play.simulation import Simulation, Simulator
-from rtamt_gym.systems.environment import monitor_of
 from rtamt_gym.systems.models import Model
 from rtamt_gym.systems.policies import evaluated
 from rtamt_gym.systems.system import Policy
+from rtamt_gym.wrappers.monitor import monitor_of
 
 _WAVES = 8
 """The number of episodes per environment that a worker gets at once."""

@@ -14,8 +14,9 @@ from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.play.simulation import Simulator
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.systems.environment import monitor_of, with_own_monitor
+from rtamt_gym.systems.environment import with_own_monitor
 from rtamt_gym.systems.system import Policy, no_exit
+from rtamt_gym.wrappers.monitor import monitor_of
 
 if TYPE_CHECKING:
     from rtamt_gym.live.view import RerunView

@@ -25,8 +25,8 @@ from rtamt_gym.signals.step_time import StepTime
 from rtamt_gym.signals.taps import Tap, rescaling, tapped
 from rtamt_gym.systems.environment_case import EnvironmentCase, baseline_of
 from rtamt_gym.systems.system import Policy, Signals, System, SystemEnd, exited
-from rtamt_gym.wrappers.monitor import StlMonitor
-from rtamt_gym.wrappers.pictures import check_pictures
+from rtamt_gym.wrappers.monitor import monitor_of
+from rtamt_gym.wrappers.monitoring import check_pictures
 from rtamt_gym.wrappers.substeps import Inside, read_substep_period
 
 
@@ -282,15 +282,6 @@ def _reported(info: Mapping[str, Any]) -> bool | None:
     """Return the environment's own ``is_success`` in the last info, or None."""
     own = info.get("is_success")
     return None if own is None else bool(own)
-
-
-def monitor_of(env: Any) -> StlMonitor[Any, Any] | None:  # noqa: ANN401 - any system
-    """Return the monitor of an environment below its wrappers, or None."""
-    while isinstance(env, gym.Wrapper):
-        if isinstance(env, StlMonitor):
-            return env
-        env = env.env
-    return None
 
 
 def with_own_monitor(

@@ -13,9 +13,8 @@ import mujoco  # type: ignore[import-untyped]
 from rtamt import InputTypeError, StateError
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.mujoco.pictures import renderer
 from rtamt_gym.mujoco.snapshots import Snapshot
-from rtamt_gym.mujoco.step_monitor import StepMonitor
+from rtamt_gym.mujoco.step_monitor import StepMonitor, renderer
 from rtamt_gym.signals.mujoco import bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
 from rtamt_gym.signals.sources import MUJOCO

@@ -19,11 +19,11 @@ _BLOCK = 1000
 
 
 class _Watch:
-    """Watches the samples of all environments until ten episodes have ended, in any of them.
+    """Watches the samples of all environments until ten episodes have ended.
 
     An infinite robustness does not count, because no clip could show it. A step only stores its
     values, which are counted in blocks. The value of a specification is a number, or an array with
-    an element for each environment that the caller does not change.
+    an element for each environment, which the caller must not change.
     """
 
     def __init__(self, num: int) -> None:
@@ -39,16 +39,16 @@ class _Watch:
         return self._episodes >= EPISODES
 
     def reset(self, values: Sequence[Any], entries: Entries | None = None) -> None:
-        """Watch the first samples of the environments of the mask; None: of all.
+        """Watch the first samples of the environments in the mask; None: of all.
 
-        An episode that was running has ended without a last sample.
+        A running episode has ended without a last sample.
         """
         self._count_stored()
-        begun = self._all if entries is None else entries
-        self._episodes += int(np.count_nonzero(self._running & begun))
+        started = self._all if entries is None else entries
+        self._episodes += int(np.count_nonzero(self._running & started))
         if not self.finished:
-            self._running = self._running | begun
-            self._count([np.atleast_1d(column)[begun] for column in values], last=False)
+            self._running = self._running | started
+            self._count([np.atleast_1d(column)[started] for column in values], last=False)
 
     def step(self, values: Sequence[Any]) -> None:
         """Watch a sample of every environment."""
@@ -58,7 +58,7 @@ class _Watch:
             self._count_stored()
 
     def end(self, values: Sequence[Any], ended: Entries | None = None) -> None:
-        """Watch the ends of the episodes of the mask in the newest step; None: of all."""
+        """Watch the ends of the episodes in the mask in the newest step; None: of all."""
         entries = self._all if ended is None else ended
         self._count_stored()
         self._count([np.atleast_1d(column)[entries] for column in values], last=True)
@@ -103,7 +103,7 @@ class _Extent:
 
 
 class ClipWatch(_Watch):
-    """Counts the samples of the first episodes at which the clip flattens the reward.
+    """Counts the samples of the first episodes where the clip flattens the reward.
 
     ``mode="terminal"`` pays at the last samples of episodes only, so only these count.
     """
@@ -115,9 +115,9 @@ class ClipWatch(_Watch):
 
     @property
     def report(self) -> str | None:
-        """The warning; None if the clip changes at most 9 of 10 values, and raises at most half.
+        """The warning; None if the clip changes at most 9 of 10 values and raises at most half.
 
-        Below -clip, a step towards satisfaction changes no reward.
+        Below -clip, a step towards satisfaction does not change the reward.
         """
         extent, bound = self._extent, self._extent.bound
         if 10 * extent.clipped > 9 * extent.seen:
@@ -139,13 +139,13 @@ class ClipWatch(_Watch):
 
 
 class ObservedWatch(_Watch):
-    """Counts the samples of the first episodes at which the clip flattens the observation.
+    """Counts the samples of the first episodes where the clip flattens the observation.
 
     Args:
         observe: The argument of the wrapper.
         names: The names of the specifications.
-        weights: A factor of the robustness of each.
-        bound: The bound to which their robustness is clipped.
+        weights: A factor for the robustness of each specification.
+        bound: The clip of their robustness.
         num: The number of environments.
     """
 
@@ -168,7 +168,7 @@ class ObservedWatch(_Watch):
             return None
         bound = extent.bound
         return (
-            f"clip={bound:g} flattens what observe={self._observe!r} appends: at {extent.clipped} "
+            f"clip={bound:g} flattens the values of observe={self._observe!r}: at {extent.clipped} "
             f"of {extent.seen} samples of the first episodes the robustness of {name!r} was "
             f"outside of [-{bound:g}, {bound:g}], where the observation is the same; "
             f"{extent.advice}"

@@ -1,10 +1,11 @@
-"""Wrappers inside of a monitor that count episodes, and the statistics that they report.
+"""Wrappers inside a monitor that count episodes, and the statistics that they report.
 
 Stable-Baselines3's ``Monitor`` and Gymnasium's ``RecordEpisodeStatistics`` write
-``info["episode"]`` when the environment inside of them ends an episode. If a wrapper around them
-ends it, readers of these statistics wait for ever (``evaluate_policy``) or miss the episode
-(``ep_info_buffer``). So the last step is repeated for them, with the flags that the learner sees.
-They count the rewards of the environment; a reward wrapper replaces the return by its own.
+``info["episode"]`` when the environment inside them ends an episode. If a wrapper around them ends
+it, readers of these statistics wait forever (``evaluate_policy``) or miss the episode
+(``ep_info_buffer``). Therefore the monitor repeats the last step for them, with the flags that the
+learner sees. They count the rewards of the environment; a reward wrapper replaces the return by its
+own.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from rtamt_gym.signals.columns import Entries, Floats
 
 
 class EpisodeCounters:
-    """The wrappers inside of an environment that count episodes."""
+    """The wrappers inside a monitor that count episodes."""
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         self._counters: list[tuple[Any, _Kind]] = []
@@ -109,7 +110,7 @@ class _Kind(NamedTuple):
     Attributes:
         attributes: The attributes that identify it.
         returns: The attribute with the returns of episodes.
-        forget: Uncounts the last step; returns its reward for the repetition.
+        forget: Removes the last step from the counts; returns its reward for the repetition.
     """
 
     attributes: tuple[str, ...]
@@ -125,7 +126,7 @@ _KINDS = {
         ("episode_lengths", "return_queue"), "return_queue", _forget_in_statistics
     ),
 }
-"""By the name of the class, or of a base class."""
+"""The kinds by the name of the class or of a base class."""
 
 
 def _kind_of(wrapper: object) -> _Kind | None:

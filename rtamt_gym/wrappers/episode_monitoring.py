@@ -1,4 +1,4 @@
-"""The core of the monitors of one environment: its samples, its end, the record of an episode."""
+"""The base of the monitors of one environment: samples, ends, and records of episodes."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from rtamt_gym.judging.monitors import chosen, titled
 from rtamt_gym.signals.signals import Env, ParsedSignal, Read
 from rtamt_gym.signals.step_time import StepTime
 from rtamt_gym.signals.taps import Tap
-from rtamt_gym.wrappers.monitoring import Monitoring, OnViolation
-from rtamt_gym.wrappers.pictures import check_pictures
+from rtamt_gym.wrappers.monitoring import Monitoring, OnViolation, check_pictures
 
 if TYPE_CHECKING:
     from rtamt_gym.live.track import Track
@@ -88,8 +87,8 @@ class EpisodeMonitoring(Monitoring):
         ``at_termination="failure"`` changes no robustness, and so no explanation.
 
         Args:
-            name: The specification. None: the one that was violated first, or the one with the
-                minimum robustness if none was violated.
+            name: The specification. Default: the first violated specification; without a violation,
+                the specification with the minimum robustness.
 
         Raises:
             InputError: If the specification is unknown.
@@ -199,7 +198,7 @@ class EpisodeMonitoring(Monitoring):
             )
 
     def _how_to_end(self) -> str:
-        """Return how verdicts that are certain before any end change the episode."""
+        """Return how the verdicts that are certain without an end change the episode."""
         monitor_set = self._monitor_set
         if monitor_set.violated_by is not None:
             words = [self._on_violation[name] for name in monitor_set.violated]

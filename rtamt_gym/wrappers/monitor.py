@@ -104,13 +104,13 @@ class StlMonitor(
         Args:
             env: The environment to apply the wrapper
             specs: A specification (text, path of a ``.stl`` file, or ``rtamt.Specification``), or
-                a mapping of names to specifications. Of a text, every formula that no other
+                a mapping of names to specifications. In a text, every formula that no other
                 formula uses is a specification
             signals: For every variable a selector such as ``"obs[2]"``, ``"obs['goal'][0]"``,
                 ``"action[0]"``, ``"reward"``, ``"info['speed']"`` or ``"qpos[1]"``, or a function
-                of a :class:`rtamt_gym.Step`, or a pair of one of them and its value at reset: a
-                number, or ``None`` if it is unknown. Action and reward need a pair. Other
-                variables read the environment's own ``signals``
+                of a :class:`rtamt_gym.Step`. A pair adds the value at reset: a number, or
+                ``None`` if it is unknown. Action and reward need a pair. Other variables read the
+                environment's own ``signals``
             on_violation: ``"terminate"`` or ``"truncate"`` the episode at a certain violation, or
                 only ``"report"`` it; or a mapping with a word for every specification. If several
                 are violated, terminate wins over truncate, and truncate over report
@@ -135,12 +135,12 @@ class StlMonitor(
                 specification should be inside. If more than half of the samples of the first 10
                 episodes are outside, a ``UserWarning`` reports their range
             live: A view that shows each sample, such as ``rtamt_gym.live.RerunView()``; copies and
-                environments made from ``spec`` have none. Default: no view
+                environments made from ``spec`` do not show theirs. Default: no view
             **reading: The evaluation options of :class:`rtamt_gym.EvaluationOptions`
 
         Raises:
-            SpecificationError: If a specification is wrong, needs a period and has none, has a
-                bound that is not a multiple of it, or depends on the first sample only
+            SpecificationError: If a specification is wrong, needs a period that is unknown, has a
+                bound that is not a multiple of the period, or depends on the first sample only
             InputError: If the environment has a monitor, a variable has no signal, a selector does
                 not fit the environment, or an option has no such value
         """
@@ -224,18 +224,16 @@ class StlMonitor(
         """Step the environment, update the monitors, and end a violated episode.
 
         Raises:
-            StateError: Before :meth:`reset`, after the end of an episode, and in a copy whose
-                environment has lost the episode; or if a bound depends on the period and the clock
-                of the simulation contradicts it.
+            StateError: Before :meth:`reset`, after the end of an episode, and in a copy with an
+                environment that has lost the episode; or if a bound depends on the period and the
+                clock of the simulation contradicts it.
             InputError: If a signal is nan or cannot be read; the episode is over then, and with
                 ``substeps=True`` after any error of the environment.
         """
         if not self._running:
             self._resume()
-        monitor_set, feed = (
-            self._monitor_set,
-            self._feed,
-        )  # self._feed() would be looked up as a method first
+        # In a variable: Python would first look up self._feed() as a method.
+        monitor_set, feed = self._monitor_set, self._feed
         if self._substeps:
             self._running = False  # until it is sure that no sample is missing
             obs, reward, terminated, truncated, info = self._inside.step(action)
@@ -245,7 +243,7 @@ class StlMonitor(
         try:
             robustness, lower, upper = feed(obs, action, reward, info)
         except BaseException:
-            # A monitor that misses a sample would count wrong ever after.
+            # After a missed sample the monitor would count wrong.
             self._running = False
             raise
         how = self._how_to_end() if monitor_set.settled else "report"
@@ -292,7 +290,7 @@ class StlMonitor(
 
     @property
     def substeps(self) -> bool:
-        """Whether it takes samples inside of the environment's steps."""
+        """Whether it takes samples inside the environment's steps."""
         return self._substeps
 
     def _set_env(self, env: Any) -> None:
@@ -336,7 +334,7 @@ class _SpecWithFunction(EnvSpec):
 
 
 def single_env(env: Any) -> gym.Env[Any, Any]:
-    """Return the environment; raise an `InputTypeError` if it is not a single one of Gymnasium."""
+    """Return a single environment of Gymnasium; raise an `InputTypeError` for anything else."""
     many = isinstance(env, VectorEnv) or is_pool(env)
     if isinstance(env, gym.Env) and not many:
         return env
@@ -346,6 +344,15 @@ def single_env(env: Any) -> gym.Env[Any, Any]:
     elif hasattr(env, "possible_agents"):
         way_out = "use ParallelStlMonitor for several agents"
     raise InputTypeError(f"expected an environment of Gymnasium, got {env!r}; {way_out}")
+
+
+def monitor_of(env: Any) -> StlMonitor[Any, Any] | None:
+    """Return the monitor of an environment below its wrappers; None for any other object."""
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, StlMonitor):
+            return env
+        env = env.env
+    return None
 
 
 class CostEnv(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):
@@ -387,22 +394,20 @@ class CostEnv(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructor
                 :class:`StlReward` that has ``cost=``
 
         Raises:
-            InputError: If no monitor inside of the environment adds a cost
+            InputError: If no monitor inside the environment adds a cost
         """
         RecordConstructorArgs.__init__(self)
         gym.Wrapper.__init__(self, env)
-        within = env
-        while isinstance(within, gym.Wrapper) and not isinstance(within, StlMonitor):
-            within = within.env
-        if not isinstance(within, StlMonitor):
+        monitor = monitor_of(env)
+        if monitor is None:
             raise InputError(
                 f"expected an environment with an StlMonitor, which adds the cost, got {env}; "
                 'such as CostEnv(StlMonitor(env, specs, signals, cost="violation"))'
             )
-        if within.cost is None:
+        if monitor.cost is None:
             raise InputError(
-                f"expected a monitor with cost=, got {type(within).__name__} without; give it "
-                'cost="violation", or "depth", "latched" or "first"'
+                f"expected a monitor with cost=, got {type(monitor).__name__} without; give it "
+                'cost="violation", "depth", "latched" or "first"'
             )
 
     def step(  # type: ignore[override]  # six values, as the wrappers of Safety-Gymnasium return

@@ -1,4 +1,4 @@
-"""The core of all monitors of environments: options, signals, the period, constants, copies."""
+"""The base of all monitors of environments: options, signals, the period, constants, copies."""
 
 from __future__ import annotations
 
@@ -61,14 +61,15 @@ from rtamt_gym.wrappers.vector_forms import PufferVectorEnv
 if TYPE_CHECKING:
     from rtamt_gym.live.view import RerunView
 
+
 OnViolation = Literal["terminate", "truncate", "report"]
-"""What a certain violation does to the episode, the strongest first."""
+"""The effect of a certain violation on the episode, the strongest first."""
 
 Violations = OnViolation | Mapping[str, OnViolation]
 """The option ``on_violation``: one word for all requirements, or a word for each by its name."""
 
 OnSatisfaction = Literal["report", "terminate", "truncate"]
-"""What happens to the episode once every specification is certainly satisfied."""
+"""The effect on the episode once every specification is certainly satisfied."""
 
 
 class OwnOptions(TypedDict, total=False):
@@ -105,15 +106,15 @@ class Monitoring(Observing):
     _monitor_set: MonitorSet | VectorMonitorSet
     _on_violation: dict[str, OnViolation]
     _beneath: Any
-    """The tap below a rescaling wrapper that signals are read from; None: read the environment."""
+    """The tap below a rescaling wrapper, which signals read; None: they read the environment."""
     _running = False
     _lost: list[float] | None = None
-    """In a copy whose environment has lost the episode, the times of the original's clocks."""
+    """If the environment of a copy has lost the episode, the times of the original's clocks."""
     _next: ChangedConstants | None = None
     """The change that the next reset applies."""
     _warned_of_unseen_end = False
     constant_changes = 0
-    """How often constants have changed."""
+    """The number of changes of constants."""
 
     def _set_up(
         self,
@@ -142,7 +143,7 @@ class Monitoring(Observing):
         self._at_termination: AtTermination = reading.at_termination or "complete"
         self._at_truncation = reading.at_truncation
         self._warns_of_open_end = reading.at_termination is None
-        # The specification that an end has satisfied by default, and whether inside a window.
+        # A specification that the end satisfied by default, and whether the end cut a window.
         self._assumed: tuple[str, bool] | None = None
         self._seen_success = self._warned_of_success = False
         self._details, self._cost = options["details"], options["cost"]
@@ -182,8 +183,8 @@ class Monitoring(Observing):
         After an error nothing has changed.
 
         Raises:
-            InputError: If no specification uses one of the constants, or if a constant in a bound
-                would change the length of what ``observe="obligations"`` appends.
+            InputError: If no specification uses a constant, or if a constant in a bound would
+                change the number of values that ``observe="obligations"`` appends.
             SpecificationError: If a value is not a number, or a bound is not a multiple of the
                 period.
         """
@@ -233,12 +234,12 @@ class Monitoring(Observing):
         ``wrapper.constants = ...`` sets an attribute of the outermost wrapper, as ``set_attr`` of
         Stable-Baselines3 does, and changes no specification.
         """
-        held = self._constants if self._next is None else self._next.constants
-        if not held.are_some:
+        constants = self._constants if self._next is None else self._next.constants
+        if not constants.are_some:
             return
         for wrapper in wrappers_around(self):
             values = vars(wrapper).get("constants")
-            if isinstance(values, Mapping) and _differs(values, held):
+            if isinstance(values, Mapping) and _differs(values, constants):
                 raise InputError(
                     f"{type(wrapper).__name__} around {type(self).__name__} has an attribute "
                     f"constants={values!r}, which changes no specification. Delete it and call "
@@ -295,7 +296,7 @@ class Monitoring(Observing):
             self._warned_of_success = True
             warnings.warn(
                 f"{self.env.unwrapped} reports an is_success of its own, which is kept; "
-                'info["stl_success"] says whether the specifications are satisfied',
+                'info["stl_success"] is true if the specifications are satisfied',
                 stacklevel=caller_level(),
             )
 
@@ -308,7 +309,7 @@ class Monitoring(Observing):
 
     @property
     def unknown_allowed(self) -> bool:
-        """Whether its monitors take a nan for an unknown value."""
+        """Whether its monitors read nan as an unknown value."""
         return self._of_monitors.nan == "unknown"
 
     @contextmanager
@@ -349,9 +350,7 @@ class Monitoring(Observing):
 
     def __repr__(self) -> str:
         """The environment in its wrappers, with the time between two samples."""
-        monitor_set = getattr(
-            self, "_monitor_set", None
-        )  # an error in the constructor may print it
+        monitor_set = getattr(self, "_monitor_set", None)  # an error of the constructor prints it
         period = None if monitor_set is None else monitor_set.period
         text = "no period" if period is None else f"period {float(period):g} s"
         return f"<{type(self).__name__}{self.env}, {text}>"
@@ -393,11 +392,11 @@ class Monitoring(Observing):
         self._bind_signals()
 
     def _resumes(self) -> bool:
-        """Whether a step may go on with the episode of a copy.
+        """Whether a step may continue the episode of a copy.
 
         `gymnasium.utils.EzPickle` copies an environment by calling its constructor, because the
         state of MuJoCo, Box2D or Atari is outside Python. The monitor is copied with its samples,
-        so it would go on with an episode that its environment has lost.
+        so it would continue an episode that its environment has lost.
 
         Raises:
             StateError: If the environment of the copy has lost the episode.
@@ -452,31 +451,32 @@ def _levels(env: Any, seen: set[int] | None = None) -> Iterator[Any]:
 
 
 def _can_end(wrapper: object) -> bool:
-    """Whether a wrapper may end episodes: not if its step is this package's or only counts."""
+    """Whether a wrapper may end episodes: not if its step belongs to this package or counts."""
     step = getattr(type(wrapper), "step", None)
     owner = getattr(step, "__module__", "")
     harmless = owner == "gymnasium.core" or owner.partition(".")[0] == "rtamt_gym"
     return not (harmless or counts_episodes(wrapper))
 
 
-def _differs(values: Mapping[Any, Any], held: Constants) -> bool:
-    """Whether a mapping has another value of a constant, or a name that is close to a constant."""
-    names = held.values
+def _differs(values: Mapping[Any, Any], constants: Constants) -> bool:
+    """Whether a mapping has another value of a constant, or a name similar to a constant."""
+    names = constants.values
     if any(nearest(name, names) for name in values if name not in names):
         return True
     try:
-        return held.at({name: values[name] for name in names if name in values}) is not held
+        known = {name: values[name] for name in names if name in values}
+        return constants.at(known) is not constants
     except RtamtError:
         return True
 
 
 def _sizes(operators: list[list[Obligation]]) -> list[list[int]]:
     """Return the number of operands of each operator, which sets the length of observations."""
-    return [[len(item.operands) for item in of_spec] for of_spec in operators]
+    return [[len(item.operands) for item in spec] for spec in operators]
 
 
 def _listed(operators: list[list[Obligation]]) -> str:
-    return ", ".join(str(item.formula) for of_spec in operators for item in of_spec) or "none"
+    return ", ".join(str(item.formula) for spec in operators for item in spec) or "none"
 
 
 def _refuse_monitored(env: Any) -> None:
@@ -520,3 +520,18 @@ def refuse_monitored(monitor: str, where: str = "") -> NoReturn:
         'monitor all specifications, such as specs={"upright": "always(abs(angle) < 0.1)", '
         '"near": "always(abs(x) < 1)"}'
     )
+
+
+def check_pictures(env: Any, name: str, *, lists: bool = True) -> None:
+    """Raise an `InputError` if an environment does not render pictures.
+
+    Args:
+        env: The environment.
+        name: The name of the wrapper that needs them, for the message.
+        lists: Whether lists of pictures are allowed.
+    """
+    if env.render_mode != "rgb_array" and not (lists and env.render_mode == "rgb_array_list"):
+        raise InputError(
+            f"{name} needs pictures, got render_mode={env.render_mode!r} of {env}; make it with "
+            'gym.make(..., render_mode="rgb_array")'
+        )

@@ -65,18 +65,18 @@ class Observing:
         track: Callable[[], list[list[Obligation]]],
         weights: Sequence[float] | None = None,
         *,
-        whole: bool = False,
+        whole_episode: bool = False,
     ) -> None:
         """Check ``observe`` and ``clip``, and make the observation spaces.
 
         Args:
-            env: The environment inside of the wrapper.
+            env: The environment inside the wrapper.
             observe: The argument of the wrapper.
             clip: The argument of the wrapper: the bound of the appended numbers.
             monitors: The monitors of each specification: ``(robustness source, judge)``.
             track: Makes the monitors track pending obligations.
             weights: A factor of the robustness of each specification; None: 1.
-            whole: Whether the robustness is the robustness of the whole episode in every view.
+            whole_episode: Whether every view shows the robustness of the whole episode.
 
         Raises:
             InputError: If an argument is wrong, if nothing can be appended, or if a wrapper inside
@@ -92,7 +92,9 @@ class Observing:
         horizons = _horizons(monitors)
         factors = (1.0,) * len(horizons) if weights is None else tuple(weights)
         operators = tuple(map(tuple, track())) if observe == "obligations" else None
-        self._state = StateFeatures(factors, bound, horizons, whole=whole, operators=operators)
+        self._state = StateFeatures(
+            factors, bound, horizons, whole_episode=whole_episode, operators=operators
+        )
         num = env.num_envs if isinstance(env, VectorEnv) else 1
         self._observed_watch = ObservedWatch(observe, self._shown_specs, factors, bound, num)
         wrapper: Any = self  # of one environment, or of many
@@ -144,13 +146,13 @@ class Observing:
         return obs if self._state is None else append(obs, self._state.read(values))
 
     def _watch_reset(self, values: MonitorValues[Any], entries: Entries | None = None) -> None:
-        """Count the features of the reset of the environments of the mask; None: of all."""
+        """Count the features of the environments in the mask at their reset; None: of all."""
         if self._observed_watch is not None:
             self._observed_watch.reset(self._shown_robustness(values), entries)
             self._warn_of_clip()
 
     def _watch_step(self, values: MonitorValues[Any], ended: Any) -> None:
-        """Count the features of a step, which has ended some episodes."""
+        """Count the features of a step; ``ended`` is the mask of the episodes that it ends."""
         watch = self._observed_watch
         if watch is None:
             return
@@ -161,8 +163,8 @@ class Observing:
             self._warn_of_clip()
 
     def _shown_robustness(self, values: MonitorValues[Any]) -> Sequence[Any]:
-        whole = self._state is not None and self._state.whole
-        return values.judged if whole else values.robustness
+        whole_episode = self._state is not None and self._state.whole_episode
+        return values.judged if whole_episode else values.robustness
 
     def _warn_of_clip(self) -> None:
         """Warn once ten episodes have ended, if most samples were clipped."""
@@ -213,17 +215,17 @@ class StateFeatures:
 
     Attributes:
         weights: A factor of the numbers of each specification.
-        clip: The bound to which they are clipped.
-        horizons: For each specification, the samples after the first that it depends on.
-        whole: Whether the robustness is the robustness of the whole episode in every view.
-        operators: For each specification, the temporal operators whose clocks and margins are
-            included; None: no operators.
+        clip: The bound of the numbers.
+        horizons: For each specification, the number of samples after the first that it reads.
+        whole_episode: Whether every view shows the robustness of the whole episode.
+        operators: For each specification, the temporal operators that contribute a clock and
+            margins; None: no operators.
     """
 
     weights: tuple[float, ...]
     clip: float
     horizons: tuple[int | None, ...]
-    whole: bool = False
+    whole_episode: bool = False
     operators: tuple[tuple[Obligation, ...], ...] | None = None
 
     @property
@@ -259,7 +261,7 @@ class StateFeatures:
 
     def rows(self, values: MonitorValues[Any]) -> list[Any]:
         """Return the features of many environments, an array of any library for each feature."""
-        robustness = values.judged if self.whole else values.robustness
+        robustness = values.judged if self.whole_episode else values.robustness
         numbers = [
             scaled(column, self.weights, self.clip)
             for column in (robustness, values.lower, values.upper)
@@ -276,10 +278,10 @@ class StateFeatures:
         return rows
 
     def _of_one(self, values: MonitorValues[Any]) -> list[float]:
-        """The features of one environment, in loops: calls would take twice the time."""
+        """Return the features of one environment, in loops: calls would take twice the time."""
         high, low, numbers = self.clip, -self.clip, list[float]()
         owed: Sequence[Iterable[Owed]] | None = None if self.operators is None else values.owed
-        robustness = values.judged if self.whole else values.robustness
+        robustness = values.judged if self.whole_episode else values.robustness
         shown = (robustness, values.lower, values.upper)
         for index, weight in enumerate(self.weights):
             for column in shown:
@@ -300,7 +302,7 @@ def time_left(sample: Numeric, horizon: int | None) -> Numeric:
 
     Args:
         sample: The number of the newest sample; the reset has sample 0.
-        horizon: The samples after the first on which the robustness depends.
+        horizon: The number of samples after the first that the robustness depends on.
 
     Example:
         >>> time_left(0, 4), time_left(3, 4), time_left(9, 4), time_left(9, None)
@@ -328,8 +330,8 @@ def appended_space(
             return spaces.Dict([*space.spaces.items(), (KEY, box)])
         case spaces.Dict():
             raise InputError(
-                f"expected an observation space without the key {KEY!r}, which the monitor's "
-                "state takes; rename it"
+                f"expected an observation space without the key {KEY!r}, where the monitor "
+                "puts its state; rename it"
             )
         case spaces.Box(shape=(_,)):
             dtype: Any = np.result_type(space.dtype, np.float32)

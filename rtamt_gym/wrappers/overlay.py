@@ -27,8 +27,8 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing
 from rtamt_gym.results.outcome import violated_by_end
-from rtamt_gym.wrappers.monitor import StlMonitor, single_env
-from rtamt_gym.wrappers.pictures import check_pictures
+from rtamt_gym.wrappers.monitor import StlMonitor, monitor_of, single_env
+from rtamt_gym.wrappers.monitoring import check_pictures
 
 Pixels = NDArray[np.uint8]
 """A picture, of shape (height, width, 3)."""
@@ -87,8 +87,8 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
             signals: The names of the signals to draw, ``()`` for none; ``None``: all
 
         Raises:
-            InputError: If there is no monitor inside, if the environment renders no pictures, or if
-                a signal is unknown
+            InputError: If the environment lacks a monitor or does not render pictures, or if a
+                signal is unknown
         """
         RecordConstructorArgs.__init__(self, place=place, signals=signals)
         self._monitor = monitor_inside(env, type(self).__name__)
@@ -178,18 +178,16 @@ def monitor_inside(env: gym.Env[Any, Any], name: str) -> StlMonitor[Any, Any]:
 
     Raises:
         InputTypeError: If it is not a single environment of Gymnasium.
-        InputError: If there is no monitor.
+        InputError: If the environment has no monitor.
     """
     if isinstance(env, VectorEnv):
         raise InputTypeError(
             f"expected one environment for {name}, got {env}; wrap each one: "
             "gym.make_vec(..., vectorization_mode='sync', wrappers=[...])"
         )
-    within = single_env(env)
-    while isinstance(within, gym.Wrapper):
-        if isinstance(within, StlMonitor):
-            return within
-        within = within.env
+    monitor = monitor_of(single_env(env))
+    if monitor is not None:
+        return monitor
     raise InputError(
         f"{name} needs an StlMonitor or StlReward inside of it, got none in {env}; "
         f'wrap the environment first: {name}(StlMonitor(env, "always(x > 0)", {{"x": "obs[0]"}}))'
@@ -231,7 +229,7 @@ _VIOLATES = (235, 110, 40)
 _BOUNDS = (155, 208, 240)
 _VERDICTS = {"SATISFIED": _HOLDS, "VIOLATED": _VIOLATES}
 _CLEAR = 5
-"""A panel over a picture lets one of 5 parts of its light through."""
+"""A panel over a picture shows a fifth of the light of the picture."""
 
 
 class Gauge(NamedTuple):
@@ -362,18 +360,18 @@ class OverlayPanel:
         x0, y0, x1, y1 = box
         top, bottom, middle = y0 + 0.22 * self._row, y1 - 0.22 * self._row, (x0 + x1) / 2
 
-        def place(value: float) -> float:
+        def x_of(value: float) -> float:
             share = min(max(value / gauge.scale, -1.0), 1.0)
             return middle + share * (x1 - x0) / 2
 
         draw.rectangle((x0, top, x1, bottom), outline=_FAINT)
         holds = math.copysign(1.0, gauge.robustness) > 0.0
-        ends = sorted((middle, place(gauge.robustness)))
+        ends = sorted((middle, x_of(gauge.robustness)))
         draw.rectangle((ends[0], top, ends[1], bottom), fill=_HOLDS if holds else _VIOLATES)
         if not holds:
             for left in range(math.ceil(ends[0]), math.floor(ends[1]), 5):
                 draw.line((left, bottom, min(left + 3, ends[1]), top), fill=_GROUND)
-        low, high, centre = place(gauge.lower), place(gauge.upper), (top + bottom) / 2
+        low, high, centre = x_of(gauge.lower), x_of(gauge.upper), (top + bottom) / 2
         draw.line((low, centre, high, centre), fill=_BOUNDS)
         reach = (y1 - y0) * 0.36
         for x in (low, high):
@@ -383,7 +381,7 @@ class OverlayPanel:
     def _curve(
         self, draw: ImageDraw.ImageDraw, x: float, y: float, width: float, values: Sequence[float]
     ) -> None:
-        """Draw the last value, and the curve of the values that there are pixels for."""
+        """Draw the last value, and the curve of as many values as there are pixels."""
         number = self._gap + self._font.getlength("-0.00000")
         self._text(draw, x + number, y, _number(values[-1]), _WHITE, "r")
         left, room = x + number + self._gap, width - number - self._gap
@@ -423,7 +421,7 @@ class OverlayPanel:
 
 
 def _summary(gauges: Sequence[Gauge]) -> str:
-    """Return the worst verdict of all specifications, and the number of its specifications."""
+    """Return the worst verdict, and the number of specifications that have it."""
     verdicts = [gauge.verdict for gauge in gauges]
     for verdict in ("VIOLATED", "UNDECIDED"):
         count = verdicts.count(verdict)
@@ -440,4 +438,4 @@ def _number(value: float) -> str:
 
 @cache
 def _font(size: int) -> ImageFont.FreeTypeFont:
-    return cast("ImageFont.FreeTypeFont", ImageFont.load_default(size))  # of a size no other is
+    return cast("ImageFont.FreeTypeFont", ImageFont.load_default(size))

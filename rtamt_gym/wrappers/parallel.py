@@ -34,7 +34,7 @@ if TYPE_CHECKING or find_spec("pettingzoo"):
 else:
 
     class ParallelEnv:
-        """Stands for PettingZoo's class: without PettingZoo, its methods are enough."""
+        """A stand-in for PettingZoo's class if PettingZoo is not installed."""
 
 
 Infos = dict[Any, dict[str, Any]]
@@ -42,7 +42,7 @@ Infos = dict[Any, dict[str, Any]]
 
 
 class ParallelWrapper(ParallelEnv):  # type: ignore[misc]  # it has no types
-    """The base of the wrappers; everything else comes from the environment."""
+    """The base of the wrappers; other attributes come from the environment."""
 
     env: Any
 
@@ -151,8 +151,8 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
             specs: As for :class:`StlMonitor`
             signals: For every variable of the specifications a selector with its agent in front,
                 such as ``"agent_0: obs[2]"`` or ``"'agent 0': info['speed']"``, or a function of a
-                :class:`rtamt_gym.Step` of all agents, or a pair of one of them and its value at
-                reset, which action and reward need; or in the environment's own ``signals``
+                :class:`rtamt_gym.Step` of all agents. A pair adds the value at reset, which action
+                and reward need. Other variables read the environment's own ``signals``
             on_violation: As for :class:`StlMonitor`, for the episode of all agents
             on_satisfaction: As for :class:`StlMonitor`, for the episode of all agents
             details: As for :class:`StlMonitor`
@@ -238,7 +238,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
         try:
             assessment = self._feed(obs, actions, rewards, infos)
         except BaseException:
-            # A monitor that misses a sample would count wrong ever after.
+            # After a missed sample the monitor would count wrong.
             self._running = False
             raise
         how = self._how_to_end() if monitor_set.settled else "report"
@@ -304,7 +304,7 @@ def _agents(env: Any) -> dict[str, Hashable]:
     if isinstance(env, gym.Env):
         raise InputTypeError(
             f"expected a parallel environment of PettingZoo, got {env}, which has one agent; "
-            "StlMonitor is for it"
+            "use StlMonitor"
         )
     if hasattr(env, "agent_iter"):
         raise InputTypeError(
@@ -322,8 +322,8 @@ def _agents(env: Any) -> dict[str, Hashable]:
 class ParallelStlReward(Rewarding, ParallelWrapper):
     """Shapes the reward of each agent with the robustness of specifications of all of them.
 
-    The wrapper takes the arguments of :class:`ParallelStlMonitor` and contains one, or uses the one
-    that the environment has already. Each agent of a step gets the reward of :class:`StlReward`
+    The wrapper takes the arguments of :class:`ParallelStlMonitor` and contains a monitor, or uses
+    the monitor of the environment. Each agent of a step gets the reward of :class:`StlReward`
     from its own reward r, the joint robustness, and its own end:
 
     * ``"replace"`` and ``"hierarchical"`` pay all agents the same, the other modes add to each r;

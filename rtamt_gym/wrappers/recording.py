@@ -21,8 +21,8 @@ from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.results.outcome import violated_by_end
 from rtamt_gym.signals.periods import read_period
+from rtamt_gym.wrappers.monitoring import check_pictures
 from rtamt_gym.wrappers.overlay import monitor_inside
-from rtamt_gym.wrappers.pictures import check_pictures
 
 Keep = Literal["violation"] | Callable[[dict[str, Any]], bool]
 """Which episodes are kept."""
@@ -48,8 +48,8 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
     * ``robustness``, ``verdict``: of every specification, at the end; infinite values are ``"inf"``
       and ``"-inf"``
     * ``by_end``, if there are any: the specifications that the end alone violates
-      (``at_termination="failure"``); ``of_instant``, with ``view="step"``: true, the robustness is
-      that of the newest instant
+      (``at_termination="failure"``); ``of_instant``, with ``view="step"``: true, the robustness of
+      the newest instant
     * ``ended``: ``"terminated"``, ``"truncated"``, ``"reset"`` or ``"closed"``
     * ``first_step``, ``frames``, ``fps``: the step after which the first frame was rendered (0 is
       the reset), the number of frames, and frames per second
@@ -58,7 +58,7 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
     ``render_mode="rgb_array"``. With a :class:`RobustnessOverlay` inside, frames have its panel.
 
     Attributes:
-        capacity: The maximum number of frames in memory: one of 480 x 480 pixels takes 0.7 MB.
+        capacity: The maximum number of frames in memory: a frame of 480 x 480 pixels takes 0.7 MB.
         videos: The paths of the videos.
 
     Change logs:
@@ -81,8 +81,8 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
         Args:
             env: The environment to apply the wrapper
             video_folder: The folder of the videos; a video of the same name is overwritten
-            keep: ``"violation"`` keeps the episodes whose last info has a true ``stl_violated``; a
-                function of the last info keeps those for which it is true, such as
+            keep: ``"violation"`` keeps the episodes that end with a true ``stl_violated``; a
+                function of the last info selects the episodes to keep, such as
                 ``lambda info: info["robustness"] < 0.1``
             before: Seconds shown before the violation, 0 or more
             after: Seconds shown after it, 0 or more, as far as the episode goes on
@@ -91,8 +91,8 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
                 own time, or its ``render_fps`` if that is unknown
 
         Raises:
-            InputError: If there is no monitor inside, if the environment renders no single
-                pictures, or if an argument is wrong
+            InputError: If the environment lacks a monitor or does not render single pictures, or if
+                an argument is wrong
             ModuleNotFoundError: If moviepy is not installed; names the extra
         """
         RecordConstructorArgs.__init__(
@@ -127,7 +127,7 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
         self.capacity = self._before + 1 + self._after
         self.videos: list[Path] = []
         self._frames: deque[NDArray[np.uint8]] = deque(maxlen=self.capacity)
-        self._left: int | None = None  # frames to be shown after the violation; None before it
+        self._left: int | None = None  # frames to show after the violation; None before it
         self._info: dict[str, Any] | None = None  # the newest of a running episode
         self._steps = 0
         self._last = 0  # the step of the newest frame

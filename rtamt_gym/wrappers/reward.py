@@ -1,4 +1,4 @@
-"""`StlReward`: the reward of an environment shaped with robustness; the core of all rewards."""
+"""`StlReward`: the reward of an environment shaped with robustness; the base of all rewards."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Rewarding(Observing):
 
     _monitor: Any
     _followed = 0
-    """The number of changes of constants that it has followed."""
+    """The number of changes of constants that it has applied."""
 
     def _set_up(
         self, env: Any, options: ShapingOptions, observe: Observe | None = None, num: int = 1
@@ -73,7 +73,7 @@ class Rewarding(Observing):
             monitors,
             self._monitor.track_obligations,
             shaping.weights,
-            whole=shaping.pays_episode,
+            whole_episode=shaping.pays_episode,
         )
         self._clip_watch = ClipWatch(shaping, num) if shaping.pays_robustness else None
         self._followed = self._monitor.constant_changes
@@ -94,11 +94,11 @@ class Rewarding(Observing):
         episodes: deque[dict[str, Any]] = self._monitor.stl_episodes
         return episodes
 
-    def _begin(self, begun: Entries | None = None) -> None:
+    def _begin(self, entries: Entries | None = None) -> None:
         """Follow a change of constants, and refuse episodes with an unknown start.
 
         Args:
-            begun: The environments with a starting episode; None for all.
+            entries: The mask of environments with a starting episode. Default: all.
 
         Raises:
             InputError: If a specification reads an unknown value of the sample of a reset.
@@ -112,7 +112,7 @@ class Rewarding(Observing):
         for name, (_, judge) in monitor.monitors.items():
             unknown = judge.unknown
             if not isinstance(unknown, tuple):  # a row for each environment
-                rows = unknown if begun is None else unknown[begun]
+                rows = unknown if entries is None else unknown[entries]
                 unknown = tuple(compress(judge.variables, np.any(rows, axis=0).tolist()))
             read = [v for v in unknown if v in judge.program.read_first()]
             if read:
@@ -134,14 +134,14 @@ class Rewarding(Observing):
             return self._shaping.middle(values.lower, values.upper)
         return self._shaping.robustness(self._paying(values))
 
-    def _watch_start(self, paying: Sequence[Any], begun: Entries | None = None) -> None:
+    def _watch_start(self, paying: Sequence[Any], entries: Entries | None = None) -> None:
         """Count the robustness at the start of episodes for the warning about the clip."""
         if self._clip_watch is not None:
-            self._clip_watch.reset(paying, begun)
+            self._clip_watch.reset(paying, entries)
             self._warn_if_flat()
 
     def _warn_if_flat(self) -> None:
-        """End the watch over the first episodes once they are over."""
+        """Report after the first episodes if the clip flattens the reward, once."""
         watch = self._clip_watch
         if watch is not None and watch.finished:
             self._clip_watch = None
@@ -205,8 +205,8 @@ def find_or_make(
 class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorArgs):
     """Shapes the reward with the robustness of specifications.
 
-    The wrapper takes the arguments of :class:`StlMonitor` and contains one, or uses the one that
-    the environment has already. The environment's own reward stays in ``info["reward"]``.
+    The wrapper takes the arguments of :class:`StlMonitor` and contains a monitor, or uses the
+    monitor of the environment. The environment's own reward stays in ``info["reward"]``.
 
     Let r be that reward, x' the robustness of the episode so far, ``info["robustness"]``, clipped
     to [-clip, clip], and x the same before the step. The new reward is
@@ -299,8 +299,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         Raises:
             SpecificationError: As :class:`StlMonitor` does
             InputError: As :class:`StlMonitor` does; if the environment has no monitor and none is
-                described, or has one and another is described; and if an argument is none of its
-                choices, out of its range or names no specification
+                described, or has a monitor and another is described; and if an argument is not one
+                of its choices, is out of range or names an unknown specification
         """
         options = ShapingOptions(
             mode=mode,
@@ -313,8 +313,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
             bonus=bonus,
             penalty=penalty,
         )
-        # Not the arguments of the monitor: it is a wrapper of its own in the specification of the
-        # environment, and is found when the environment is made again.
+        # Without the arguments of the monitor: the EnvSpec lists it as a separate wrapper, and
+        # this wrapper finds it when the environment is made again.
         RecordConstructorArgs.__init__(self, **options, observe=observe)
         env, self._monitor = find_or_make(StlMonitor, env, specs, signals, monitor)
         gym.Wrapper.__init__(self, env)
@@ -325,7 +325,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         if not self._fresh or (
             self._shaping.pays_episode and self._monitor.judging.reading.view == "step"
         ):
-            self._factor = None  # another may have changed the info, or it is of an instant
+            self._factor = None  # a wrapper may have changed the info, or it shows an instant
         self._robustness = self._outcome = self._return = 0.0
         self._counters = EpisodeCounters(env)
 
@@ -388,7 +388,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         return self._monitor.explain(name)
 
     def _find_payers(self) -> list[Any]:
-        """Return the monitors whose robustness the reward depends on, one per specification."""
+        """Return the monitors that the reward depends on, one per specification."""
         pairs = self._monitor.monitors.values()
         return [judge if self._shaping.pays_episode else source for source, judge in pairs]
 

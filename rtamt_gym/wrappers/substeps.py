@@ -1,4 +1,4 @@
-"""Samples inside an environment's step: one for every step of its simulation.
+"""Samples inside the steps of an environment: one for every step of its simulation.
 
 In one step an environment makes several steps of its simulation: Gymnasium's `MujocoEnv` calls
 ``mj_step`` ``frame_skip`` times, highway-env steps its road once for every frame. The function that
@@ -65,7 +65,7 @@ class Inside:
         if not stepped:
             raise StateError(
                 f"expected a step of {self.env.unwrapped} to step its simulation, got none: it "
-                "steps it in a way of its own; leave out ",
+                "steps it without the function that is followed; leave out ",
                 Argument("substeps", value=True),
             )
         return result
@@ -165,7 +165,7 @@ class _Loop:
         self._stepped = False
 
     def follow(self, take: Take, action: Any) -> _Undo:
-        # Not through __dict__: Python reads attributes faster if nobody has asked for it.
+        # Not through __dict__: Python reads attributes faster if nothing has read __dict__.
         simulation = self._simulation
         around = simulation._step_mujoco_simulation  # noqa: SLF001
         if type(around) is _Loop:  # a monitor around this one follows too
@@ -184,7 +184,7 @@ class _Loop:
         return self._stepped
 
     def __call__(self, ctrl: Any, n_frames: int) -> None:
-        mujoco = sys.modules["mujoco"]  # a simulation of it has loaded it
+        mujoco = sys.modules["mujoco"]  # the simulation has imported it
         step, takes = mujoco.mj_step, self._takes
         model, data = self._simulation.model, self._simulation.data
         data.ctrl[:] = ctrl

@@ -37,8 +37,8 @@ def as_vector_env(
       list without numbers of environments, which no signal can read: the newest is
       ``env.unwrapped.infos``.
     * Native environments of PufferLib reset in the step that ends an episode,
-      ``AutoresetMode.SAME_STEP``, and return no last observation. With ``final_obs="held"`` the
-      observation before it stands in for it; the reward and the action are those of the last step.
+      ``AutoresetMode.SAME_STEP``, and return no last observation. ``final_obs="held"`` replaces it
+      by the observation before it; reward and action belong to the last step.
 
     Args:
         env: The environments.
@@ -218,11 +218,11 @@ class SharedBuffers:
     PufferLib's environments write observations, rewards and flags into arrays that the learner
     reads. The monitor reads these arrays and writes its changes into them: the rewards of
     :class:`VectorStlReward` replace the environments' own. Nothing is copied. The learner's calls,
-    ``async_reset``, ``recv`` and ``send``, and ``reset`` and ``step``, return what PufferLib
-    returns. Every other attribute comes from PufferLib's vector environment.
+    ``async_reset``, ``recv`` and ``send``, and ``reset`` and ``step``, return the types of
+    PufferLib. Every other attribute comes from PufferLib's vector environment.
 
-    At steps that end episodes, the list of infos has one more dictionary, whose values have a
-    number for each of these: ``stl/satisfied`` (0 or 1) and ``stl/robustness`` of all requirements,
+    At steps that end episodes, the list of infos has one more dictionary of lists, with a number
+    for each ended episode: ``stl/satisfied`` (0 or 1) and ``stl/robustness`` of all requirements,
     and ``stl/NAME/satisfied`` and ``stl/NAME/robustness`` of each. PufferLib's learner logs their
     means. ``send`` waits until the environments have stepped.
 
@@ -231,8 +231,8 @@ class SharedBuffers:
             ``pufferlib.vector.make``; other wrappers may be around it.
 
     Raises:
-        InputError: If there is no environment of PufferLib inside, or if the observations differ
-            from the shared array, as with ``observe=``.
+        InputError: If the environments are not of PufferLib, or if the observations differ from
+            the shared array, as with ``observe=``.
     """
 
     def __init__(self, envs: VectorEnv[Any, Any, Any]) -> None:

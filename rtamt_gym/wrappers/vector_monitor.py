@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -39,116 +39,15 @@ from rtamt_gym.wrappers.monitoring import (
     OnSatisfaction,
     OwnOptions,
     Violations,
+    check_pictures,
     refuse_monitored,
 )
 from rtamt_gym.wrappers.observing import Observe
-from rtamt_gym.wrappers.pictures import check_pictures
 from rtamt_gym.wrappers.vector_forms import as_vector_env
-
-if TYPE_CHECKING:
-    from rtamt_gym.live.view import RerunView
-
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rtamt_gym.live.track import Track
     from rtamt_gym.live.view import RerunView
-
-
-class VectorTracks:
-    """The tracks of the environments that a view shows.
-
-    Args:
-        live: The view.
-        signals: The names of the columns of the tables.
-        requirements: The names of the requirements.
-        period: Seconds between samples; None if they have no time.
-        num: The number of environments.
-        render: Returns a picture of each environment.
-
-    Raises:
-        InputError: If the view shows an environment that does not exist.
-    """
-
-    def __init__(
-        self,
-        live: RerunView,
-        signals: Sequence[str],
-        requirements: Sequence[str],
-        period: float | None,
-        num: int,
-        render: Callable[[], Any],
-    ) -> None:
-        for index in live.environments:
-            if index not in range(num):
-                raise InputError(
-                    f"RerunView(environments=) has an environment {index!r}, but they are 0 to "
-                    f"{num - 1}"
-                )
-        self._requirements = requirements
-        self._render, self._every = render, live.pictures
-        self._tracks: dict[int, Track] = {
-            index: live.track(signals, requirements, period, f"environment {index}")
-            for index in live.environments
-        }
-        if live.pictures is not None:
-            for track in self._tracks.values():
-                track.draw(None, live.pictures)
-
-    def shows(self, entries: Entries) -> bool:
-        """Return whether an environment of the mask is shown."""
-        return any(entries[index] for index in self._tracks)
-
-    def reset(self, table: Floats, monitor_set: VectorMonitorSet, entries: Entries | None) -> None:
-        """Start episodes with sample 0 in the environments of the mask; None: in all."""
-        for index, track in self._tracks.items():
-            if entries is None or entries[index]:
-                track.begin()
-                self._add(index, table, monitor_set)
-        self._draw([index for index in self._tracks if entries is None or entries[index]])
-
-    def step(
-        self,
-        table: Floats,
-        monitor_set: VectorMonitorSet,
-        begun: Entries | None,
-        resets: Entries | None,
-    ) -> None:
-        """Take a sample of every environment.
-
-        Args:
-            table: The values of the signals.
-            monitor_set: The monitors.
-            begun: The environments that the step has reset before; None: none.
-            resets: The environments that the step has reset after the samples, and that render
-                other samples; None: none.
-        """
-        for index, track in self._tracks.items():
-            if begun is not None and begun[index]:
-                track.begin()
-            self._add(index, table, monitor_set)
-        self._draw([index for index in self._tracks if resets is None or not resets[index]])
-
-    def end(self, monitor_set: VectorMonitorSet, entries: Entries) -> None:
-        """End the episodes in the environments of the mask."""
-        for index, track in self._tracks.items():
-            if entries[index]:
-                track.finish(*monitor_set.values_at(index))
-
-    def _add(self, index: int, table: Floats, monitor_set: VectorMonitorSet) -> None:
-        self._tracks[index].add(table[index].tolist(), *monitor_set.values_at(index))
-
-    def _draw(self, indexes: Sequence[int]) -> None:
-        """Take the pictures of environments whose sample has one."""
-        every = self._every
-        if every is None:
-            return
-        due = [index for index in indexes if not (self._tracks[index].samples - 1) % every]
-        frames: Any = self._render() if due else None
-        for index in due if frames is not None else ():
-            if frames[index] is not None:
-                self._tracks[index].picture(frames[index])
 
 
 class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorArgs):
@@ -167,15 +66,15 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
     * ``DISABLED``: ``reset(options={"reset_mask": mask})`` starts new episodes in the environments
       of the mask and changes no other
 
-    A wrapper around all environments cannot reset one of them. So a violation is only reported,
-    unless the mode is ``DISABLED``, where the caller resets. To end episodes in the other modes,
-    wrap each environment with :class:`StlMonitor`, the scalar version of this wrapper.
+    A wrapper around all environments cannot reset a single environment. Therefore a violation is
+    only reported, unless the mode is ``DISABLED``, where the caller resets. To end episodes in the
+    other modes, wrap each environment with :class:`StlMonitor`, the scalar version of this wrapper.
 
     Attributes:
-        begun: The mask of environments that the last step has reset (``NEXT_STEP``); None if
-            there were none.
+        begun: The mask of environments that the last step has reset (``NEXT_STEP``); None without
+            resets.
         terminal: The values of the monitors before the resets in the last step (``SAME_STEP``);
-            None if there were none.
+            None without resets.
 
     Example:
         >>> import gymnasium as gym
@@ -222,9 +121,8 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         environment; a function that :func:`rtamt_gym.wrappers.batched` marks reads all environments
         at once; for the period of an ``AsyncVectorEnv``, one more environment is made and closed if
         a specification has bounds; a view shows the environments that it names; and
-        ``on_violation`` is ``"report"`` by default. It and
-        ``on_satisfaction`` may be ``"terminate"`` or ``"truncate"`` only with
-        ``AutoresetMode.DISABLED``.
+        ``on_violation`` is ``"report"`` by default. It and ``on_satisfaction`` may be
+        ``"terminate"`` or ``"truncate"`` only with ``AutoresetMode.DISABLED``.
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
@@ -294,7 +192,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
                     "expected a reset of all environments before a reset of some, got "
                     "options={'reset_mask': ...}; call reset()"
                 )
-            # Gymnasium's environments take it out, and a wrapper around this one looks for it.
+            # A copy: Gymnasium's environments remove the mask, and wrappers around read it.
             options = dict(options)
         change: ChangedConstants | None = None
         if mask is None or mask.all():
@@ -309,7 +207,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         self._warn_of_unseen_end(unended=self._abandon(entries))
         obs, infos = self.env.reset(seed=seed, options=options)
         self._apply(change)
-        if mask is None and "stl_violated" in infos:  # of environments that cannot be looked into
+        if mask is None and "stl_violated" in infos:  # of environments in other processes
             refuse_monitored("StlMonitor", " around each of its environments")
         self._times.begin(entries)
         first_obs, first_infos = (obs, infos) if self._beneath is None else self._beneath.shown
@@ -338,14 +236,14 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         """Step the environments and update the monitors with one sample of each.
 
         Raises:
-            StateError: Before :meth:`reset`, after an error, and if the caller has not reset an
-                environment whose episode has ended.
+            StateError: Before :meth:`reset`, after an error, and if an episode has ended and the
+                caller has not reset its environment.
             InputError: If a signal is nan or cannot be read.
             InputTypeError: At the first step, if terminations or truncations are not flags.
         """
         begun = self.begun = self._resetting()
         obs, rewards, terminated, truncated, infos = self.env.step(actions)
-        # A monitor that misses a sample, because a signal cannot be read, would count wrong.
+        # After a missed sample, because a signal cannot be read, the monitors would count wrong.
         self._running = False
         self._require_flags(terminated, truncated)
         ended = _some(np.logical_or(terminated, truncated))
@@ -406,7 +304,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         return self._episodes.newest()
 
     def _check_can_end(self, options: OwnOptions) -> None:
-        """Refuse to end episodes that nobody could reset."""
+        """Raise InputError if the wrapper would end episodes that the caller cannot reset."""
         if self._autoreset is AutoresetMode.DISABLED:
             return
         choices: dict[str, Any] = {
@@ -446,7 +344,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         self._columns = SignalColumns(self._signals, env, same_step=same_step)
 
     def _resetting(self) -> Entries | None:
-        """Return the environments that the next step resets; None if there are none."""
+        """Return the mask of environments that the next step resets, or None."""
         if not self._running and not self._resumes():
             raise StateError("expected running episodes, got step() before reset(); call reset()")
         if self._done is not None and self._autoreset is AutoresetMode.DISABLED:
@@ -501,7 +399,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             self._live.step(self._table, self._monitor_set, begun, resets)
 
     def _certain(self) -> list[tuple[Entries, str]]:
-        """Return the environments whose episodes a certain verdict ends, the strongest first."""
+        """Return the episodes that a certain verdict ends, and how, the strongest effect first."""
         monitor_set = self._monitor_set
         certain: list[tuple[Entries, str]] = []
         for how in ("terminate", "truncate"):
@@ -534,7 +432,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             put(infos, key, cost, charged, self.num_envs)
 
     def _report_period(self, infos: dict[str, Any], entries: Entries | None) -> None:
-        """Add the period to the environments of the mask, whose episodes begin; None: to none."""
+        """Add the period to the infos of starting episodes, a mask or None."""
         period = self._monitor_set.period
         if period is not None and entries is not None:
             put(infos, "stl_period", np.full(self.num_envs, float(period)), entries, self.num_envs)
@@ -614,7 +512,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
 def _with_ends(
     certain: list[tuple[Entries, str]], terminated: Any, truncated: Any
 ) -> tuple[Any, Any]:
-    """Return the flags with the ends that certain verdicts make, where none has terminated."""
+    """Return the flags with the ends by certain verdicts, except where an episode terminated."""
     for entries, how in certain:
         running = entries & ~np.asarray(terminated)
         if how == "terminate":
@@ -625,5 +523,100 @@ def _with_ends(
 
 
 def _some(entries: Entries) -> Entries | None:
-    """Return the mask; None if it is true nowhere."""
+    """Return the mask, or None if it is false everywhere."""
     return entries if np.count_nonzero(entries) else None
+
+
+class VectorTracks:
+    """The tracks of the environments that a view shows.
+
+    Args:
+        live: The view.
+        signals: The names of the columns of the tables.
+        requirements: The names of the requirements.
+        period: Seconds between samples; None if they have no time.
+        num: The number of environments.
+        render: Returns a picture of each environment.
+
+    Raises:
+        InputError: If the view shows an environment that does not exist.
+    """
+
+    def __init__(
+        self,
+        live: RerunView,
+        signals: Sequence[str],
+        requirements: Sequence[str],
+        period: float | None,
+        num: int,
+        render: Callable[[], Any],
+    ) -> None:
+        for index in live.environments:
+            if index not in range(num):
+                raise InputError(
+                    f"RerunView(environments=) names the environment {index!r}; the environments "
+                    f"are 0 to {num - 1}"
+                )
+        self._requirements = requirements
+        self._render, self._every = render, live.pictures
+        self._tracks: dict[int, Track] = {
+            index: live.track(signals, requirements, period, f"environment {index}")
+            for index in live.environments
+        }
+        if live.pictures is not None:
+            for track in self._tracks.values():
+                track.draw(None, live.pictures)
+
+    def shows(self, entries: Entries) -> bool:
+        """Return whether an environment of the mask is shown."""
+        return any(entries[index] for index in self._tracks)
+
+    def reset(self, table: Floats, monitor_set: VectorMonitorSet, entries: Entries | None) -> None:
+        """Start episodes with sample 0 in the environments of the mask; None: in all."""
+        for index, track in self._tracks.items():
+            if entries is None or entries[index]:
+                track.begin()
+                self._add(index, table, monitor_set)
+        self._draw([index for index in self._tracks if entries is None or entries[index]])
+
+    def step(
+        self,
+        table: Floats,
+        monitor_set: VectorMonitorSet,
+        begun: Entries | None,
+        resets: Entries | None,
+    ) -> None:
+        """Take a sample of every environment.
+
+        Args:
+            table: The values of the signals.
+            monitor_set: The monitors.
+            begun: The environments that the step has reset before; None: none.
+            resets: The environments that the step has reset after the samples, and that render
+                other samples; None: none.
+        """
+        for index, track in self._tracks.items():
+            if begun is not None and begun[index]:
+                track.begin()
+            self._add(index, table, monitor_set)
+        self._draw([index for index in self._tracks if resets is None or not resets[index]])
+
+    def end(self, monitor_set: VectorMonitorSet, entries: Entries) -> None:
+        """End the episodes in the environments of the mask."""
+        for index, track in self._tracks.items():
+            if entries[index]:
+                track.finish(*monitor_set.values_at(index))
+
+    def _add(self, index: int, table: Floats, monitor_set: VectorMonitorSet) -> None:
+        self._tracks[index].add(table[index].tolist(), *monitor_set.values_at(index))
+
+    def _draw(self, indexes: Sequence[int]) -> None:
+        """Take the pictures of the environments that are due for one."""
+        every = self._every
+        if every is None:
+            return
+        due = [index for index in indexes if not (self._tracks[index].samples - 1) % every]
+        frames: Any = self._render() if due else None
+        for index in due if frames is not None else ():
+            if frames[index] is not None:
+                self._tracks[index].picture(frames[index])

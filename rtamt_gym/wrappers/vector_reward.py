@@ -27,8 +27,8 @@ class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs
     """Shapes the rewards of all environments with the robustness of specifications.
 
     Each environment gets the reward that :class:`StlReward` around it would pay. The wrapper takes
-    the arguments of :class:`VectorStlMonitor` and contains one, or uses the one that is there
-    already. The rewards are float64; the environments' own stay in ``infos["reward"]``. In the
+    the arguments of :class:`VectorStlMonitor` and contains a monitor, or uses the monitor of the
+    environments. The rewards are float64; the environments' own stay in ``infos["reward"]``. In the
     autoreset mode ``NEXT_STEP``, a step that resets an environment pays the vector environment's
     reward: 0. With ``SAME_STEP`` the environment's reward of the last step of an episode is in
     ``infos["final_info"]["reward"]``, and ``observe="state"`` is appended to ``final_obs``. If a

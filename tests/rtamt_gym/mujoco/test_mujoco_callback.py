@@ -314,8 +314,8 @@ def test_a_program_that_sets_another_callback_is_told_at_the_end() -> None:
     finally:
         mujoco.set_mjcb_control(None)
     assert str(caught.value) == (
-        "expected mjcb_control as it was attached, but the program has set another: no samples "
-        "came since; set the controller before, it is called too"
+        "expected mjcb_control as it was attached, but the program has set another callback: "
+        "no samples came since; set the controller before, and the monitor calls it too"
     )
 
 

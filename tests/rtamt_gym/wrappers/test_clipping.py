@@ -310,7 +310,7 @@ VALUES = [0.5, 1.0, 8.5, 9.5, 2.0, 0.0]
 """Robustness of near: 9.5, 9, 1.5, 0.5, 0.5, 0.5; of far: -2.5, -2, 5.5, 6.5, 6.5, 6.5."""
 
 SAYS = (
-    "clip=1 flattens what observe='state' appends: at 60 of 60 samples of the first episodes the "
+    "clip=1 flattens the values of observe='state': at 60 of 60 samples of the first episodes the "
     "robustness of 'far' was outside of [-1, 1], where the observation is the same; it ranged from "
     "-2.5 to 6.5; take a clip= about that range, such as clip=6.5"
 )
@@ -346,7 +346,10 @@ def test_a_monitor_warns_once_at_the_end_of_the_tenth_episode() -> None:
         ({"clip": 6.5}, []),
         ({"clip": 5.5}, []),  # at 30 of 60: not at most
         ({"observe": None}, []),
-        ({"observe": "obligations", "clip": 2.25}, ["clip=2.25 flattens what observe='obligat"]),
+        (
+            {"observe": "obligations", "clip": 2.25},
+            ["clip=2.25 flattens the values of observe='obligat"],
+        ),
     ],
 )
 def test_half_of_the_samples_is_not_most(options: dict[str, Any], says: list[str]) -> None:

@@ -88,7 +88,7 @@ def test_the_monitor_may_be_below_other_wrappers() -> None:
             lambda: monitored([0, 3], None),
             (
                 "expected a monitor with cost=, got StlMonitor without; give it "
-                'cost="violation", or "depth", "latched" or "first"'
+                'cost="violation", "depth", "latched" or "first"'
             ),
         ),
         (

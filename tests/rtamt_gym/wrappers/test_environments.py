@@ -85,7 +85,7 @@ def pairs(*wraps: Wrap) -> pytest.MarkDecorator:
 @pytest.mark.slow(keep=8)
 @pairs(monitored, of_instants, shaped, observing, showing_state, showing_obligations)
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
-@pytest.mark.filterwarnings("ignore:clip=.* flattens what")  # it is narrow here
+@pytest.mark.filterwarnings("ignore:clip=.* flattens the values of")  # it is narrow here
 def test_gymnasium_checks(case: Case, wrap: Wrap) -> None:
     check_env(wrap(case), skip_render_check=True)
 

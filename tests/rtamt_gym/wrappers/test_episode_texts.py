@@ -196,7 +196,7 @@ def test_a_success_that_the_environment_reports_is_kept_and_said_once() -> None:
     env = StlMonitor(own_success(), INVARIANT, X, at_termination="complete")
     text = (
         f"{env.unwrapped} reports an is_success of its own, which is kept; "
-        'info["stl_success"] says whether the specifications are satisfied'
+        'info["stl_success"] is true if the specifications are satisfied'
     )
     infos: list[dict[str, Any]] = []
     assert warned(lambda: infos.extend(run(env)[-1] for _ in range(3))) == [text]

@@ -20,7 +20,9 @@ from vector_environments import MODES, Make, both, difference, native, trajector
 from rtamt.errors import InputError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 
-pytestmark = pytest.mark.filterwarnings("ignore:clip=.* flattens what")  # it is narrow here
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:clip=.* flattens the values of"
+)  # it is narrow here
 
 # But for that which shows a picture, to which nothing can be appended.
 cases = pytest.mark.parametrize(

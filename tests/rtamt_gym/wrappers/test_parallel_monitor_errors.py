@@ -99,7 +99,7 @@ class One(gym.Env[Any, Any]):
             InputTypeError,
             (
                 "expected a parallel environment of PettingZoo, got <One instance>, which has "
-                "one agent; StlMonitor is for it"
+                "one agent; use StlMonitor"
             ),
         ),
         (

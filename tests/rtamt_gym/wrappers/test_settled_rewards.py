@@ -23,7 +23,7 @@ from rtamt_gym import StlReward, VectorStlReward
 from rtamt_gym.shaping import Mode, outcome, settle
 
 pytestmark = [
-    pytest.mark.filterwarnings("ignore:clip=.* flattens what")  # it is narrow here
+    pytest.mark.filterwarnings("ignore:clip=.* flattens the values of")  # it is narrow here
 ]
 
 SPECS = {"dry": "always(x > 1)", "there": "eventually[0:4](x > 5)"}

@@ -383,7 +383,7 @@ def test_observations_that_cannot_grow_are_refused() -> None:
     )
     given = {"specs": "always(x > 1)", "signals": {"x": "obs['stl'][0]"}, "observe": "state"}
     assert refused(Places(Replay([1]), "stl"), **given) == (
-        "expected an observation space without the key 'stl', which the monitor's state takes; "
+        "expected an observation space without the key 'stl', where the monitor puts its state; "
         "rename it"
     )
     assert refused(Replay([1]), specs="always(x > 1)", signals=X, observe="all") == (

@@ -125,8 +125,8 @@ def test_a_step_that_does_not_step_the_simulation_as_expected_is_noticed() -> No
     with pytest.raises(StateError) as caught:
         env.step(np.zeros(1, np.float32))
     assert str(caught.value) == (
-        "expected a step of <OwnStep> to step its simulation, got none: it steps it in a way of "
-        "its own; leave out substeps=True"
+        "expected a step of <OwnStep> to step its simulation, got none: it steps it without "
+        "the function that is followed; leave out substeps=True"
     )
 
 

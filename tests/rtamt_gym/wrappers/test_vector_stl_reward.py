@@ -21,7 +21,7 @@ from rtamt_gym import StlReward, VectorStlMonitor, VectorStlReward
 from rtamt_gym.shaping import Mode
 
 pytestmark = [
-    pytest.mark.filterwarnings("ignore:clip=.* flattens what"),  # it is narrow here
+    pytest.mark.filterwarnings("ignore:clip=.* flattens the values of"),  # it is narrow here
     pytest.mark.filterwarnings("ignore:expected samples"),  # the period fits the bounds alone
 ]
 
