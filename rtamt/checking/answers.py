@@ -8,18 +8,18 @@ from typing import Literal
 
 from rtamt.renamed import OldName
 
-Says = Literal["yes", "no", "unknown"]
+AnswerWord = Literal["yes", "no", "unknown"]
 
 
-def worst(answers: Iterable[Says]) -> Says:
-    """Return ``"no"`` if there is one; otherwise ``"unknown"`` if there is one."""
-    several = {*answers}
-    return "no" if "no" in several else "unknown" if "unknown" in several else "yes"
+def worst(answers: Iterable[AnswerWord]) -> AnswerWord:
+    """Return ``"no"`` if an answer is no; otherwise ``"unknown"`` if one is unknown."""
+    words = {*answers}
+    return "no" if "no" in words else "unknown" if "unknown" in words else "yes"
 
 
 @dataclass(frozen=True, slots=True)
 class ExampleTrace:
-    """A trace with the verdict that was searched for, as the monitors judge it.
+    """A trace that the search returned, with the verdict that it searched for.
 
     Attributes:
         columns: The value of each variable at each sample.
@@ -41,7 +41,7 @@ class ExampleTrace:
         return f"by {count}, the last {last} again and again"
 
     def unrolled(self, variable: str) -> list[float]:
-        """Return the values of a variable, for three times the samples if the last ones repeat."""
+        """Return the values of a variable; a trace that repeats has three times its samples."""
         values = [*self.columns[variable]]
         more = 2 * self.samples if self.loop else 0
         again = values[self.samples - self.loop :]
@@ -54,18 +54,18 @@ class Answer:
 
     Attributes:
         answer: ``"yes"``, ``"no"`` or ``"unknown"``.
-        trace: If yes, such a trace, which the monitors have judged.
-        samples: If no, 0 if this is proved for all traces. Otherwise there is no such trace of up
-            to that many samples that then repeats its last 1 to 4 for ever, and no shorter trace
-            that ends.
-        why: The reason if it is unknown.
+        trace: If yes, the trace, as judged by the monitors.
+        samples: If no, 0 if this is proved for all traces. Otherwise, the number of samples of the
+            longest traces that were excluded: traces that repeat their last 1 to 4 samples for
+            ever, and shorter traces that end.
+        why: The reason if the answer is unknown.
         clash: If no, the parts that cannot hold together, as text, with the ranges and rates that
             contribute; empty if they explain nothing.
         places: Line and column of each text of `clash` in the specification, from 1; None for
             assumptions, declarations and parts without a place.
     """
 
-    answer: Says
+    answer: AnswerWord
     trace: ExampleTrace | None = None
     samples: int = 0
     why: str = ""
@@ -90,13 +90,13 @@ class Equivalence:
 
     Attributes:
         answer: ``"yes"``, ``"no"`` or ``"unknown"``.
-        trace: If no, a trace that satisfies one and violates the other, as the monitors judge it.
+        trace: If no, a trace that satisfies one and violates the other, as judged by the monitors.
         satisfied: If no, the requirement that the trace satisfies: ``"one"`` or ``"other"``.
         samples: If yes, 0 if this is proved for all traces; otherwise as in an `Answer` of no.
-        why: The reason if it is unknown.
+        why: The reason if the answer is unknown.
     """
 
-    answer: Says
+    answer: AnswerWord
     trace: ExampleTrace | None = None
     satisfied: Literal["one", "other", ""] = ""
     samples: int = 0
@@ -144,11 +144,11 @@ class CheckedRequirement:
     Attributes:
         text: The requirement.
         satisfiable: Whether a trace satisfies it.
-        falsifiable: Whether a trace violates it; a requirement without one demands nothing.
+        falsifiable: Whether a trace violates it; otherwise, the requirement demands nothing.
         triggers: For each implication, whether the requirement is satisfied by its answer on a
             trace.
         redundant: The redundant parts, without the parts inside them.
-        unknown: The parts for which redundancy is unknown, with the reason.
+        unknown: The parts that may be redundant, with the reason why this is unknown.
     """
 
     text: str
@@ -163,9 +163,11 @@ class CheckedRequirement:
     says = OldName("answer")
 
     @property
-    def answer(self) -> Says:
-        """``"no"`` if there is a defect, ``"yes"`` if there is none, or ``"unknown"``."""
-        parts: set[Says] = {"no"} if self.redundant else {"unknown"} if self.unknown else set()
+    def answer(self) -> AnswerWord:
+        """``"yes"`` without a defect, ``"no"`` with a defect, or ``"unknown"``."""
+        parts: set[AnswerWord] = (
+            {"no"} if self.redundant else {"unknown"} if self.unknown else set()
+        )
         answers = (self.satisfiable, self.falsifiable, *self.triggers.values())
         return worst({*parts, *(answer.answer for answer in answers)})
 
@@ -176,14 +178,14 @@ class Check:
 
     Attributes:
         requirements: The answers for each requirement, by name.
-        together: Whether a trace satisfies all satisfiable requirements; None if there is only one.
-        conflict: A smallest set of names of requirements that no trace satisfies together; empty
-            if there is no conflict, or this is unknown.
+        together: Whether a trace satisfies all satisfiable requirements; None for one requirement.
+        conflict: The names of a minimal set of requirements that no trace satisfies together;
+            empty without a conflict, or if this is unknown.
         triggers: For each requirement and implication of it, whether a trace that satisfies all
             requirements satisfies this one by the answer of the implication.
-        implied: Names of requirements that another one implies, with its name.
+        implied: Name of an implied requirement to the name of the requirement that implies it.
         equal: Pairs of names of requirements that the same traces satisfy.
-        unknown: Pairs of names for which implication is unknown, with the reason.
+        unknown: Pairs of names that may imply each other, with the reason why this is unknown.
         same: With ``same_as``, whether the same traces satisfy a requirement and its namesake, by
             name; everything else is empty then.
     """
@@ -201,10 +203,10 @@ class Check:
     says = OldName("answer")
 
     @property
-    def answer(self) -> Says:
-        """``"no"`` if there is a defect, ``"yes"`` if there is none, or ``"unknown"``.
+    def answer(self) -> AnswerWord:
+        """``"yes"`` without a defect, ``"no"`` with a defect, or ``"unknown"``.
 
-        A requirement that another one implies is reported, but is not a defect.
+        An implied requirement is reported, but is not a defect.
         """
         parts: list[CheckedRequirement | Answer | Equivalence] = [
             *self.requirements.values(),
@@ -213,7 +215,7 @@ class Check:
         ]
         if self.together is not None:
             parts.append(self.together)
-        pairs: set[Says] = {"no"} if self.equal else {"unknown"} if self.unknown else set()
+        pairs: set[AnswerWord] = {"no"} if self.equal else {"unknown"} if self.unknown else set()
         return worst({*pairs, *(part.answer for part in parts)})
 
     def traces(self) -> Iterator[tuple[str, str, ExampleTrace]]:

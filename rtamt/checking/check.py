@@ -27,7 +27,7 @@ _CONSTANTS: tuple[Literal["true", "false"], ...] = ("true", "false")
 _SIDES: tuple[Literal["one", "other"], ...] = ("one", "other")
 
 _Clash = list[tuple[str, tuple[int, int] | None]]
-"""Parts that clash, each with its line and column if it has any."""
+"""Parts that cannot hold together, with line and column; None for parts without a place."""
 
 
 def check(
@@ -43,12 +43,11 @@ def check(
 ) -> Check:
     """Check requirements for contradictions, tautologies, vacuity and redundancy.
 
-    For each requirement: can a trace satisfy it, can one violate it, can it be satisfied by the
-    answer of each implication, and does each part matter? For several: can one trace satisfy all,
-    and which requirements imply or equal another? Z3 checks the program of a requirement for traces
-    up to a horizon (bounded model checking). A yes comes with a trace that `judge` has judged. A no
-    is proved, or states the number of samples that were tried. Everything else is unknown, with the
-    reason.
+    For each requirement: can a trace satisfy it, can a trace violate it, can the answer of each
+    implication satisfy it, and does each part matter? For several: can one trace satisfy all, and
+    which requirements imply or equal another? Z3 searches for traces up to a horizon (bounded model
+    checking). The answer "yes" comes with a trace and its verdict from `judge`. The answer "no" is
+    proved, or states how many samples were tried. Everything else is unknown, with the reason.
 
     Args:
         specs: A specification, or several by name; each requirement is checked.
@@ -58,10 +57,11 @@ def check(
             of declarations and types are assumed too.
         rates: The minimum and maximum change of variables per second, or per sample if there is no
             period, such as ``{"x": (-2, 2)}``; assumed too.
-        same_as: Requirements with the same names, or a single one for a single one. Then the only
-            question is whether the same traces satisfy each requirement and its namesake.
-        horizon: The maximum number of samples of a trace. A requirement is checked with as many
-            as it needs; if it needs more, answers may be unknown.
+        same_as: Requirements with the same names as ``specs``, or one requirement if ``specs`` is
+            one. Then the only question is whether the same traces satisfy a requirement and its
+            namesake.
+        horizon: The maximum number of samples of a trace. If a requirement needs more, answers may
+            be unknown.
         timeout: The maximum time for each question, in seconds.
 
     Returns:
@@ -75,10 +75,10 @@ def check(
 
     Example:
         >>> import rtamt
-        >>> found = rtamt.check("always(x > 1 and (x > 0 or y > 2))")
-        >>> str(found.requirements["spec"].satisfiable), found.answer
+        >>> checked = rtamt.check("always(x > 1 and (x > 0 or y > 2))")
+        >>> str(checked.requirements["spec"].satisfiable), checked.answer
         ('yes, in 1 sample', 'no')
-        >>> print(*found.requirements["spec"].redundant)
+        >>> print(*checked.requirements["spec"].redundant)
         x > 0 or y > 2 demands nothing more (on traces of up to 16 samples)
         >>> rtamt.check({"low": "always(x < 3)", "high": "eventually(x > 5)"}).conflict
         ('low', 'high')
@@ -112,8 +112,8 @@ def equivalent(
 ) -> Equivalence:
     """Return whether the same traces satisfy two requirements.
 
-    If a trace satisfies one and violates the other, for certain, it is part of the answer, and the
-    monitors have judged it. The ranges that either requirement declares are assumed. See `check`.
+    If they differ, the answer has a trace that satisfies one requirement and violates the other, as
+    judged by the monitors. The ranges that either requirement declares are assumed. See `check`.
 
     Args:
         one: A requirement.
@@ -135,8 +135,8 @@ def equivalent(
         >>> import rtamt
         >>> str(rtamt.equivalent("not eventually[0:3](x > 3)", "always[0:3](x <= 3)"))
         'yes'
-        >>> apart = rtamt.equivalent("always(x < 3)", "always(x <= 3)")
-        >>> str(apart), dict(apart.trace.columns)
+        >>> answer = rtamt.equivalent("always(x < 3)", "always(x <= 3)")
+        >>> str(answer), dict(answer.trace.columns)
         ('no, in 1 sample: other is satisfied, one is violated', {'x': (3.0,)})
     """
     specs = {"one": as_specification(one), "other": as_specification(other)}
@@ -150,16 +150,16 @@ def equivalent(
 
 
 class RequirementQuestions:
-    """The common part of questions about requirements: a search for traces, and assumptions.
+    """The requirements of a call of `check`, with one search for traces and the assumptions.
 
-    Takes the arguments and raises the errors of `check`.
+    It has the arguments and raises the errors of `check`.
 
     Attributes:
         specs: The requirements by name.
         period: Seconds between samples, or None.
         end: The end mode.
         search: The search for traces.
-        assumed: The goal that every trace reaches, if there is one.
+        assumed: The goal that every trace must reach; empty without an assumption.
     """
 
     def __init__(
@@ -299,7 +299,7 @@ class _Checker:
         self.spec, self._questions = spec, questions
         self.program = questions.program(spec)
         self._signs = signs(spec.formula)
-        self._first = 1  # the smallest number of samples on which a part may matter
+        self._first = 1  # a part may matter only on traces of this length or more
 
     def checked(self) -> CheckedRequirement:
         """Return the answers."""
@@ -307,27 +307,29 @@ class _Checker:
         satisfiable = answer_of(satisfied, self._clash(satisfied) if satisfied.impossible else [])
         violated = self._find((self.program, False))
         falsifiable = answer_of(violated, _limits(violated))
-        asked: dict[str, Answer] = {}
+        triggers: dict[str, Answer] = {}
         if satisfiable.answer == "yes":
             for implication in implications(self.spec.formula):
                 answer = self._find((self.program, True), (self.unanswered(implication), False))
-                asked[str(implication)] = answer_of(answer)
-        idle: list[RedundantPart] = []
+                triggers[str(implication)] = answer_of(answer)
+        redundant: list[RedundantPart] = []
         unknown: dict[str, str] = {}
         if satisfiable.trace is not None and falsifiable.trace is not None:
             self._first = max(satisfiable.trace.samples, falsifiable.trace.samples)
-            never = {text for text, answer in asked.items() if answer.answer == "no"}
+            never = {text for text, answer in triggers.items() if answer.answer == "no"}
             covered: set[Node] = set()
             for node in self._parts():
-                result = None if node in covered or str(node) in never else self._idle(node)
+                result = None if node in covered or str(node) in never else self._redundant(node)
                 if result is None or isinstance(result, RedundantPart):
                     covered |= {*node.nodes()}
                 if isinstance(result, RedundantPart):
-                    idle.append(result)
+                    redundant.append(result)
                 elif result:
                     unknown[str(node)] = result
         text = str(self.spec.formula)
-        return CheckedRequirement(text, satisfiable, falsifiable, asked, tuple(idle), unknown)
+        return CheckedRequirement(
+            text, satisfiable, falsifiable, triggers, tuple(redundant), unknown
+        )
 
     def unanswered(self, implication: Formula) -> Program:
         """Return the program of the requirement without the answer of an implication."""
@@ -345,19 +347,19 @@ class _Checker:
             if isinstance(node, Formula) and node.args:  # not a constant
                 yield node
 
-    def _idle(self, node: Formula) -> RedundantPart | str:
-        """Return a redundant part; otherwise why this is unknown, or "" if the part matters."""
+    def _redundant(self, node: Formula) -> RedundantPart | str:
+        """Return a redundant part; otherwise the reason if unknown, or "" if the part matters."""
         search, why = self._questions.search, ""
         for instead in _CONSTANTS:
             other = self._with(replaced(self.spec.formula, {node: make(instead, ())}))
             # If the requirement only rises with the part, it only rises with true in its place.
-            ways = [
+            differences = [
                 self._questions.goals((other, holds), (self.program, not holds))
                 for holds in {sign == (instead == "true") for sign in self._signs[node]}
             ]
-            if len(ways) > 1 and any(map(search.seldom_changing, ways)):
+            if len(differences) > 1 and any(map(search.seldom_changing, differences)):
                 continue
-            answers = [search.find(goals, self._first) for goals in ways]
+            answers = [search.find(goals, self._first) for goals in differences]
             if all(answer.impossible for answer in answers):
                 return RedundantPart(str(node), instead, max(answer.samples for answer in answers))
             if all(answer.trace is None for answer in answers):
@@ -365,9 +367,9 @@ class _Checker:
         return why
 
     def _clash(self, result: SearchAnswer) -> _Clash:
-        """Return a smallest set of conjuncts that cannot hold together, and the limits needed.
+        """Return a minimal set of conjuncts and limits that cannot hold together.
 
-        It is empty if there is one conjunct and nothing else.
+        It is empty for a single conjunct without limits.
         """
         assumed, more = self._questions.assumed, _Clash()
         if assumed and self._questions.search.find([Goal(self.program, holds=True)]).trace:
@@ -394,7 +396,7 @@ def _limits(result: SearchAnswer) -> _Clash:
 
 
 def _fewest(places: list[int], find: Callable[[list[int]], SearchAnswer]) -> list[int]:
-    """Return places that no trace fulfils together, such that none of them can be left out."""
+    """Return a minimal set of places that no trace fulfils together."""
     result = find(places)
     fewest = [places[i] for i in result.core if i < len(places)] or places
     if len(fewest) < len(places) and not find(fewest).impossible:
@@ -432,9 +434,7 @@ def _checked_set(
     """Return the answers for requirements one by one and together."""
     if len(checked) == 1:
         return Check(checked)
-    names = [
-        name for name, checked_part in checked.items() if checked_part.satisfiable.answer == "yes"
-    ]
+    names = [name for name, part in checked.items() if part.satisfiable.answer == "yes"]
     programs = {name: checker.program for name, checker in checkers.items()}
 
     def all_of(places: Iterable[int]) -> list[tuple[Program, bool]]:
@@ -445,18 +445,17 @@ def _checked_set(
     fewest = _fewest(every, lambda places: q.find(*all_of(places))) if both.impossible else []
     conflict = tuple(names[i] for i in fewest)
     together = answer_of(both, [(name, None) for name in conflict]) if len(names) > 1 else None
-    asked: dict[tuple[str, str], Answer] = {}
+    triggers: dict[tuple[str, str], Answer] = {}
     if together and both.trace:
         for name in names:
             for implication in implications(checkers[name].spec.formula):
                 if checked[name].triggers[str(implication)].answer == "yes":
                     other = checkers[name].unanswered(implication)
-                    asked[name, str(implication)] = answer_of(
-                        q.find(*all_of(every), (other, False))
-                    )
+                    result = q.find(*all_of(every), (other, False))
+                    triggers[name, str(implication)] = answer_of(result)
     falsifiable = [name for name in names if checked[name].falsifiable.answer == "yes"]
     implied, equal, unknown = _implications(falsifiable, programs, q)
-    return Check(checked, together, conflict, asked, implied, equal, unknown)
+    return Check(checked, together, conflict, triggers, implied, equal, unknown)
 
 
 def _implications(
@@ -470,15 +469,15 @@ def _implications(
         one, other = programs[a], programs[b]
         if {*one.variables}.isdisjoint(other.variables):
             continue  # both can be satisfied and violated, independently
-        ways = q.find((one, True), (other, False)), q.find((other, True), (one, False))
-        forward, backward = (answer.impossible for answer in ways)
+        answers = q.find((one, True), (other, False)), q.find((other, True), (one, False))
+        forward, backward = (answer.impossible for answer in answers)
         if forward and backward:
             equal.append((a, b))
         elif forward:
             implied.setdefault(b, a)
         elif backward:
             implied.setdefault(a, b)
-        elif why := next((answer.why for answer in ways if answer.trace is None), ""):
+        elif why := next((answer.why for answer in answers if answer.trace is None), ""):
             unknown[a, b] = why
     return implied, tuple(equal), unknown
 
@@ -486,7 +485,7 @@ def _implications(
 def _pairs(
     specs: Spec | Mapping[str, Spec], others: Spec | Mapping[str, Spec]
 ) -> dict[str, tuple[Specification, Specification]]:
-    """Return requirements with their namesakes; a single one pairs with a single one.
+    """Return requirements with their namesakes; two single requirements are a pair.
 
     Raises:
         InputError: If a name is on one side only.
@@ -508,9 +507,9 @@ def _pairs(
 def _compared(one: Specification, other: Specification, q: RequirementQuestions) -> Equivalence:
     """Return whether the same traces satisfy two requirements.
 
-    Unbounded requirements are proved the same by the parts in which they differ: a suffix of a
-    trace is a trace, so parts that are the same on all traces are the same at each instant, if
-    they do not look back.
+    For unbounded requirements, a proof compares the parts that differ. A suffix of a trace is a
+    trace, so parts that are the same on all traces are the same at each instant if they do not look
+    back.
     """
     result = _difference(q.program(one), q.program(other), q, q.assumed)
     if result.answer != "yes" or not result.samples:

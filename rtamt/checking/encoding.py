@@ -4,8 +4,8 @@ The sign bit of a robustness is the truth of the formula, so a register is a tru
 is a conjunction, a maximum a disjunction, and the folds of windows act on truths as on numbers.
 There are two encodings. `truth` encodes each sample, in the worlds that
 `rtamt.machines.episode.machine` describes and in one more: a trace that repeats its last samples
-for ever. `truth_of_runs` encodes only the samples at which the trace may change, so that long
-windows cost no more than short ones; it covers only traces that change nowhere else.
+for ever. `truth_of_runs` encodes only the samples where the trace may change, so that long windows
+cost as little as short ones; it covers only traces that change nowhere else.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from rtamt.program.placement import positive
 from rtamt.program.program import Program
 
 _MAX_CORNERS: Final = 64
-"""The maximum number of window corners at which a trace may change."""
+"""The maximum number of window corners where a trace may change."""
 
 _MAX_GRID: Final = 256
-"""The maximum number of times on an even grid at which a trace may change."""
+"""The maximum number of times on an even grid where a trace may change."""
 
 
 class World(Enum):
-    """What follows the last sample; see `rtamt.machines.episode.machine`."""
+    """The assumption about the samples after the last; see `rtamt.machines.episode.machine`."""
 
     COMPLETE = "complete"
     LOWER = "lower"
@@ -47,7 +47,7 @@ class World(Enum):
 
     @property
     def open(self) -> World:
-        """The world that gives an unbounded future its value where nothing was recorded."""
+        """The world that gives an unbounded future its value at unrecorded times."""
         return World.LOWER if self is World.CUT_LOWER else World.UPPER
 
     @property
@@ -77,9 +77,9 @@ def truth(
         samples: The truths of terms.
         program: The program.
         count: The number of samples.
-        world: What follows the last sample.
+        world: The assumption about the samples after the last.
         loop: The number of last samples that repeat for ever in the endless world.
-        deadline: The value of `time.monotonic` at which to give up.
+        deadline: The latest `time.monotonic` for an answer.
 
     Raises:
         TimeoutError: After the deadline.
@@ -102,7 +102,7 @@ class _History:
 
     @property
     def start(self) -> int:
-        """The time from which it repeats."""
+        """The first time of the repeated values."""
         return len(self.values) - self.loop
 
 
@@ -158,7 +158,7 @@ class _Encoding:
         return self._periodic(register, start, lambda i: combine(o.at(i) for o in operands))
 
     def _periodic(self, register: int, start: int, value: Callable[[int], Truth]) -> _History:
-        """Return a history that repeats from ``start``, without times that nothing reads."""
+        """Return a history that repeats from ``start`` on, cut after the last time that is read."""
         until, loop = self._until[register], self._loop
         if until is not None and until < start + loop:
             start, loop = until, 1
@@ -208,12 +208,12 @@ class _Encoding:
 
 
 def _has_open_values(window: Window, world: World) -> bool:
-    """Return whether unrecorded times have the values that they have with an open end."""
+    """Return whether unrecorded times have the values of an open end."""
     return world.cut and (window.endless or window.hi is None)
 
 
 def _last_reads(program: Program) -> list[int | None]:
-    """Return the last time at which each register is read, or None if it is read for ever."""
+    """Return the last time that each register is read; None if it is read for ever."""
     until: list[int | None] = [0] * len(program.instructions)
     for register in range(program.result, program.terms - 1, -1):
         instruction, read = program.formula(register), until[register]
@@ -235,7 +235,7 @@ class _Folds:
     """Folds of truths over windows, which share their common parts.
 
     Attributes:
-        start: The time from which the elements repeat.
+        start: The first time of the repeated elements.
         nothing: The element outside of the trace.
     """
 
@@ -275,7 +275,7 @@ class _Folds:
         return total
 
     def _repeated(self, time: int) -> int:
-        """Return the first time with the same elements from there on."""
+        """Return the earliest time that has the same elements as a time, now and later."""
         return time if time <= self.start else self.start + (time - self.start) % self._loop
 
     def _element(self, time: int) -> TruthElement:
@@ -329,8 +329,7 @@ def truth_of_runs(
         graph: The graph to add truths to.
         samples: The truths of terms.
         program: The program.
-        times: The samples at which values may change, in order, from 0 on; the last run has no
-            end.
+        times: The samples where values may change, in order, from 0 on; the last run is endless.
     """
     program = positive(program).with_zero(-0.0)
     until = _last_reads(program)
@@ -359,7 +358,7 @@ def truth_of_runs(
 
 @dataclass(frozen=True, slots=True)
 class _Runs:
-    """A truth at all times from 0 on; each value holds until the next begin."""
+    """A truth at all times from 0 on; each value holds until the next start."""
 
     begins: Sequence[int]
     truths: Sequence[Truth]
@@ -405,7 +404,7 @@ def _window_runs(
 
 
 def change_times(programs: Iterable[Program], most: int) -> Iterator[tuple[int, ...]]:
-    """Yield more and more samples at which traces may change.
+    """Yield sets of samples where traces may change, from few to many.
 
     The first trace does not change. The second changes at the corners of windows and one sample
     later, the third also halfway between these times, and the last also at all multiples of half
@@ -462,7 +461,7 @@ ValueRange = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class VariableLimits:
-    """Limits that the values of variables keep on every trace.
+    """The ranges and rates of variables on every trace.
 
     Attributes:
         ranges: The minimum and maximum value of variables.
@@ -507,12 +506,12 @@ class VariableLimits:
         loop: int,
         room: float = 0.0,
     ) -> list[Truth]:
-        """Return for each limit of some variables whether it is kept.
+        """Return a truth for each limit of some variables: the trace keeps the limit.
 
         Args:
             graph: The graph to add truths to.
             variables: The variables.
-            times: The samples at which values may change, in order.
+            times: The samples where values may change, in order.
             loop: The number of last samples that repeat for ever; 0: the trace ends.
             room: The share of a step to leave free at both of its ends.
         """
@@ -550,8 +549,8 @@ class VariableLimits:
         )
         return [*ranges, *steps]
 
-    def kept(self, columns: Mapping[str, Sequence[float]], loop: int) -> bool:
-        """Return whether values keep all limits, also where the last ones start to repeat."""
+    def allow(self, columns: Mapping[str, Sequence[float]], loop: int) -> bool:
+        """Return whether values keep all limits, also at the step back to a repeated sample."""
         for name, (lower, upper) in self.ranges.items():
             if not all(lower <= value <= upper for value in columns.get(name, ())):
                 return False

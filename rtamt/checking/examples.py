@@ -1,13 +1,13 @@
 """`examples`: traces that satisfy and violate requirements, to read before trusting them.
 
-The examples are near misses. Each kind of example belongs to a version of the formula that is
-changed in one place, and is a trace on which the formula and this version differ. So only that
-place decides what the trace shows: a trace that satisfies a requirement, and would not with a
-window one sample shorter, is answered at the last moment. Near misses teach a concept (Winston,
-"Learning structural descriptions from examples", 1970).
+The examples are near misses. Each kind of example changes the formula in one place, and its trace
+gives the formula and the changed formula different verdicts. That place alone decides the verdict:
+if a trace satisfies a requirement, but would violate it with a window one sample shorter, the
+answer comes at the last moment. Near misses teach a concept (Winston, "Learning structural
+descriptions from examples", 1970).
 
-To add a kind of example: its name in `ExampleKind`, the change of one part that creates it in
-`_changes`, its rank in `_ORDER`, and a row of the table in ``docs/checking.md``. `Plainness` in
+To add a kind of example, add its name to `ExampleKind`, the change of one part that creates it to
+`_changes`, its rank to `_ORDER`, and a row to the table in ``docs/checking.md``. `Plainness` in
 `rtamt.checking.simplify` defines which values are plain.
 """
 
@@ -22,7 +22,7 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Final, Literal, cast
 
-from rtamt.checking.answers import Answer, ExampleTrace, Says, worst
+from rtamt.checking.answers import Answer, AnswerWord, ExampleTrace, worst
 from rtamt.checking.check import RequirementQuestions, answer_of
 from rtamt.checking.encoding import ValueRange
 from rtamt.checking.search import Goal
@@ -46,7 +46,7 @@ _CONTEXT: Final = 3
 """The minimum number of samples for a requirement with an unbounded window or a past operator."""
 
 _MAX_PROVED: Final = 64
-"""The maximum number of samples of a violation for which every shorter length is tried."""
+"""The maximum length of a violation that is proved to be the shortest by trying shorter ones."""
 
 ExampleKind = Literal[
     "satisfied",
@@ -77,7 +77,7 @@ class Example:
 
     Attributes:
         kinds: The points that it makes.
-        why: The same in a sentence.
+        why: These points in words.
         verdict: SATISFIED or VIOLATED, as `judge` returns it.
         robustness: The robustness that `judge` returns; None for a trace that repeats for ever.
         trace: The trace.
@@ -98,10 +98,10 @@ class RequirementExamples:
         text: The requirement.
         period: Seconds between samples; None: bounds are numbers of samples.
         satisfiable: Whether a trace satisfies it.
-        falsifiable: Whether a trace violates it; a requirement without one demands nothing.
+        falsifiable: Whether a trace violates it; otherwise, the requirement demands nothing.
         examples: The examples, the most informative first.
         missing: Points that no trace makes: that an implication is answered, or not answered.
-        unknown: Points for which the solver has no answer, with the reason.
+        unknown: Points that the solver could not decide, with the reason.
     """
 
     text: str
@@ -116,17 +116,17 @@ class RequirementExamples:
 
     @property
     def satisfied(self) -> tuple[Example, ...]:
-        """The examples that satisfy it."""
+        """The examples that satisfy the requirement."""
         return tuple(example for example in self.examples if example.verdict is Verdict.SATISFIED)
 
     @property
     def violated(self) -> tuple[Example, ...]:
-        """The examples that violate it."""
+        """The examples that violate the requirement."""
         return tuple(example for example in self.examples if example.verdict is Verdict.VIOLATED)
 
     @property
-    def answer(self) -> Says:
-        """``"yes"`` if traces satisfy and violate it, ``"no"`` if not, or ``"unknown"``."""
+    def answer(self) -> AnswerWord:
+        """``"yes"`` if some traces satisfy it and some violate it, ``"no"``, or ``"unknown"``."""
         return worst([self.satisfiable.answer, self.falsifiable.answer])
 
 
@@ -145,9 +145,9 @@ def examples(
 
     The traces are near misses: each differs in one respect from a trace with the other verdict. An
     answer comes at the last moment if a window one sample shorter would be violated; a comparison
-    just holds if it would fail with a threshold one unit further. Z3 finds the traces; then they
-    are simplified (few changes, round numbers) and judged by `judge`. The same arguments give the
-    same traces, unless time is over.
+    just holds if it would fail with a threshold one unit further away. Z3 finds the traces. They
+    are then simplified (few changes, round numbers) and judged by `judge`. The same arguments give
+    the same traces, unless the timeout ends the search.
 
     Args:
         specs: A specification, or several by name; each requirement has its own examples.
@@ -158,8 +158,8 @@ def examples(
             of declarations are assumed too.
         rates: The minimum and maximum change of variables, as for `check`.
         horizon: The maximum number of samples of a trace.
-        timeout: The maximum time for the satisfaction of a requirement, for its violation, and for
-            all other examples, in seconds.
+        timeout: The maximum time to satisfy a requirement, to violate it, and for all other
+            examples, in seconds each.
 
     Returns:
         The examples of each requirement, by its name.
@@ -167,14 +167,14 @@ def examples(
     Raises:
         ModuleNotFoundError: If Z3 is not installed; the extra ``check`` installs it.
         SpecificationError: If a requirement cannot be compiled: bounds that are not whole samples.
-        InputError: If the count or the horizon is below 1, the timeout not above 0, there is no
-            requirement, or no trace satisfies the assumptions.
+        InputError: If the count or the horizon is below 1, the timeout is not above 0, the mapping
+            is empty, or no trace satisfies the assumptions.
 
     Example:
         >>> import rtamt
         >>> text = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
-        >>> for each in rtamt.examples(text, count=5)["spec"].examples:
-        ...     print(f"{each.robustness:g}, {each.why}")
+        >>> for example in rtamt.examples(text, count=5)["spec"].examples:
+        ...     print(f"{example.robustness:g}, {example.why}")
         1, triggered and answered
         -1, the shortest violation; triggered and not answered
         3, never triggered
@@ -235,13 +235,13 @@ class _ExampleSearch:
             text, self._period, answers[True], answers[False], shown, tuple(missing), unknown
         )
 
-    def _add(self, found: dict[object, Example], miss: NearMiss, trace: ExampleTrace) -> None:
+    def _add(self, by_trace: dict[object, Example], miss: NearMiss, trace: ExampleTrace) -> None:
         """Add an example, or its point to an example with the same trace."""
         key = trace.samples, trace.loop, tuple(trace.columns.items())
-        known = found.get(key)
+        known = by_trace.get(key)
         if known is not None:
             kinds = tuple(dict.fromkeys((*known.kinds, miss.kind)))
-            found[key] = replace(known, kinds=kinds, why=f"{known.why}; {miss.why}")
+            by_trace[key] = replace(known, kinds=kinds, why=f"{known.why}; {miss.why}")
             return
         robustness: float | None = None
         if not trace.loop:
@@ -249,12 +249,12 @@ class _ExampleSearch:
             n = None if columns else trace.samples
             robustness = judge(self._spec, columns, self._period, self._end, n=n).robustness
         verdict = Verdict.SATISFIED if miss.holds else Verdict.VIOLATED
-        found[key] = Example((miss.kind,), miss.why, verdict, robustness, trace)
+        by_trace[key] = Example((miss.kind,), miss.why, verdict, robustness, trace)
 
     def _trace(
         self, miss: NearMiss, known: ExampleTrace, deadline: float
     ) -> tuple[ExampleTrace | None, str]:
-        """Return the trace of a near miss; otherwise why it is unknown, or "" if there is none."""
+        """Return the trace of a near miss; otherwise the reason if unknown, or "" if impossible."""
 
         def compiled(formulas: Sequence[tuple[Formula, bool]]) -> list[tuple[Program, bool]]:
             return [(self._questions.program(self._spec, f), holds) for f, holds in formulas]
@@ -280,7 +280,7 @@ class _ExampleSearch:
         return None, why
 
     def _lengths(self, known: int) -> Iterator[int]:
-        """Yield numbers of samples, from the smallest that shows bounded windows completely."""
+        """Yield lengths of traces; the first shows all bounded windows completely."""
         least = self._shortest_length
         tried = [least, least + 1, least + 2, 2 * least, known]
         yield from (n for n in dict.fromkeys(tried) if least <= n <= self._horizon)
@@ -288,7 +288,7 @@ class _ExampleSearch:
     def _shortest(
         self, miss: NearMiss, goals: Sequence[Goal], known: ExampleTrace, deadline: float
     ) -> tuple[ExampleTrace, NearMiss]:
-        """Return the shortest violation, or a violation whose text does not claim that."""
+        """Return the shortest violation; without a proof, its text does not claim that."""
         proved = not known.loop and known.samples <= _MAX_PROVED
         shorter = range(1, known.samples) if proved else self._lengths(known.samples)
         for samples in () if known.loop else shorter:
@@ -301,7 +301,7 @@ class _ExampleSearch:
         return trace, miss if proved else replace(miss, why="a violation")
 
     def _simplified(self, trace: ExampleTrace, goals: Sequence[Goal]) -> ExampleTrace:
-        """Return a simpler trace that the monitors judge the same, or the trace itself."""
+        """Return a simpler trace with the same verdicts, or the trace itself."""
         truths = self._search.truths(goals, trace.samples, trace.loop)
         monitors = None
         if not trace.loop:
@@ -332,10 +332,10 @@ class NearMiss:
 
     Attributes:
         kind: The point that it makes.
-        why: The same in words.
+        why: This point in words.
         also: Other formulas, and whether each holds on the trace.
-        wished: More of them, which are left out if no trace has them.
-        holds: Whether it satisfies the formula; otherwise it violates it.
+        wished: Further formulas that are dropped if no trace can fulfil them.
+        holds: Whether the trace satisfies the formula; otherwise, it violates it.
     """
 
     kind: ExampleKind
@@ -392,11 +392,11 @@ class _Change:
 
     Attributes:
         kind: The point of its examples.
-        why: The same in words.
+        why: This point in words.
         node: The part.
         instead: Its replacement.
         lowers: Whether the replacement implies the part; otherwise the part implies it.
-        otherwise: The words where the formula falls with the part, if they differ.
+        otherwise: The words if the formula falls when the part rises; empty: the same words.
     """
 
     kind: ExampleKind
@@ -412,7 +412,7 @@ def _make(name: str, *args: object, interval: Interval | None = None) -> Formula
 
 
 def _of_implications(formula: Formula, step: Fraction | None, unit: str) -> Iterator[NearMiss]:
-    """Yield for each implication an answer, a trigger without answer, and no trigger."""
+    """Yield three near misses for each implication: answered, unanswered and never triggered."""
     every = implications(formula)
     for item in every:
         name = f": {item}" if len(every) > 1 else ""
@@ -430,7 +430,7 @@ def _of_implications(formula: Formula, step: Fraction | None, unit: str) -> Iter
 
 
 def _inside(implication: Formula, step: Fraction | None, unit: str) -> Formula:
-    """Return an implication whose answer comes neither at the first nor at the last moment."""
+    """Return the implication with a window that excludes its first and its last moment."""
     request, answer = implication.args
     for node in [*answer.nodes()]:
         interval = node.interval
@@ -479,7 +479,7 @@ _FIRSTS: Final[Mapping[str, Callable[[Formula], Formula]]] = {
 
 
 def _of_parts(node: Formula) -> Iterator[_Change]:
-    """Yield the only part of ``and`` that fails, of ``or`` that holds."""
+    """Yield changes where one part alone decides: it fails in ``and``, or holds in ``or``."""
     every = _name(node) == "and"
     for i, part in enumerate(node.args):
         remainder = (*node.args[:i], *node.args[i + 1 :])
@@ -512,17 +512,17 @@ def _of_window(node: Formula, step: Fraction | None, unit: str) -> Iterator[_Cha
         beyond, before = f"one sample {late}", f"one sample {early}"
     last, first = ("earliest", "latest") if past else ("last", "first")
     begin, end = interval.begin, interval.end
-    ways: list[tuple[ExampleKind, str, Fraction, Fraction | None, bool]] = []
+    moves: list[tuple[ExampleKind, str, Fraction, Fraction | None, bool]] = []
     if end is not None:
-        ways += [
+        moves += [
             ("last moment", f"at the {last} moment of", begin, end - one, True),
             ("too late", beyond, begin, end + one, False),
         ]
-    ways += [
+    moves += [
         ("first moment", f"at the {first} moment of", begin + one, end, True),
         ("too early", before, begin - one, end, False),
     ]
-    for kind, moment, low, high, narrower in ways:
+    for kind, moment, low, high, narrower in moves:
         if low < 0 or (high is not None and high < low):
             continue
         with suppress(SpecificationError):  # a bound without a decimal number
@@ -556,7 +556,7 @@ def _of_threshold(node: Formula) -> Iterator[_Change]:
 
 
 def _of_equality(node: Formula) -> Iterator[_Change]:
-    """Yield an equality on either side of its threshold, up to one unit of the last digit away."""
+    """Yield both sides of an equality, up to one unit of the last digit from its threshold."""
     for more, inner, outer, side in ((1.0, ">=", "<=", "above"), (-1.0, "<=", ">=", "below")):
         beyond = _moved(node, more * _unit(node))
         near = _make(inner, *node.args) & _make(outer, *beyond.args)

@@ -28,7 +28,7 @@ TruthElement = tuple[Truth, ...]
 """The operands of a window at one time."""
 
 TermTruths = Callable[[Program, int, int], Truth]
-"""Return whether the sign bit of a program's register is clear at a sample."""
+"""Returns whether the sign bit of a program's register is clear at a sample."""
 
 
 class Graph:
@@ -86,7 +86,7 @@ class Graph:
         return () if not content or isinstance(content[0], str) else content
 
     def reached(self, truths: Iterable[Truth]) -> list[int]:
-        """Return the nodes on which truths depend, each after the nodes on which it depends."""
+        """Return all nodes that truths depend on; a node comes after its parts."""
         seen: set[int] = set()
         stack = [truth >> 1 for truth in truths]
         while stack:
@@ -123,7 +123,7 @@ def term_value(term: TermKey, load: Callable[[str, int], float]) -> float | Frac
 
 
 def atom_value(atom: Atom, load: Callable[[str, int], float]) -> bool | None:
-    """Return whether an atom holds, or None if one of its terms is nan."""
+    """Return whether an atom holds; None if a term is nan."""
     x, y = term_value(atom[1], load), term_value(atom[2], load)
     if math.isnan(x) or math.isnan(y):
         return None
@@ -145,7 +145,7 @@ def _minus(x: float, y: float) -> float | Fraction:
 
 
 def unknown_samples(graph: Graph) -> TermTruths:
-    """Return terms of unknown samples, whose comparisons are atoms of a graph."""
+    """Return terms of unknown samples; their comparisons are atoms of a graph."""
 
     @functools.cache
     def number(program: Program, register: int, sample: int) -> TermKey:
@@ -186,7 +186,7 @@ def _comparison(graph: Graph, function: str, x: TermKey, y: TermKey) -> Truth:
 
 
 def known_samples(columns: Mapping[str, Sequence[float]]) -> TermTruths:
-    """Return terms of known samples, which raise ValueError for a term that is nan."""
+    """Return terms of known samples; a term that is nan raises ValueError."""
 
     def value(program: Program, register: int, sample: int) -> float:
         match program.term(register):
@@ -232,9 +232,9 @@ def exact_sides(x: TermKey, y: TermKey) -> tuple[TermKey, TermKey]:
 
 
 def _reduced(term: TermKey, number: float) -> tuple[TermKey, TermKey, bool] | None:
-    """Take one exact operation off a term that is compared with a number.
+    """Return both sides without one exact operation of a term that is compared with a number.
 
-    Returns the two sides and whether they change places, or None if no operation is exact.
+    The last value is whether the sides change places. None if the term has no exact operation.
     """
     function, *parts = term
     keys = [cast("TermKey", part) for part in parts] if function in _EXACT else []

@@ -1,9 +1,9 @@
-"""The search for a trace on which some formulas hold and others fail, for certain.
+"""The search for a trace that certainly satisfies some formulas and violates others.
 
-Finite traces are tried first, short ones before long ones; the end mode defines what is certain
-there. A formula with an unbounded future may have no finite trace: then the search tries traces
-whose last samples repeat for ever. There is no trace at all if already a prefix decides, so that
-nothing that follows could help.
+The search tries finite traces first, short before long; the end mode defines which verdicts are
+certain there. If a formula with an unbounded future has no finite trace, the search tries traces
+that repeat their last samples for ever. No trace exists if every prefix of some length decides
+against the goals.
 """
 
 from __future__ import annotations
@@ -43,19 +43,18 @@ from rtamt.program.program import Program
 _LOOPS: Final = (1, 2, 3, 4)
 _PROOFS: Final = (1, 2, 4)
 _SHORT: Final = 32
-"""Any trace of up to that many samples is tried first; above, traces that change seldom."""
+"""The length up to which the search tries all traces first; above it, traces that change seldom."""
 
 _MAX_REPEATED: Final = 1000
-"""The maximum number of samples of a trace that repeats its last ones."""
+"""The maximum number of samples of a trace that repeats its last samples."""
 
 _MAX_KNOWN: Final = 200
 """The maximum number of earlier traces that are tried before the solver."""
 
 _ROOM: Final = 1e-9
-"""The share of a step that is left free for the rounding of values."""
+"""The share of a step that stays free for the rounding of values."""
 
 _FAR: Final = 2**40
-_FREE: Final = VariableLimits()
 _ENDS: Final[Mapping[End, tuple[World, World]]] = {
     "complete": (World.COMPLETE, World.COMPLETE),
     "cut": (World.CUT_LOWER, World.CUT_UPPER),
@@ -77,12 +76,12 @@ class SearchAnswer:
 
     Attributes:
         trace: The trace, or None.
-        none: Whether there is no trace, however long.
-        samples: There is no trace of up to that many samples that then repeats its last ones; 0 if
+        none: Whether a trace of any length is impossible.
+        samples: The length up to which traces that repeat their last samples are impossible; 0 if
             this is unknown.
         why: The reason if the answer is unknown.
-        core: Places of goals that cannot be reached together; empty if there is a trace, or this
-            is unknown.
+        core: Places of goals that cannot be reached together; empty with a trace, or if this is
+            unknown.
         limits: The ranges and rates that contribute to the core, in words.
     """
 
@@ -95,7 +94,7 @@ class SearchAnswer:
 
     @property
     def impossible(self) -> bool:
-        """Whether there is no trace, at least up to `samples`."""
+        """Whether a trace is impossible, at least up to `samples`."""
         return self.none or bool(self.samples)
 
 
@@ -106,7 +105,7 @@ class _Shape:
     Attributes:
         samples: The number of samples.
         loop: The number of last samples that repeat for ever; 0 if traces end.
-        times: The samples at which values may change; None for all.
+        times: The samples where values may change; None: all samples.
     """
 
     samples: int
@@ -123,7 +122,7 @@ class WitnessSearch:
         horizon: The maximum number of samples of a trace.
         timeout: The maximum time of one search, in seconds.
         integers: The variables that are integers.
-        limits: The limits that the values of variables keep.
+        limits: The ranges and rates of variables.
     """
 
     def __init__(
@@ -132,8 +131,8 @@ class WitnessSearch:
         end: End,
         horizon: int,
         timeout: float,
-        integers: frozenset[str] = frozenset(),
-        limits: VariableLimits = _FREE,
+        integers: frozenset[str],
+        limits: VariableLimits,
     ) -> None:
         self._period, self._end, self._horizon, self._timeout = period, end, horizon, timeout
         self.graph, self.integers, self.limits = Graph(), integers, limits
@@ -188,7 +187,7 @@ class WitnessSearch:
     def of_length(
         self, goals: Sequence[Goal], count: int, deadline: float
     ) -> tuple[ExampleTrace | None, str]:
-        """Return a trace of ``count`` samples, or None and the reason why there may be one."""
+        """Return a trace of ``count`` samples; otherwise None and the reason if this is unknown."""
         try:
             truths = self.truths(goals, count, 0, deadline)
         except TimeoutError:
@@ -205,7 +204,7 @@ class WitnessSearch:
             goals: The goals.
             count: The number of samples of the traces.
             loop: The number of last samples that repeat for ever; 0: the traces end.
-            deadline: The value of `time.monotonic` at which to give up.
+            deadline: The latest `time.monotonic` for an answer.
 
         Raises:
             TimeoutError: After the deadline.
@@ -224,7 +223,7 @@ class WitnessSearch:
         return self.limits.truths(self.graph, _variables(goals), times, loop, room)
 
     def _length(self, goals: Sequence[Goal]) -> tuple[int | None, int]:
-        """Return the samples that decide goals, None if no number does, and the most to try."""
+        """Return the number of samples that decides the goals, or None, and the longest to try."""
         needed = [split(goal.program, _FAR, best=False).needed for goal in goals]
         decisive = None if None in needed else max(n or 1 for n in needed)
         return decisive, min(self._horizon, _ample(goals) if decisive is None else decisive)
@@ -277,7 +276,7 @@ class WitnessSearch:
     def _find_finite(
         self, goals: Sequence[Goal], count: int, deadline: float, *, proves: bool
     ) -> SearchAnswer:
-        """Return a trace of ``count`` samples, or whether no trace starts like one of them."""
+        """Return a trace of ``count`` samples, or whether its length excludes longer traces too."""
         truths = self.truths(goals, count, 0, deadline)
         known = self._known_trace(truths, goals, count)
         if known is not None:
@@ -302,7 +301,7 @@ class WitnessSearch:
     def _find_endless(
         self, goals: Sequence[Goal], most: int, deadline: float, why: str
     ) -> SearchAnswer:
-        """Return a trace whose last samples repeat for ever."""
+        """Return a trace that repeats its last samples for ever."""
         places: set[int] = set()
         for loop in _LOOPS:
             for count in sorted({min(2 * loop, most), most}):
@@ -337,7 +336,7 @@ class WitnessSearch:
     def _solve(
         self, truths: Sequence[Truth], goals: Sequence[Goal], shape: _Shape, deadline: float
     ) -> tuple[ExampleTrace | None, str, tuple[int, ...] | None]:
-        """Return a trace; otherwise why there may be one, or the places of truths that clash."""
+        """Return a trace; otherwise the reason if unknown, or the places of truths that clash."""
         why = ""
         exact = is_exact(self.graph, truths)
         for wide in (False,) if exact else (False, True):
@@ -363,7 +362,7 @@ class WitnessSearch:
         before: Solution,
         deadline: float,
     ) -> ExampleTrace | None:
-        """Return a trace with room for rounding, after a solution whose values have none."""
+        """Return a trace with room for rounding, after a solution without it."""
         more = self._limit_truths(goals, shape, _ROOM) if self.limits.steps else []
         if before.free:
             more += self._points.choices(truths)
@@ -379,7 +378,7 @@ class WitnessSearch:
         columns: dict[str, tuple[float, ...]] = {}
         for variable in _variables(goals):
             values: list[float] = []
-            for sample in range(shape.samples):  # a value without effect equals the one before
+            for sample in range(shape.samples):  # a value without effect repeats the previous value
                 before = values[-1] if values else self._usual(variable)
                 values.append(solution.loads.get((variable, sample), before))
             columns[variable] = tuple(values)
@@ -389,8 +388,8 @@ class WitnessSearch:
                 return None
             # It may reach the goals if its last value is repeated for ever.
             count = shape.times[-1] + 1
-            begins = {name: values[:count] for name, values in columns.items()}
-            confirmed = ExampleTrace(begins, count, 1)
+            prefix = {name: values[:count] for name, values in columns.items()}
+            confirmed = ExampleTrace(prefix, count, 1)
             if not self.confirmed(confirmed, goals):
                 return None
         if not shape.loop:
@@ -398,7 +397,7 @@ class WitnessSearch:
         return confirmed
 
     def _usual(self, variable: str) -> float:
-        """Return the value of a variable where it has no effect."""
+        """Return the value of a variable at samples where it has no effect."""
         lower, upper = self.limits.ranges.get(variable, (0.0, 0.0))
         return min(max(0.0, lower), upper)
 
@@ -407,8 +406,8 @@ class WitnessSearch:
         return f"no answer within {self._timeout:g} s"
 
     def confirmed(self, trace: ExampleTrace, goals: Sequence[Goal]) -> bool:
-        """Return whether the monitors judge that a trace reaches all goals, within its limits."""
-        return self.limits.kept(trace.columns, trace.loop) and reaches(
+        """Return whether a trace keeps the limits and reaches all goals, as judged by monitors."""
+        return self.limits.allow(trace.columns, trace.loop) and reaches(
             trace, goals, self._period, self._end
         )
 
@@ -418,7 +417,7 @@ def _variables(goals: Sequence[Goal]) -> list[str]:
 
 
 def _lengths(most: int, first: int) -> list[int]:
-    """Return numbers of samples, each twice the one before, up to ``most``."""
+    """Return lengths that double, from ``first`` up to ``most``."""
     lengths = [min(first, most)]
     while lengths[-1] * 2 < most:
         lengths.append(lengths[-1] * 2)
@@ -426,7 +425,7 @@ def _lengths(most: int, first: int) -> list[int]:
 
 
 def _ample(goals: Sequence[Goal]) -> int:
-    """Return twice the reach of all windows, for goals that no number of samples decides."""
+    """Return twice the reach of all windows, for goals that are never decided."""
     reach = sum(
         abs(bound)
         for goal in goals
@@ -445,7 +444,7 @@ def _doubt(solution: Solution) -> str:
 
 
 def reaches(trace: ExampleTrace, goals: Sequence[Goal], period: Fraction | None, end: End) -> bool:
-    """Return whether the monitors judge that a trace reaches all goals.
+    """Return whether a trace reaches all goals, as judged by the monitors.
 
     Args:
         trace: The trace.
@@ -461,7 +460,7 @@ def reaches(trace: ExampleTrace, goals: Sequence[Goal], period: Fraction | None,
                 result = truth(Graph(), samples, program, count, World.ENDLESS, trace.loop)
                 if (result == TRUE) is not goal.holds:
                     return False
-            # The monitors see a part of an endless trace; they must not contradict its truth.
+            # The monitors see only a part of an endless trace; they must not contradict its truth.
             verdict = _judged(trace, program, period, "open" if trace.loop else end).verdict
         except ValueError:
             return False
@@ -476,7 +475,7 @@ def shortened(
 ) -> ExampleTrace:
     """Return a prefix of a trace that also reaches all goals.
 
-    It ends at the sample that decides the verdicts, or soon after if the verdict needs the end.
+    It ends at the sample that decides the verdicts, or later if a verdict needs the end.
     """
     decided = [_judged(trace, goal.program, period, end).decided_at for goal in goals]
     count = 1 + max((int(sample) for sample in decided if sample is not None), default=0)
@@ -496,12 +495,12 @@ def _judged(trace: ExampleTrace, program: Program, period: Fraction | None, end:
 
 
 class KnownTrace:
-    """A trace on which each truth of a graph is true, false or unknown.
+    """A trace that gives each truth of a graph a value: true, false or unknown.
 
     Args:
         graph: The graph.
         columns: The value of each variable at each sample.
-        other: Return the value of a variable that the trace does not have.
+        other: Returns the value of a variable that the trace does not have.
     """
 
     def __init__(
@@ -514,7 +513,7 @@ class KnownTrace:
         self._known: dict[int, bool | None] = {0: False}
 
     def fulfils(self, truths: Sequence[Truth]) -> bool:
-        """Return whether truths are true on it, for certain."""
+        """Return whether all truths are certainly true on the trace."""
         return all(self._at(truth) is True for truth in truths)
 
     def _at(self, truth: Truth) -> bool | None:

@@ -1,4 +1,4 @@
-"""Simpler traces: as few changes and as simple numbers as the truths on a trace allow."""
+"""Simpler traces: fewer changes and simpler numbers, with the same truths."""
 
 from __future__ import annotations
 
@@ -23,16 +23,17 @@ _RUN: Final = 0.5
 _LATE: Final = 0.001
 _AT_BORDER: Final = 3.0
 _ODD: Final = 6.0
-"""Costs of a change of a value, a change of any value, a late value, a threshold, an odd value."""
+"""The costs of a change of a value, of a sample with changes, of a late value, of a threshold as a
+value, and of an odd value."""
 
 _WORK: Final = 1_000_000
 """The maximum number of graph nodes and terms to evaluate for one trace."""
 
 _SAMPLES_PER_NODE: Final = 5
-"""The number of samples of a monitor that take as long as a node of a graph."""
+"""The number of monitored samples that cost as much as a node of a graph."""
 
 _FEW: Final = 12
-"""Every run is tried in traces of up to that many samples."""
+"""The maximum length of a trace for which every run of samples is tried."""
 
 _Columns = Mapping[str, Sequence[float]]
 
@@ -49,7 +50,7 @@ def last_digit(value: float) -> float:
 
 
 class GoalMonitors:
-    """Monitors that quickly find that a finite trace misses its goals.
+    """Monitors that quickly reject a finite trace that misses its goals.
 
     Attributes:
         work: The cost of a trace, in nodes of a graph.
@@ -61,7 +62,7 @@ class GoalMonitors:
         samples: The number of samples of traces.
 
     Raises:
-        SpecificationError: If there is no episode monitor for one of the formulas.
+        SpecificationError: If an episode monitor cannot run one of the formulas.
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class GoalMonitors:
         self.work = 1 + samples * len(self._monitors) // _SAMPLES_PER_NODE
 
     def __call__(self, columns: _Columns) -> bool:
-        """Return whether a trace reaches the goals; False if a term is nan on it."""
+        """Return whether a trace reaches the goals; False if a term is nan."""
         for monitor, holds in self._monitors:
             monitor.reset()
             try:
@@ -93,7 +94,7 @@ class GoalMonitors:
 class Plainness:
     """The plain values of variables, each with a cost.
 
-    A value is plain if it is clearly on one side of each threshold; 0 is the plainest one.
+    A value is plain if it is clearly on one side of each threshold; 0 is the plainest value.
 
     Args:
         formulas: The formulas with the thresholds.
@@ -125,7 +126,7 @@ class Plainness:
         self.values = {name: self._ranked(name, [*borders[name]]) for name in borders}
 
     def cost(self, name: str, value: float) -> float:
-        """Return how far from plain a value is."""
+        """Return the cost of a value; 0 for the plainest."""
         known = self.values[name].get(value) if name in self.values else abs(value) or 0.0
         return _ODD + 0.1 * len(repr(value)) if known is None else known
 
@@ -154,7 +155,7 @@ class Plainness:
 
 
 def _distance(border: float) -> float:
-    """Return the distance from a threshold at which a value is clearly on one side."""
+    """Return the minimum distance of a value that is clearly on one side of a threshold."""
     tenth = 10.0 ** (math.floor(math.log10(abs(border))) - 1) if border else 1.0
     return max(last_digit(border), tenth)
 
@@ -166,18 +167,18 @@ def simplified(
     plainness: Plainness,
     monitors: GoalMonitors | None = None,
 ) -> ExampleTrace:
-    """Return a simpler trace on which truths hold too.
+    """Return a simpler trace that keeps the truths.
 
     Runs of samples get plainer values as long as the truths hold, the largest gain first.
 
     Args:
-        trace: A trace on which the truths hold.
+        trace: A trace that fulfils the truths.
         graph: The graph of the truths.
         truths: The truths.
         plainness: The plain values.
-        monitors: Monitors that quickly find that truths fail; None: there are none.
+        monitors: Monitors that quickly reject a trace; None: only the graph decides.
     """
-    holds = _Test(graph, truths, monitors)
+    holds = _TruthTest(graph, truths, monitors)
     columns: _Columns = trace.columns
     if not holds(columns):
         return trace
@@ -196,7 +197,7 @@ def simplified(
     return ExampleTrace(simple, trace.samples, trace.loop)
 
 
-def _halved(columns: _Columns, holds: _Test, plainness: Plainness) -> _Columns:
+def _halved(columns: _Columns, holds: _TruthTest, plainness: Plainness) -> _Columns:
     """Return columns with plain values in the whole trace, in halves, quarters and so on."""
     count = max((len(values) for values in columns.values()), default=0)
     size = count
@@ -244,7 +245,7 @@ def _changes(columns: _Columns, plainness: Plainness, cost: float, *, loop: int)
 
 
 def _runs(columns: _Columns, plainness: Plainness) -> Iterator[tuple[str, list[float]]]:
-    """Yield columns with a plain value in a run of samples."""
+    """Yield a variable and its column with one plain value in a run of samples."""
     rows = [*zip(*columns.values(), strict=True)]
     cuts = {0, 1, len(rows) - 1, len(rows)}
     for i, (x, y) in enumerate(itertools.pairwise(rows)):
@@ -281,7 +282,7 @@ def _equal_runs(values: Sequence[object]) -> Iterator[tuple[int, int]]:
 
 
 def _earlier(columns: _Columns, plainness: Plainness) -> Iterator[_Columns]:
-    """Yield columns, all of them or one, that are moved some samples earlier."""
+    """Yield columns with all variables, or one variable, moved some samples earlier."""
 
     def moved(name: str, values: Sequence[float], step: int) -> list[float]:
         return [*values[step:], *[plainness.of(name)[0]] * step]
@@ -294,7 +295,7 @@ def _earlier(columns: _Columns, plainness: Plainness) -> Iterator[_Columns]:
 
 
 def _steps(values: Sequence[object]) -> Iterator[int]:
-    """Yield numbers of samples by which to move values: to a change, and by halves."""
+    """Yield numbers of samples to move values by: up to a change, and halves of the length."""
     count, starts = len(values), itertools.islice(_equal_runs(values), 1, _FEW)
     halves = itertools.takewhile(bool, (count >> power for power in itertools.count(1)))
     yield from dict.fromkeys([*(begin for begin, _ in starts), *halves])
@@ -307,8 +308,8 @@ def _rounded(values: Iterable[float]) -> Iterable[float]:
             yield from (round(value, digits) + 0.0 for digits in (0, 1, 2))
 
 
-class _Test:
-    """A compiled test whether truths hold on columns.
+class _TruthTest:
+    """A compiled test of truths on columns.
 
     Attributes:
         work: The number of nodes and terms that it has evaluated.

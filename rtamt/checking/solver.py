@@ -1,10 +1,10 @@
-"""Whether truths of a `Graph` can be true together, asked of Z3.
+"""The questions to Z3: can truths of a `Graph` be true together?
 
-Numbers are reals there, a model of doubles, with two models of arithmetic. In the exact model
-nothing is rounded, so a solution must be tried on doubles. In the wide model a result may be off by
-a rounding, and is any number once it overflows; doubles can do nothing else, so if the wide model
-has no solution, neither have doubles. In both models the result of a function that is not linear is
-any number, the same for the same operands. `PointChoices` offers values for these functions.
+Z3 computes with reals, and two models connect them to doubles. The exact model does not round, so a
+solution must be tried on doubles. In the wide model, a result may be off by a rounding error, and
+is any number after an overflow. The wide model allows everything that doubles can do: without a
+solution in it, doubles have no solution. In both models, a nonlinear function returns any number,
+the same for the same operands. `PointChoices` offers values for these functions.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ class Solution:
     """The answer of the solver.
 
     Attributes:
-        possible: Whether the truths can be true together; None if the solver does not know.
-        loads: The values of variables by variable and sample, if they can.
-        core: Places of truths that cannot be true together, if they cannot.
-        free: The functions that were any number.
+        possible: Whether the truths can be true together; None if this is unknown.
+        loads: If possible, the values of variables by variable and sample.
+        core: If impossible, the places of truths that cannot be true together.
+        free: The functions that the solver treated as any number.
     """
 
     possible: bool | None
@@ -78,7 +78,7 @@ class Solver:
         integers: The variables that are integers.
     """
 
-    def __init__(self, graph: Graph, integers: Collection[str] = ()) -> None:
+    def __init__(self, graph: Graph, integers: Collection[str]) -> None:
         self._z3 = solver_library()
         # The model that Z3 returns depends on the earlier questions of a context.
         self._context = self._z3.Context()
@@ -92,7 +92,7 @@ class Solver:
 
         Args:
             truths: The truths.
-            deadline: The value of `time.monotonic` at which to give up.
+            deadline: The latest `time.monotonic` for an answer.
             wide: Whether to use the wide model of arithmetic.
         """
         for index, truth in enumerate(truths):
@@ -171,9 +171,9 @@ class _Number:
 
     Attributes:
         expression: Its expression.
-        known: Expressions that are true of it.
+        known: True expressions about the term.
         loads: The values of variables among its operands.
-        free: The functions in it that are any number.
+        free: The functions in it that the solver treats as any number.
     """
 
     expression: Any
@@ -216,7 +216,7 @@ class _Expressions:
             self._call.add(solver, expression)
         for truth, name in zip(truths, names, strict=True):
             self._call.add(solver, self._call("implies", name.ast, self._expression(truth)))
-        # In order: the order in which a model is read changes the models that follow.
+        # Sorted, because the order of reads from a model changes later models.
         return {key: self._loads[key] for key in sorted(loads)}, frozenset(free)
 
     def _build(self, node: int) -> None:
@@ -270,7 +270,7 @@ class _Expressions:
         return _Number(unknown, (*known, self._near(exact, unknown)), loads, free)
 
     def _near(self, exact: Any, rounded: Any) -> Any:  # noqa: ANN401
-        """Return whether doubles may round an exact result to a number."""
+        """Return the expression that doubles may round an exact result to a number."""
         call = self._call
         negative = call("lt", exact, call.number(Fraction(0)))
         size = call("ite", negative, call("unary_minus", exact), exact)
@@ -309,7 +309,7 @@ _LINEAR: Final = frozenset({"neg", "abs", "min", "max", "add", "sub", "minus"})
 
 
 def _linear(function: str, terms: Sequence[TermKey]) -> bool:
-    """Return whether a function of some terms is linear, so that the solver knows it."""
+    """Return whether a function of some terms is linear, as the solver requires."""
     constant = [term[0] == "const" for term in terms]
     match function:
         case "mul":
@@ -341,16 +341,16 @@ _MAX_ROOTS: Final = 1000
 """The maximum number of points that consist of roots."""
 
 _MAX_POINTS: Final = 32
-"""The maximum number of points among which the solver chooses."""
+"""The maximum number of points that the solver can choose from."""
 
 _Point = Mapping[str, float]
 
 
 class PointChoices:
-    """Points among which the solver chooses the values of terms that are not linear.
+    """Points that give the solver values for nonlinear terms.
 
-    A predicate reads one sample. So a few points are enough, at which the predicates take all their
-    values. They are built from the numbers in the predicates: where a difference is 0, and around.
+    A predicate reads one sample, so a few points suffice to give the predicates all their values.
+    The points come from the numbers in the predicates: where a difference is 0, and near there.
 
     Args:
         graph: The graph.
@@ -365,7 +365,7 @@ class PointChoices:
         self._known: dict[tuple[Atom, ...], list[_Point]] = {}
 
     def choices(self, truths: Sequence[Truth]) -> list[Truth]:
-        """Return for each sample that the variables of nonlinear terms are at one of the points."""
+        """Return a truth per sample: the variables of nonlinear terms are at one of the points."""
         by_sample: dict[int, list[tuple[Truth, Atom]]] = {}
         for node in self._graph.reached(truths):
             atom = self._graph.atom_at(node)
@@ -413,7 +413,7 @@ class PointChoices:
     def _candidates(
         self, atoms: Sequence[Atom], points: Mapping[tuple[bool | None, ...], _Point]
     ) -> Iterator[_Point]:
-        """Yield points whose variables have roots, then points near these."""
+        """Yield points that consist of roots, then points near them."""
         names = sorted({name for atom in atoms for name, _ in _loads(atom)})
         roots: dict[str, dict[float, None]] = {name: {} for name in names}
         numbers = {0.0, 1.0}
@@ -476,7 +476,7 @@ def _names(atom: Atom) -> set[str]:
 
 
 def _root(term: TermKey) -> Iterator[tuple[str, float]]:
-    """Yield the value of a variable at which its sum or difference with a number is 0."""
+    """Yield a variable and its value that makes its sum or difference with a number 0."""
     if term[0] not in {"add", "sub"}:
         return
     x, y = cast("tuple[TermKey, TermKey]", term[1:])

@@ -434,7 +434,7 @@ def test_rates_that_are_no_mapping_are_refused() -> None:
 def test_values_keep_ranges_and_rates(values: tuple[float, ...], loop: int, *, kept: bool) -> None:
     upper = math.inf if math.inf in values else 3.0
     limits = VariableLimits({"x": (0.0, upper)}, {"x": (-1.0, 1.0)})
-    assert limits.kept({"x": values}, loop) is kept
+    assert limits.allow({"x": values}, loop) is kept
 
 
 SHIFTS = """
