@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,13 +174,16 @@ def _events(
             notes.append(take_default(rows.source, name, columns, why))
             defaults[name] = start
         completed[name] = at, values
+    # Times since 1970 in doubles are rounded to 0.24 us, so steps of 0.1 s are not exactly that.
+    rounded = Fraction(2 * float(np.spacing(max(abs(begin), abs(end)))))
+    max_gap = None if columns.max_gap is None else columns.max_gap + rounded
     trace = EventTrace(
         rows.source,
-        held(completed, end, columns.max_gap, none),
+        held(completed, end, max_gap, none),
         (begin, end),
         sum(len(at) for at, _ in signals.values()),
         notes,
-        max_gap=columns.max_gap,
+        max_gap=max_gap,
         defaults=defaults,
         start_known=columns.start == "known",
         absent=none,

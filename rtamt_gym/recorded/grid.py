@@ -247,7 +247,9 @@ def hole_note(records: Mapping[str, Records], most: float, start: float = 0.0) -
     """
     texts: dict[str, list[str]] = {}
     for name, record in records.items():
-        (holes,) = np.nonzero(record.steps > most)
+        # Times since 1970 in doubles are rounded to 0.24 us, and so are their steps.
+        rounded = 2 * np.spacing(np.abs(record.times).max(initial=0.0))
+        (holes,) = np.nonzero(record.steps > most + rounded)
         if not len(holes):
             continue
         longest = int(holes[record.steps[holes].argmax()])

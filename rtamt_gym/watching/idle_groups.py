@@ -16,6 +16,10 @@ _ENDED: Final = 10_000_000
 """The most groups that have ended, whose names are remembered."""
 
 
+_ROUNDED: Final = 1e-10
+"""The part of the idle time by which a distance of rounded times may differ from it."""
+
+
 class IdleGroups:
     """The last time of each group, and the names of those that have ended.
 
@@ -34,7 +38,9 @@ class IdleGroups:
     """
 
     def __init__(self, idle: float, source: str) -> None:
-        self._idle, self._source = idle, source
+        self._source = source
+        # A distance of rounded times, such as 1.1 - 0.4, is not longer than the time that it shows.
+        self._idle = idle * (1 + _ROUNDED)
         self._queue: list[tuple[float, str]] = []
         self._last: dict[str, float] = {}
         self._newest = -math.inf

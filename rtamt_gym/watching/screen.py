@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import reduce
 from itertools import pairwise
 from time import monotonic
 from types import TracebackType
 from typing import Any, Final, Self
 
+from rich.cells import cell_len, set_cell_size
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
@@ -17,7 +20,7 @@ from rich.text import Text
 
 from rtamt import InputError, Verdict
 from rtamt.errors import shown
-from rtamt_gym.tables import counted, short, shorten
+from rtamt_gym.tables import counted, short
 from rtamt_gym.watching.lines import Line
 
 _POINTS: Final = 240
@@ -39,6 +42,9 @@ _BELOW: Final = "xX"
 
 _WIDE: Final = 100
 """The columns of a terminal that has room for the times of decisions."""
+
+_SHORT: Final = 6
+"""The fewest columns of a name that is cut for numbers."""
 
 _STYLES: Final[Mapping[Verdict, str]] = {
     Verdict.VIOLATED: "bold red",
@@ -70,13 +76,13 @@ class Course:
     def add(self, value: float) -> None:
         """Add the robustness at a later time."""
         if self._count % self._stride:
-            self.values[-1] = min(self.values[-1], value)
+            self.values[-1] = _lower(self.values[-1], value)
         else:
             self.values.append(value)
         self._count += 1
         if len(self.values) > self._points:
             values = self.values
-            self.values = [min(values[i : i + 2]) for i in range(0, len(values), 2)]
+            self.values = [reduce(_lower, values[i : i + 2]) for i in range(0, len(values), 2)]
             self._stride *= 2
 
     def bars(self, width: int, *, plain: bool = False) -> str:
@@ -89,10 +95,22 @@ class Course:
         values, bars = self.values, _PLAIN_BARS if plain else _BARS
         if len(values) > width:
             bounds = [i * len(values) // width for i in range(width + 1)]
-            values = [min(values[i:j]) for i, j in pairwise(bounds)]
+            values = [reduce(_lower, values[i:j]) for i, j in pairwise(bounds)]
         top = max((v for v in values if 0 < v < math.inf), default=1.0)
         depth = min((v for v in values if -math.inf < v < 0), default=-1.0)
         return "".join(_bar(value, top, depth, bars) for value in values)
+
+
+def _lower(first: float, second: float) -> float:
+    """Return the lower of two values; a value that is not known does not hide the other one."""
+    if math.isnan(first) or math.isnan(second):
+        return second if math.isnan(first) else first
+    lower = min(first, second)
+    return math.copysign(lower, -1.0) if lower == 0.0 and _signed((first, second)) else lower
+
+
+def _signed(values: Iterable[float]) -> bool:
+    return any(math.copysign(1.0, value) < 0 for value in values)
 
 
 def _bar(value: float, top: float, depth: float, bars: str) -> str:
@@ -100,9 +118,8 @@ def _bar(value: float, top: float, depth: float, bars: str) -> str:
         return " "
     if math.copysign(1.0, value) < 0:
         return _BELOW[value < depth / 2]
-    return bars[
-        min(len(bars) - 1, math.ceil(min(value / top, 1.0) * len(bars)) - 1) if value else 0
-    ]
+    level = math.ceil(min(value / top, 1.0) * len(bars)) - 1
+    return bars[max(level, 0)]
 
 
 class Screen:
@@ -201,8 +218,11 @@ class Screen:
             side: Any = "right" if name == "robustness" else "left"
             table.add_column(name, width=width, justify=side, no_wrap=True, overflow="crop")
         keys = sorted(self._lines, key=self._order)
+        groups = _cut_names({key[0] or "" for key in keys}, widths.get("group", 0), plain=plain)
+        names = _cut_names({key[1] for key in keys}, widths["requirement"], plain=plain)
         for key in keys[:_ROWS]:
-            table.add_row(*self._cells(key, widths, plain=plain))
+            texts = {"group": groups[key[0] or ""], "requirement": names[key[1]]}
+            table.add_row(*self._cells(key, texts, widths, plain=plain))
         more = len(keys) - _ROWS
         parts: list[Any] = [self._head(), table]
         if more > 0:
@@ -232,23 +252,48 @@ class Screen:
         return Text(_cut(", ".join(parts), self._console.width, plain=self._plain))
 
     def _widths(self, *, grouped: bool) -> dict[str, int]:
-        """Return the columns and their widths, which together are the width of the terminal."""
-        groups = max((len(group or "") for group, _ in self._lines), default=0)
-        names = max((len(name) for _, name in self._lines), default=0)
+        """Return the columns and their widths, which together are the width of the terminal.
+
+        A cut number would be another number: names are cut first, and then columns are left out.
+        """
+        lines = self._lines.values()
+        groups = max((cell_len(group or "") for group, _ in self._lines), default=0)
+        names = max((cell_len(name) for _, name in self._lines), default=0)
         wide = self._console.width >= _WIDE
         widths = {"group": max(5, min(groups, 24 if wide else 12))} if grouped else {}
         widths["requirement"] = max(11, min(names, 30 if wide else 18))
         widths["verdict"] = len("UNDECIDED")
         if wide:
             widths["decided"] = 10
-        bounds = max((len(_bounds(line)) for line in self._lines.values()), default=0)
-        widths |= {"robustness": 10, "bounds": max(15, bounds)}
-        room = self._console.width - sum(widths.values()) - 2 * len(widths)
-        widths["course"] = max(4, min(room, _POINTS))
+        widths["robustness"] = max([10, *(len(_robustness(line)) for line in lines)])
+        widths["bounds"] = max([15, *(len(_bounds(line)) for line in lines)])
+        widths["course"] = 4
+        for column in ("decided", "", "course", "bounds"):
+            excess = self._excess(widths)
+            if excess > 0 and column:
+                widths.pop(column, None)
+            elif excess > 0:
+                self._narrow(widths, excess)
+        if "course" in widths:
+            widths["course"] = min(4 + max(-self._excess(widths), 0), _POINTS)
         return widths
 
-    def _cells(self, key: Key, widths: Mapping[str, int], *, plain: bool) -> list[Text]:
-        group, name = key
+    def _excess(self, widths: Mapping[str, int]) -> int:
+        """Return by how much columns, with two blanks between them, are wider than the terminal."""
+        return sum(widths.values()) + 2 * (len(widths) - 1) - self._console.width
+
+    @staticmethod
+    def _narrow(widths: dict[str, int], excess: int) -> None:
+        """Cut the columns of names by some characters, as far as names stay readable."""
+        for column in ("group", "requirement"):
+            part = min(excess, widths.get(column, _SHORT) - _SHORT)
+            if part > 0:
+                widths[column] -= part
+                excess -= part
+
+    def _cells(
+        self, key: Key, names: Mapping[str, str], widths: Mapping[str, int], *, plain: bool
+    ) -> list[Text]:
         line = self._lines[key]
         at = ""
         if line.decided_at is not None:
@@ -256,15 +301,18 @@ class Screen:
                 f"sample {line.decided_at:.0f}" if line.time is None else f"{line.decided_at:.6g} s"
             )
         cells = {
-            "group": Text(_cut(group or "", widths.get("group", 0), plain=plain)),
-            "requirement": Text(_cut(name, widths["requirement"], plain=plain)),
+            **{column: Text(text) for column, text in names.items()},
             "verdict": Text(line.verdict.name, style=_STYLES[line.verdict]),
             "decided": Text(at),
-            "robustness": Text("-" if math.isnan(line.robustness) else short(line.robustness)),
+            "robustness": Text(_robustness(line)),
             "bounds": Text(_bounds(line)),
-            "course": _coloured(self._courses[key].bars(widths["course"], plain=plain)),
+            "course": _coloured(self._courses[key].bars(widths.get("course", 4), plain=plain)),
         }
         return [cells[column] for column in widths]
+
+
+def _robustness(line: Line) -> str:
+    return "-" if math.isnan(line.robustness) else short(line.robustness)
 
 
 def _bounds(line: Line) -> str:
@@ -273,10 +321,34 @@ def _bounds(line: Line) -> str:
     return f"{short(line.lower)} .. {short(line.upper)}"
 
 
-def _cut(text: str, width: int, *, plain: bool) -> str:
-    """Return a text as a terminal can show it."""
-    text = shorten(shown(text), max(width, 4))
-    return text.encode("ascii", "replace").decode() if plain else text
+def _cut_names(names: Collection[str], width: int, *, plain: bool) -> dict[str, str]:
+    """Return names as a terminal can show them; names with equal beginnings show their ends."""
+    cut = {name: _cut(name, width, plain=plain) for name in names}
+    counts = Counter(cut.values())
+    return {
+        name: text if counts[text] == 1 else _cut(name, width, plain=plain, tail=width // 2)
+        for name, text in cut.items()
+    }
+
+
+def _cut(text: str, width: int, *, plain: bool, tail: int = 0) -> str:
+    """Return a text as a terminal can show it.
+
+    Args:
+        text: The text.
+        width: The columns of the terminal for it.
+        plain: Whether to use ASCII alone.
+        tail: The columns for the last letters if it is too long.
+    """
+    text, width = shown(text), max(width, 4)
+    if plain:
+        text = text.encode("ascii", "replace").decode()
+    if cell_len(text) <= width:
+        return text
+    end = text
+    while cell_len(end) > max(tail - 1, 0):
+        end = end[1:]
+    return f"{set_cell_size(text, width - 3 - cell_len(end)).rstrip()}...{end}"
 
 
 def _coloured(bars: str) -> Text:

@@ -577,3 +577,15 @@ def test_hold_of_exactly_the_maximum_is_no_hole(folder: Path) -> None:
     (folder / "exact.csv").write_text("time,x\n0,1\n0.1,1\n0.2,\n0.3,\n0.4,1\n0.5,1\n")
     options = ["--max-gap", "0.3", "--missing", "hold"]
     assert main(["monitor", "always(x > 0)", "exact.csv", *options]) == 0
+
+
+@pytest.mark.parametrize("digits", [1, 3, 7])
+@pytest.mark.parametrize("dense", [(), ("--dense",)])
+def test_rounded_steps_since_1970_are_no_holes(
+    folder: Path, capsys: Output, dense: tuple[str, ...], digits: int
+) -> None:
+    times = [1_700_000_000 + i * 0.1 for i in range(30)]
+    (folder / "since.csv").write_text("time,x\n" + "".join(f"{t:.{digits}f},1\n" for t in times))
+    options = ["since.csv", "--max-gap", "100ms", *dense]
+    assert main(["monitor", "always(x > 0)", *options]) == 0
+    assert "unknown" not in capsys.readouterr().out

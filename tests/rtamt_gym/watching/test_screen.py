@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.cells import cell_len
 from rich.console import Console
 
 import rtamt
@@ -82,6 +83,39 @@ def test_of_many_groups_the_worst_are_shown() -> None:
     assert len(lines) == 2 + 20 + 1
     assert lines[-1] == "and 40 rows with a higher robustness"
     assert all("VIOLATED" in line for line in lines[2:10])
+
+
+@pytest.mark.parametrize("width", [40, 80, 100, 120])
+def test_numbers_are_not_cut(width: int) -> None:
+    """Names are cut, and columns are left out, before a number would be another one."""
+    group = "a_group_with_a_long_name_"
+    rows = [f"{time},-1.25e+123,{group * 3}{car}" for time in range(4) for car in "ab"]
+    _, names, *lines = drawn(width, "\n".join(["time,x,car", *rows, ""]), by=("car",))
+    assert max(map(len, (names, *lines))) <= width
+    calm = lines[::2]
+    assert [line.split()[0][-1] for line in calm] == ["a", "b"]
+    assert all("UNDECIDED" in line for line in calm)
+    assert all(("-inf .. 1.25e+123" in line) == ("bounds" in names) for line in calm)
+    assert ("bounds" in names) == (width > 40)
+
+
+def test_wide_letters_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(SPECS, "\u6f22" * 30, rtamt.parse("always(x < 3)"))
+    *_, line = drawn(80, "time,x\n0,1\n1,2\n")
+    assert cell_len(line) <= 80
+    assert line.split()[0].endswith("...")
+
+
+def test_unknown_and_tiny_values_in_a_course() -> None:
+    course = Course(points=3)
+    for value in (math.nan, -1.0, 1e-320, 2.0, 1e10, math.nan):
+        course.add(value)
+    assert course.bars(3) == "X\u2581\u2588"
+    assert course.bars(1) == "X"
+    infinite = Course()
+    for value in (math.inf, -math.inf, -0.0, math.nan, 2.0):
+        infinite.add(value)
+    assert infinite.bars(5) == "\u2588Xx \u2588"
 
 
 def test_the_screen_needs_a_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

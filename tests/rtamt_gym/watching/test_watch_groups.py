@@ -287,3 +287,13 @@ def test_a_stop_reports_its_line(capsys: Output, tmp_path: Path) -> None:
     assert main(["watch", "always(x < 3)", str(path), "--stop", "decided"]) == 1
     assert main(["watch", "always(x < 10)", str(path), "--stop", "decided"]) == 0
     assert "ended the stream" not in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_group_lasts_for_exactly_the_idle_time(capsys: Output, tmp_path: Path) -> None:
+    """The distance of 0.7 and 0.4 as doubles is a little more than 0.3."""
+    path = tmp_path / "rows.csv"
+    path.write_text("time,car,x\n0.1,a,1\n0.4,b,1\n0.4,a,1\n0.7,b,1\n0.7,a,1\n1.0,b,1\n1,a,1\n")
+    arguments = ["watch", "always(x < 3)", str(path), "--by", "car", "--dense"]
+    assert main([*arguments, "--group-idle", "300ms"]) == 0
+    assert main([*arguments, "--group-idle", "299ms"]) == 2
+    assert "has ended by --group-idle before" in capsys.readouterr().err
