@@ -9,7 +9,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from rtamt.renamed import NAMES, old_name
-from rtamt_gym.checks import released  # noqa: F401 - first, as it says what else could not
 from rtamt_gym.checks.extras import missing, naming_extra
 
 if TYPE_CHECKING:
@@ -22,10 +21,8 @@ if TYPE_CHECKING:
     from rtamt_gym.evaluation.comparison import compare
     from rtamt_gym.evaluation.evaluate import evaluate_policy
     from rtamt_gym.evaluation.methods import compare_methods
-    from rtamt_gym.inputs.case import Case
-    from rtamt_gym.inputs.ranges import Parameter, Signal
-    from rtamt_gym.inputs.space import Space
-    from rtamt_gym.inputs.waveform import Waveform
+    from rtamt_gym.inputs.case import Case, Waveform
+    from rtamt_gym.inputs.space import Parameter, Signal, Space
     from rtamt_gym.mujoco.step_monitor import StepMonitor
     from rtamt_gym.options.evaluation import EvaluationOptions
     from rtamt_gym.play.runner import Runner
@@ -102,12 +99,12 @@ _MODULES = {
     "Fmus": "rtamt_gym.systems.fmi",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel",
     "ParallelStlReward": "rtamt_gym.wrappers.parallel",
-    "Parameter": "rtamt_gym.inputs.ranges",
+    "Parameter": "rtamt_gym.inputs.space",
     "EvaluationOptions": "rtamt_gym.options.evaluation",
     "RecordViolations": "rtamt_gym.wrappers.recording",
     "RobustnessOverlay": "rtamt_gym.wrappers.overlay",
     "Runner": "rtamt_gym.play.runner",
-    "Signal": "rtamt_gym.inputs.ranges",
+    "Signal": "rtamt_gym.inputs.space",
     "Space": "rtamt_gym.inputs.space",
     "Step": "rtamt_gym.signals.signals",
     "StepMonitor": "rtamt_gym.mujoco.step_monitor",
@@ -115,7 +112,7 @@ _MODULES = {
     "StlReward": "rtamt_gym.wrappers.reward",
     "VectorStlMonitor": "rtamt_gym.wrappers.vector_monitor",
     "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
-    "Waveform": "rtamt_gym.inputs.waveform",
+    "Waveform": "rtamt_gym.inputs.case",
     "compare": "rtamt_gym.evaluation.comparison",
     "compare_methods": "rtamt_gym.evaluation.methods",
     "evaluate_policy": "rtamt_gym.evaluation.evaluate",

@@ -21,8 +21,6 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.systems.registry import make, register
 from rtamt_gym.systems.system import Policy
 
-__all__ = ["HIGHWAY", "PENDULUM", "Demo", "run", "watch"]
-
 Driver = Callable[[gym.Env[Any, Any]], Policy]
 """Makes the policy of an episode; it may read the state of the environment."""
 

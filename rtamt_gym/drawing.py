@@ -14,19 +14,6 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, Verdict
 
-__all__ = [
-    "BOUNDS",
-    "OPEN",
-    "ROBUSTNESS",
-    "SIGNAL",
-    "VERDICT_COLOURS",
-    "check_format",
-    "robustness_panel",
-    "save",
-    "show_verdict",
-    "tidy",
-]
-
 # The palette of Okabe and Ito, which colour-blind readers can distinguish.
 SIGNAL = "#0072B2"
 ROBUSTNESS = "#222222"

@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike
 from rtamt import Verdict
 from rtamt.errors import shown
 
-__all__ = ["Markup", "bar", "code", "curve", "plain", "table", "verdict"]
-
 Markup = NewType("Markup", str)
 """HTML, in which all texts of others are escaped."""
 

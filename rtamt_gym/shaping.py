@@ -48,6 +48,7 @@ from __future__ import annotations
 
 import functools
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypedDict, TypeVar, assert_never, cast, get_args
@@ -57,27 +58,14 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_amount, check_choice, check_known, check_number
-from rtamt_gym.libraries import library_of
 
-__all__ = [
-    "Mode",
-    "Priority",
-    "Shaping",
-    "ShapingNumbers",
-    "add",
-    "check_mapping",
-    "clip",
-    "hierarchical",
-    "least",
-    "levels_of",
-    "outcome",
-    "potential",
-    "progress",
-    "replace",
-    "scaled",
-    "settle",
-    "terminal",
-]
+
+def library_of(array: Any) -> Any:  # noqa: ANN401 - of any library
+    """The functions of the library that an array is of, which is loaded: `numpy` or one like it."""
+    if isinstance(array, np.ndarray):
+        return np
+    names = getattr(array, "__array_namespace__", None)  # torch lacks it
+    return sys.modules["torch"] if names is None else names()
 
 
 def check_mapping(name: str, given: object, such: Mapping[str, str]) -> None:

@@ -14,20 +14,6 @@ from typing import Final, Self
 
 from rtamt.errors import shown, shown_lines
 
-__all__ = [
-    "Coloured",
-    "Terminal",
-    "counted",
-    "number",
-    "p_text",
-    "sample_text",
-    "short",
-    "shorten",
-    "table",
-    "time_text",
-    "wrapped",
-]
-
 
 def counted(count: int, what: str) -> str:
     """Return a count with its noun, which has a plural in s.

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 
 from rtamt_envs.compiled import compiled
 from rtamt_envs.scenario import EpisodeSoFar, Quantity, Scenario
-from rtamt_gym.inputs.ranges import Parameter, Signal
+from rtamt_gym.inputs.space import Parameter, Signal
 
 if TYPE_CHECKING:
     import numpy as np

@@ -22,7 +22,7 @@ import rtamt
 from rtamt import InputError, InputTypeError
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
-from rtamt_gym.inputs.ranges import Parameter, Signal
+from rtamt_gym.inputs.space import Parameter, Signal
 
 if TYPE_CHECKING:  # it is optional
     from matplotlib.figure import Figure

@@ -48,7 +48,7 @@ import numpy as np
 
 from rtamt_envs.compiled import compiled
 from rtamt_envs.scenario import EpisodeSoFar, Floats, Quantity, Scenario
-from rtamt_gym.inputs.ranges import Parameter, Signal
+from rtamt_gym.inputs.space import Parameter, Signal
 
 if TYPE_CHECKING:  # it is optional
     from matplotlib.figure import Figure

@@ -28,7 +28,7 @@ import numpy as np
 from rtamt import InputError, StateError
 from rtamt_envs.compiled import compiled
 from rtamt_envs.scenario import EpisodeSoFar, Quantity, Scenario
-from rtamt_gym.inputs.ranges import Parameter, Signal
+from rtamt_gym.inputs.space import Parameter, Signal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

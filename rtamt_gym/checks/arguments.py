@@ -11,8 +11,6 @@ from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
 
-__all__ = ["check_amount", "check_choice", "check_count", "check_known", "check_number"]
-
 
 def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
     """Raise InputError if a value is not among the choices."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import inspect
 
-__all__ = ["caller_level", "wrappers_around"]
-
 _PASSED = frozenset({"rtamt_gym", "gymnasium"})
 """Packages whose lines a user has not written: wrappers call each other, across both."""
 

@@ -1,11 +1,22 @@
-"""The packages that extras install, and the error that names the extra of a missing package."""
+"""The packages that extras install, and errors that say how to install what is missing.
+
+The module is imported before all others: it also raises an error if the released library, which is
+named `rtamt` too, was installed over this one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Final
 
-__all__ = ["ALONE", "EXTRAS", "advice", "missing", "names_extra", "naming_extra"]
+import rtamt
+import rtamt.lazy
+
+if "BACKEND" not in dir(rtamt):  # not hasattr, which would import the machines
+    raise ImportError(
+        "expected the packages of rtamt-stl, got the released rtamt, which was installed over it: "
+        "pip uninstall rtamt rtamt-stl, then install rtamt-stl again"
+    )
 
 _GYM: Final = (
     "gym",
@@ -104,3 +115,21 @@ def naming_extra(error: ModuleNotFoundError, what: str, extra: str = "") -> Modu
     return ModuleNotFoundError(
         f"{what} needs {package}, which is not installed; {advice(package, extra)}", name=error.name
     )
+
+
+def lazy_names(package: str, definitions: Mapping[str, str]) -> Callable[[str], object]:
+    """Return the ``__getattr__`` of a package, with errors that name the missing extra.
+
+    Args:
+        package: The package, its ``__name__``.
+        definitions: Public name to the full name of its definition.
+    """
+    load = rtamt.lazy.lazy_names(package, definitions)
+
+    def load_or_name_extra(name: str) -> object:
+        try:
+            return load(name)
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, f"{package}.{name}") from error
+
+    return load_or_name_extra

@@ -7,8 +7,6 @@ from typing import Any, Final
 
 from rtamt.errors import alike
 
-__all__ = ["listed", "listing"]
-
 _MOST: Final = 20
 """So many names are listed whole."""
 

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
 
-__all__ = ["exact", "read_floats"]
-
 
 @lru_cache(maxsize=1024)
 def exact(seconds: float | Fraction) -> Fraction:

@@ -13,8 +13,6 @@ from typing import Any
 
 from rtamt import InputError
 
-__all__ = ["plugins"]
-
 
 @cache
 def plugins(group: str) -> Mapping[str, Any]:

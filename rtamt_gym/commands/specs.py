@@ -13,7 +13,7 @@ import rtamt
 from rtamt import InputError, Specification
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
-from rtamt_gym.checks.requirements import load_file, named_in, requirement_named
+from rtamt_gym.judging.specs import load_file, named_in, requirement_named
 from rtamt_gym.options.command_line import Option
 
 if TYPE_CHECKING:

@@ -18,9 +18,9 @@ from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands.arguments import read_options
 
 if TYPE_CHECKING:
-    from rtamt_gym.inputs.ranges import Parameter, Signal
+    from rtamt_gym.inputs.space import Parameter, Signal
 if TYPE_CHECKING:
-    from rtamt_gym.inputs.ranges import Parameter, Signal
+    from rtamt_gym.inputs.space import Parameter, Signal
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def _known(scenario: Any) -> Mapping[str, Signal | Parameter]:  # noqa: ANN401
 
 
 def _entry(argument: str, known: Mapping[str, Signal | Parameter]) -> Signal | Parameter:
-    from rtamt_gym.inputs.ranges import Parameter, Signal
+    from rtamt_gym.inputs.space import Parameter, Signal
 
     name, equals, text = (part.strip() for part in argument.partition("="))
     if not equals:

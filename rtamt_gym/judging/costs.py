@@ -40,8 +40,8 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import InputError, Monitor, Specification, SpecificationError, VectorMonitor
 from rtamt_gym.judging.monitors import EXACT, bare, options_of_parts
-from rtamt_gym.libraries import library_of
 from rtamt_gym.options.evaluation import EvaluationOptions
+from rtamt_gym.shaping import library_of
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium

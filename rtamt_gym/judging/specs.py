@@ -3,18 +3,74 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
-from rtamt.errors import Argument, nearest
+from rtamt.errors import Argument, MissingFileError, nearest
 from rtamt.language import SpecificationTemplate
-from rtamt_gym.checks.requirements import load_file, named_in, requirement_named
+from rtamt_gym.checks.names import listing
 from rtamt_gym.options.evaluation import EvaluationOptions
+
+_V = TypeVar("_V")
+
+
+def requirement_named(
+    text: object, own: Mapping[str, rtamt.Specification]
+) -> rtamt.Specification | None:
+    """Return the requirement that a text names; None if the text is a specification.
+
+    Args:
+        text: The specification as passed.
+        own: The requirements that the system has of its own, by name.
+
+    Raises:
+        InputError: If it is nearly the name of a requirement, and no variable has this name.
+
+    Example:
+        >>> own = rtamt.parse("near = always(gap > 1); slow = always(v < 5)").requirements
+        >>> requirement_named("slow", own).formula, requirement_named("gap", own)
+        (<Formula always(v < 5)>, None)
+    """
+    if not isinstance(text, str):
+        return None
+    if text in own or not text.isidentifier():
+        return own.get(text)
+    if any(text in spec.variables for spec in own.values()):
+        return None
+    if meant := nearest(text, own):
+        raise InputError(
+            f"unknown requirement {text!r}; the requirements are {listing(own)}{meant}"
+        )
+    return None
+
+
+def named_in(text: str, constants: Mapping[str, _V]) -> dict[str, _V]:
+    """The constants that a text names."""
+    return {n: value for n, value in constants.items() if re.search(rf"\b{re.escape(n)}\b", text)}
+
+
+def load_file(
+    path: str | Path, constants: Mapping[str, float | str | Fraction]
+) -> rtamt.Specification:
+    """Return the specification in a file, with those constants that its text names.
+
+    Raises:
+        MissingFileError: If the file does not exist.
+    """
+    if not constants:
+        return rtamt.load(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8", errors="replace")
+    except FileNotFoundError:
+        raise MissingFileError(path) from None
+    return rtamt.load(path, constants=named_in(text, constants))
+
 
 SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
 """Text, the path of a ``.stl`` file, a formula built in Python, or a parsed specification."""

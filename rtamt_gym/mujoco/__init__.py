@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from rtamt_gym.checks.lazy import lazy_names
+from rtamt_gym.checks.extras import lazy_names
 
 if TYPE_CHECKING:
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts

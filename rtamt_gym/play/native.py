@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import Verdict
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.judging.judge import Judging, Questions
 from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet

@@ -11,10 +11,8 @@ from typing import Any, Final
 
 from rtamt import InputError
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.ranges import Parameter, Signal
-from rtamt_gym.inputs.space import Space
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Case, Waveform
+from rtamt_gym.inputs.space import Parameter, Signal, Space
 from rtamt_gym.results.fingerprint import Fingerprint, Mixture, Reuse
 from rtamt_gym.results.provenance import file_hash
 from rtamt_gym.results.trial import Trial

@@ -22,9 +22,8 @@ from rtamt.typing import Period
 from rtamt_gym.checks.arguments import check_choice, check_count, check_number
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.names import listing
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.ranges import Parameter, Signal
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Case, Waveform
+from rtamt_gym.inputs.space import Parameter, Signal
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.specs import SpecLike, load_specs
 from rtamt_gym.options.evaluation import (

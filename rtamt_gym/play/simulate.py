@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Unpack
 
 from rtamt import InputError
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Waveform
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options

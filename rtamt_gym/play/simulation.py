@@ -19,8 +19,7 @@ from rtamt.monitors import Evidence, TriggerCount
 from rtamt.typing import End
 from rtamt_gym.checks.arguments import check_choice, check_known
 from rtamt_gym.checks.numbers import exact
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.judging.end_warnings import assumed, warn_of_open_end
 from rtamt_gym.judging.judge import Judge, Questions
 from rtamt_gym.judging.monitor_set import MonitorSetResult

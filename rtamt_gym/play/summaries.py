@@ -12,8 +12,7 @@ from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import Any, Final
 
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.run import Run
 from rtamt_gym.results.codec import document, plain_results, plain_trial

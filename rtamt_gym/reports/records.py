@@ -12,8 +12,7 @@ from typing import Any, Final, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt_gym.inputs.ranges import Parameter
-from rtamt_gym.inputs.space import Space
+from rtamt_gym.inputs.space import Parameter, Space
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.summaries import failures

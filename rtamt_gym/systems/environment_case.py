@@ -17,8 +17,7 @@ from gymnasium import spaces
 from rtamt import InputError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.signals.spaces import described
 from rtamt_gym.systems.system import as_number, as_waveform, like, refuse_unknown
 

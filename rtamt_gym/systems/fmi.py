@@ -20,8 +20,7 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.numbers import exact
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.systems.fmi_variables import Variable, Variables, fit, kind_of
 from rtamt_gym.systems.system import Signals, System, as_number, named_signals, whole_steps
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from rtamt import InputError
 from rtamt.errors import nearest
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.signals.mujoco import field_of, index_in
 from rtamt_gym.signals.selectors import Selector, Syntax, parse_selector
 from rtamt_gym.systems.system import as_number, as_waveform, like

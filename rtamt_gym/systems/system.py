@@ -15,8 +15,7 @@ from typing import Any, Literal, NoReturn, Protocol, runtime_checkable
 from rtamt import InputError, InputTypeError
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.signals.signals import SignalLike
 
 Policy = Callable[..., Any]

@@ -31,7 +31,7 @@ FLOORS = {
         ("compat",),
     ),
     "rtamt_gym": (
-        ("checks", "starters", "libraries"),
+        ("checks", "starters"),
         ("options",),
         ("shaping", "success", "tables", "drawing", "markup", "inputs"),
         ("signals", "results", "live"),

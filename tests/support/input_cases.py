@@ -7,7 +7,7 @@ from fractions import Fraction
 from hypothesis import strategies as st
 
 from rtamt_gym import Waveform
-from rtamt_gym.inputs.ranges import LEAST_POINTS, WaveformInterpolation
+from rtamt_gym.inputs.case import LEAST_POINTS, WaveformInterpolation
 
 __all__ = ["of_step", "waveforms"]
 

@@ -16,9 +16,8 @@ from rtamt import Explanation, InputError, Verdict
 from rtamt.renamed import OldName
 from rtamt_gym import markup
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.inputs.space import Space
-from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import Runner

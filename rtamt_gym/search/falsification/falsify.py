@@ -18,9 +18,8 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.inputs.space import Space, SpaceLike
-from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.options.evaluation import (
     EvaluationKeywords,
     EvaluationOptions,
@@ -55,7 +54,7 @@ if TYPE_CHECKING:  # joblib is optional
 import math
 from collections.abc import Callable, Iterator
 
-from rtamt_gym.inputs.ranges import Parameter, Signal
+from rtamt_gym.inputs.space import Parameter, Signal
 
 __all__ = ["IrreproducibleWarning", "falsify", "reduced"]
 

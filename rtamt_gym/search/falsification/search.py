@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rtamt import InputError, Specification, Verdict
-from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.inputs.space import Space
-from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.play.run_record import SimulatedTrace
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.play.whole import MakeRunner, Whole, judged_whole

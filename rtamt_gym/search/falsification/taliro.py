@@ -14,10 +14,8 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.ranges import Parameter, Signal, WaveformInterpolation
-from rtamt_gym.inputs.space import Space, SpaceLike
-from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.inputs.case import Case, Waveform, WaveformInterpolation
+from rtamt_gym.inputs.space import Parameter, Signal, Space, SpaceLike
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import Requirements, Runner

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from rtamt import Verdict
 from rtamt_gym import drawing
-from rtamt_gym.inputs.ranges import Parameter
-from rtamt_gym.inputs.space import Space
+from rtamt_gym.inputs.space import Parameter, Space
 from rtamt_gym.play.record import Record
 from rtamt_gym.search.sweeps.heights import RobustnessMap, text_of
 from rtamt_gym.tables import shorten

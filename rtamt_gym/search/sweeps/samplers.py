@@ -18,8 +18,7 @@ from rtamt.errors import Argument, Message, nearest
 from rtamt_gym.checks.arguments import check_choice, check_count
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
-from rtamt_gym.inputs.ranges import Parameter
-from rtamt_gym.inputs.space import Space
+from rtamt_gym.inputs.space import Parameter, Space
 
 __all__ = ["LEVELS", "SampleCount", "Sampler", "problem_of", "sample"]
 

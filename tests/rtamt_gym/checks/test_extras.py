@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import rtamt_gym
-from rtamt_gym.checks import released
+from rtamt_gym.checks import extras
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.commands.errors import refusal
 from rtamt_gym.evaluation.comparison import Comparison
@@ -201,7 +201,7 @@ def test_names_that_are_not_imported_yet_are_listed() -> None:
 def test_the_released_library_over_this_one_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rtamt", ModuleType("rtamt"))
     with pytest.raises(ImportError) as caught:
-        importlib.reload(released)
+        importlib.reload(extras)
     assert str(caught.value) == (
         "expected the packages of rtamt-stl, got the released rtamt, which was installed over it: "
         "pip uninstall rtamt rtamt-stl, then install rtamt-stl again"

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Case, Parameter, Signal, Space, Waveform
-from rtamt_gym.inputs.ranges import LEAST_POINTS, WaveformInterpolation
+from rtamt_gym.inputs.case import LEAST_POINTS, WaveformInterpolation
 
 lows = st.floats(-1e6, 1e6)
 ranges = st.tuples(lows, st.just(0.0) | st.floats(1e-6, 1e6)).map(lambda r: (r[0], r[0] + r[1]))

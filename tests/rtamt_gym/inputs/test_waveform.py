@@ -14,7 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Signal, Space, Waveform
-from rtamt_gym.inputs.ranges import LEAST_POINTS, WaveformInterpolation
+from rtamt_gym.inputs.case import LEAST_POINTS, WaveformInterpolation
 
 INTERPOLATIONS: tuple[WaveformInterpolation, ...] = ("hold", "linear", "pchip")
 
