@@ -1,7 +1,6 @@
 """Names that only the packages of this project use; any version may change them."""
 
-from rtamt.inputs.frame_traces import TraceRows, may_separate
-from rtamt.inputs.groups import groups_of
+from rtamt.inputs.groups import TraceRows, groups_of, may_separate
 from rtamt.inputs.stamps import StampOrder
 from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
 from rtamt.monitors.clocks import OperatorClocks

@@ -19,8 +19,10 @@ from rtamt.columns.objects import (
     missing_row,
     names_objects,
     next_episode,
+    objects_by_turns,
     objects_in,
     tells_objects,
+    turns_in,
 )
 from rtamt.columns.times import (
     are_clock_numbers,
@@ -32,7 +34,6 @@ from rtamt.columns.times import (
     plausible_units,
     stated_period,
 )
-from rtamt.columns.turns import objects_by_turns, turns_in
 
 __all__ = [
     "NANOSECONDS",

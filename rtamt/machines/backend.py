@@ -21,12 +21,16 @@ from rtamt.inputs.clock import Clock
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines import readout
-from rtamt.machines.batch import PythonDiscreteBatch, PythonEpisodeBatch
+from rtamt.machines import state
+from rtamt.machines.batch import (
+    PYTHON_VERDICT_LOGS,
+    PythonDiscreteBatch,
+    PythonEpisodeBatch,
+    VerdictLogFunctions,
+)
 from rtamt.machines.clocks import OperatorClock, PythonClockBatch
-from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
+from rtamt.machines.dense.episode import PythonDenseEpisodeMachine, PythonDenseSigns, dense_values
 from rtamt.machines.dense.machine import PythonDenseMachine
-from rtamt.machines.dense.outlook import PythonDenseSigns, dense_values
 from rtamt.machines.dense.runs import Runs
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.episode.machine import PythonEpisodeVariants
@@ -47,7 +51,6 @@ from rtamt.machines.protocols import (
 )
 from rtamt.machines.segments import FindRuns
 from rtamt.machines.terms import FindRanges, FindTerms, term_columns, term_ranges
-from rtamt.machines.verdict_logs import PYTHON_VERDICT_LOGS, VerdictLogFunctions
 from rtamt.machines.walk import FoldPairs
 from rtamt.program.dense_lowering import DenseProgram, RegionProgram
 from rtamt.program.program import Program
@@ -119,7 +122,7 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
 }
 """The back-ends that are built, by name."""
 
-read_only: Callable[[MemberDescriptorType], object] = readout.read_only
+read_only: Callable[[MemberDescriptorType], object] = state.read_only
 """Returns a read-only descriptor of a slot of a class; the fastest one."""
 
 _own_logs: VerdictLogFunctions | None = None

@@ -17,10 +17,15 @@ from rtamt.inputs.clock import Clock, Ticks, Times
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Given
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines.batch import BatchOutcomes, EntryColumn, VerdictLogFunctions, spread
 from rtamt.machines.clocks import OperatorClock
-from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
-from rtamt.machines.dense.outlook import PythonDenseSigns, bound_worlds, everywhere
-from rtamt.machines.dense.outlook import dense_values as python_dense_values
+from rtamt.machines.dense.episode import (
+    PythonDenseEpisodeMachine,
+    PythonDenseSigns,
+    bound_worlds,
+    everywhere,
+)
+from rtamt.machines.dense.episode import dense_values as python_dense_values
 from rtamt.machines.dense.rows import RegionRows, declared_of
 from rtamt.machines.dense.runs import Runs
 from rtamt.machines.episode.streams import NOW
@@ -35,7 +40,6 @@ from rtamt.machines.protocols import (
 )
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import RefusesRanges
-from rtamt.machines.verdict_logs import BatchOutcomes, EntryColumn, VerdictLogFunctions, spread
 from rtamt.program.dense_lowering import DenseProgram, RegionProgram
 from rtamt.program.encoding import (
     DiscreteRow,

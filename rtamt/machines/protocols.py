@@ -8,7 +8,7 @@ if the two differ, the C++ machine is wrong.
 `DiscreteMachine`    runs a program on samples: `rtamt.machines.discrete`
 `EpisodeMachine`     bounds the robustness of an episode: `rtamt.machines.episode.machine`
 `DenseMachine`       runs a program on events over dense time: `rtamt.machines.dense.machine`
-`DenseSigns`         where a formula fails on a trace in dense time: `rtamt.machines.dense.outlook`
+`DenseSigns`         where a formula fails on a trace in dense time: `rtamt.machines.dense.episode`
 `MachineBatch`       a batch of discrete machines: `rtamt.machines.batch`
 `EpisodeBatch`       a batch of episode machines: `rtamt.machines.batch`
 `ClockBatch`         a batch of clocks of temporal operators: `rtamt.machines.clocks`
@@ -21,8 +21,7 @@ every kind of instruction and names its changing fields in ``STATE``, and a fiel
 To add an end mode, such as ``end="cut"``: add its name to `End`, and decide in
 `rtamt.program.instructions.Window` how windows read unseen samples. Then give it a meaning in
 
-- `rtamt.machines`: ``bounds``, ``walk``, ``episode/machine``, ``dense/episode`` and
-  ``dense/outlook``;
+- `rtamt.machines`: ``bounds``, ``walk``, ``episode/machine`` and ``dense/episode``;
 - ``rtamt/native``: ``core/end.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
   ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``batch/columns.cpp`` and
   ``batch/variants.cpp``;
@@ -128,7 +127,7 @@ class EpisodeMachine(SampleMachine, Protocol):
     def show_in(
         self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
     ) -> None:
-        """Update slots of a monitor while it lives, as in `rtamt.machines.readout`."""
+        """Update slots of a monitor while it lives, as in `rtamt.machines.state`."""
 
 
 class EpisodeRun(NamedTuple):

@@ -16,7 +16,7 @@ from rtamt.machines.backend import BACKENDS
 from rtamt.machines.bounds import needed_samples
 from rtamt.machines.offline import result_alone
 from rtamt.machines.protocols import End, EpisodeRuns, SampleRuns, TraceSet
-from rtamt.machines.readout import verdicts_of
+from rtamt.machines.state import verdicts_of
 from rtamt.monitors.judgement import Judgement, judge_compiled
 from rtamt.monitors.judgements import TriggerColumns
 from rtamt.monitors.options import Compiled

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, Unpack
 from rtamt.inputs.event_reader import EventReader
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import DenseEpisodeMachine, DenseMachine, End
-from rtamt.machines.readout import verdict_of
+from rtamt.machines.state import verdict_of
 from rtamt.monitors.online import (
     DirectUpdate,
     EpisodeValues,

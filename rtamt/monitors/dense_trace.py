@@ -18,19 +18,27 @@ from rtamt.language.node import Node
 from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS, BackendName
-from rtamt.machines.dense.outlook import DenseOutlook
+from rtamt.machines.dense.episode import DenseOutlook
 from rtamt.machines.dense.rows import rows_of, unknown_of, values_between
 from rtamt.machines.dense.runs import Runs, clipped, joint
 from rtamt.machines.protocols import DenseSigns, End
-from rtamt.machines.readout import verdict_of
 from rtamt.machines.segments import PlaceNumbers, Segments, UnseenPlace
+from rtamt.machines.state import verdict_of
 from rtamt.monitors.options import CompiledEvents
 from rtamt.monitors.triggers import DenseTriggerCount, reads_hidden
 from rtamt.monitors.unrecorded import TraceClock, TraceRegisters
 from rtamt.program.algebra import ordered
-from rtamt.program.bodies import body_reads, with_one_body
 from rtamt.program.dense_lowering import RegionProgram, compile_regions
-from rtamt.program.implications import Counted, InstantRuns, Reads, Routes, TraceSpan, unanswered
+from rtamt.program.implications import (
+    Counted,
+    InstantRuns,
+    Reads,
+    Routes,
+    TraceSpan,
+    body_reads,
+    unanswered,
+    with_one_body,
+)
 from rtamt.program.interface import STANDARD, Interface
 
 

@@ -30,7 +30,7 @@ from rtamt.language.operators import Bounds, Operator
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS, Factories
-from rtamt.machines.dense.outlook import with_robustness
+from rtamt.machines.dense.episode import with_robustness
 from rtamt.machines.dense.rows import TraceValues, rows_of, values_between
 from rtamt.machines.dense.runs import Runs, clipped
 from rtamt.machines.offline import Passes

@@ -10,7 +10,7 @@ from rtamt.inputs.events import EventsLike
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
 from rtamt.machines.protocols import End
-from rtamt.machines.readout import verdict_of
+from rtamt.machines.state import verdict_of
 from rtamt.monitors.dense_trace import DenseTrace
 from rtamt.monitors.evaluation import trace_between
 from rtamt.monitors.options import (

@@ -12,7 +12,7 @@ from rtamt.inputs.between import identical
 from rtamt.inputs.events import EventsLike, Until
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.machines.protocols import End
-from rtamt.machines.readout import verdict_of
+from rtamt.machines.state import verdict_of
 from rtamt.monitors.dense_trace import DenseTrace
 from rtamt.monitors.evaluation import trace_between
 from rtamt.monitors.implications import JudgedTrace, evidence_of

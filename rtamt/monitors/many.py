@@ -13,15 +13,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, RtamtError, alternatives, brief, is_one_of
 from rtamt.inputs.arrays import Floats, kind_of
-from rtamt.inputs.frame_traces import TraceRows, refusals
 from rtamt.inputs.frames import named_columns
-from rtamt.inputs.group_times import periods_of, seconds_of
-from rtamt.inputs.groups import Groups, groups_of, table_of
+from rtamt.inputs.groups import (
+    Groups,
+    TraceRows,
+    groups_of,
+    periods_of,
+    refusals,
+    seconds_of,
+    table_of,
+)
 from rtamt.inputs.samples import TraceColumns
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End, TraceSet
-from rtamt.machines.readout import verdicts_of
+from rtamt.machines.state import verdicts_of
 from rtamt.monitors.batch import JudgedRows, TraceBatch
 from rtamt.monitors.evaluation import trace_between
 from rtamt.monitors.judgements import Judgements

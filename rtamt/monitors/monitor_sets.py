@@ -12,8 +12,8 @@ from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.batch import BatchReader, Entries
 from rtamt.machines.backend import BACKENDS, logs_of
+from rtamt.machines.batch import BatchOutcomes, EntryColumn, EntryValue, VerdictLogFunctions
 from rtamt.machines.protocols import End, EpisodeBatch
-from rtamt.machines.verdict_logs import BatchOutcomes, EntryColumn, EntryValue, VerdictLogFunctions
 from rtamt.monitors.monitor import EpisodeMonitor
 from rtamt.monitors.options import checked_end
 from rtamt.monitors.vector import VectorEpisodeMonitor

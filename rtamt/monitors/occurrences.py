@@ -45,8 +45,7 @@ from rtamt.monitors.options import (
 )
 from rtamt.monitors.sample_trace import SampleTrace
 from rtamt.monitors.triggers import text_of
-from rtamt.program.bodies import bodies
-from rtamt.program.implications import InstantRuns, implications
+from rtamt.program.implications import InstantRuns, bodies, implications
 from rtamt.program.memory import limit_beyond
 from rtamt.program.timing import Period
 

@@ -18,14 +18,22 @@ from rtamt.machines.backend import BACKENDS
 from rtamt.machines.bounds import TraceBounds, needed_samples
 from rtamt.machines.offline import result_alone
 from rtamt.machines.protocols import End, SampleRuns, TraceSet
-from rtamt.machines.readout import moved, verdict_of
 from rtamt.machines.segments import PlaceRuns, Segments, UnseenPlace
+from rtamt.machines.state import moved, verdict_of
 from rtamt.machines.walk import Keys, number_of
 from rtamt.monitors.options import Compiled
 from rtamt.monitors.triggers import TriggerCount, reads_hidden
 from rtamt.monitors.unrecorded import TraceClock, TraceRegisters
-from rtamt.program.bodies import body_reads, with_one_body
-from rtamt.program.implications import Counted, InstantRuns, Reads, Routes, TraceSpan, unanswered
+from rtamt.program.implications import (
+    Counted,
+    InstantRuns,
+    Reads,
+    Routes,
+    TraceSpan,
+    body_reads,
+    unanswered,
+    with_one_body,
+)
 from rtamt.program.instructions import Window
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.memory import episode_numbers

@@ -22,7 +22,7 @@ from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.bounds import TraceBounds
 from rtamt.machines.protocols import End
-from rtamt.machines.readout import verdict_of
+from rtamt.machines.state import verdict_of
 from rtamt.monitors.evaluation import trace_between
 from rtamt.monitors.judgement import judge
 from rtamt.monitors.options import SampleOptions, checked_end, compiled, listed_in_signature

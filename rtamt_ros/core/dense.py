@@ -9,7 +9,7 @@ from typing import Any
 
 import rtamt
 from rtamt import InputError, Specification, SpecificationError, Verdict
-from rtamt.machines.readout import moved
+from rtamt.machines.state import moved
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
 from rtamt_ros.core.report import Account, RequirementReport

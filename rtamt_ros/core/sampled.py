@@ -16,7 +16,7 @@ from rtamt import (
     SpecificationError,
     Verdict,
 )
-from rtamt.machines.readout import moved
+from rtamt.machines.state import moved
 from rtamt.program.implications import implications
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord

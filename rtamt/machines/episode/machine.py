@@ -57,8 +57,7 @@ from rtamt.machines.episode.streams import (
     skipping,
 )
 from rtamt.machines.protocols import End
-from rtamt.machines.readout import Readout, moved
-from rtamt.machines.state import Retiring, StateFields
+from rtamt.machines.state import Readout, Retiring, StateFields, moved
 from rtamt.machines.terms import PythonSampleMachine, Registers
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.instructions import Const, Load, Map, Window

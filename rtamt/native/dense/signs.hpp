@@ -1,5 +1,5 @@
 // Where a formula fails or holds for certain on a whole trace in dense time. The definition is
-// rtamt/machines/dense/outlook.py.
+// rtamt/machines/dense/episode.py.
 //
 // Folds choose among the numbers of their operands by order alone, so the sign of a fold is the fold
 // of signs: a number that fails is -inf here, another one +inf, and runs are as few as changes. The

@@ -139,7 +139,7 @@ void bind_regions(nb::module_& m) {
 void bind_signs(nb::module_& m) {
     nb::class_<Signs>(m, "DenseSigns",
                       "Where a formula fails or holds for certain on a whole trace, as\n"
-                      "rtamt.machines.dense.outlook.PythonDenseSigns.\n\n"
+                      "rtamt.machines.dense.episode.PythonDenseSigns.\n\n"
                       "Args:\n"
                       "    terms: The terms of a program, as rtamt.program.encoding encodes them.\n"
                       "    rows: The formulas behind them over regions, encoded too.\n"

@@ -1,5 +1,5 @@
 // What several batches of episodes find together, entry by entry. The definitions are in
-// rtamt/machines/verdict_logs.py.
+// rtamt/machines/batch.py.
 #include <nanobind/nanobind.h>
 
 #include <algorithm>
@@ -243,7 +243,7 @@ nb::object grid(const char* dtype, std::size_t rows, std::size_t columns, T*& el
     return array;
 }
 
-// The outcomes of these entries, as `BatchOutcomes` in rtamt/machines/verdict_logs.py names them.
+// The outcomes of these entries, as `BatchOutcomes` in rtamt/machines/batch.py names them.
 nb::tuple outcomes(const nb::tuple& objects, nb::handle entries, nb::handle failed,
                    nb::handle settled_at) {
     const Batches batches = batches_of(objects);

@@ -32,7 +32,7 @@ from strategies import (
 from rtamt import EpisodeMonitor, Formula, InputError, Interval, Verdict, evaluate
 from rtamt.language.formula import make
 from rtamt.language.operators import OPERATORS
-from rtamt.machines import readout
+from rtamt.machines import state
 from rtamt.machines.backend import read_only
 
 Backend = Literal["native", "python"]
@@ -386,7 +386,7 @@ def test_attributes_are_documented(name: str) -> None:
     assert inspect.getdoc(vars(EpisodeMonitor)[name])
 
 
-@pytest.mark.parametrize("reader", [read_only, readout.read_only])
+@pytest.mark.parametrize("reader", [read_only, state.read_only])
 def test_a_slot_that_is_read_only_is_read(reader: Callable[[MemberDescriptorType], Any]) -> None:
     class Holder:
         __slots__ = {"value": "What it holds."}
