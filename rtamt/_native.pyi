@@ -10,7 +10,7 @@ from rtamt.inputs.batch import BatchReader
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import EventsLike, GivenLike
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines import protocols, verdict_logs
+from rtamt.machines import batch, protocols
 from rtamt.machines.clocks import OperatorClock
 from rtamt.machines.protocols import End
 from rtamt.machines.terms import RefusesRanges
@@ -125,7 +125,7 @@ def outcomes_of_batches(
     NDArray[np.bool_],
 ]: ...
 def spread_entries(
-    columns: list[verdict_logs.EntryColumn], entries: NDArray[np.int64], num: int
+    columns: list[batch.EntryColumn], entries: NDArray[np.int64], num: int
 ) -> int: ...
 def reset_batches(
     batches: Sequence[protocols.EpisodeBatch], mask: NDArray[np.bool_] | None
