@@ -1,4 +1,4 @@
-"""What a text declares: names, types, ranges and defaults of variables, and ids of requirements."""
+"""Declarations of a text: names, types, ranges and defaults of variables; ids of requirements."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 
 
 def is_name(text: str) -> bool:
-    """Return whether a text has the form of a variable's name; reserved words have it too."""
+    """Return whether a text has the form of a variable's name, as reserved words also have."""
     return _NAME.fullmatch(text) is not None
 
 
@@ -112,7 +112,7 @@ def range_text(values: tuple[float, float]) -> str:
 
 
 LINKS: Final = ("https://", "http://")
-"""What a link starts with: other addresses could run code in a page."""
+"""The starts of links: other addresses could run code in a page."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ class RequirementId:
             raise SpecificationError("expected an id, got an empty text")
         if self.link and not self.link.startswith(LINKS):
             raise SpecificationError(
-                f"expected a link that begins with {' or '.join(LINKS)}, got {self.link!r}"
+                f"expected a link that starts with {' or '.join(LINKS)}, got {self.link!r}"
             )
         object.__setattr__(self, "link", self.link.replace("{id}", quote(self.id, safe="")))
 

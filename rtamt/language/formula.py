@@ -103,7 +103,7 @@ class Term(Node):
         return _comparison("!=", self, other)
 
     def formula(self) -> Formula:
-        """Return the formula whose robustness is the value of the term."""
+        """Return the formula that has the value of the term as its robustness."""
         return cast("Formula", make("value", (self,)))
 
 
@@ -111,7 +111,7 @@ class Formula(Node):
     """A formula of signal temporal logic.
 
     Temporal methods take the bounds ``begin`` and ``end`` of the interval, both included. The end
-    may have a unit (``always(0, "500ms")``); None is no end.
+    may have a unit (``always(0, "500ms")``); None: the interval is unbounded.
 
     Example:
         >>> x = variable("x")
@@ -263,8 +263,9 @@ def disjunction(formulas: Iterable[Formula]) -> Formula:
 def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) -> Term | Formula:
     """Return the node of any operator: ``make("always", (p,), Interval.of(0, 5))``.
 
-    It refuses operands of another kind or number, an interval where there is no place for it, and
-    trees that are too deep or too large.
+    Raises:
+        SpecificationError: If the kind or number of operands is wrong, if the operator takes no
+            interval, or if the tree is too deep or too large.
     """
     op = OPERATORS[name]
     kind: type[Node] = Term if op.operands == "term" else Formula
@@ -292,7 +293,7 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
 
 
 def replaced(formula: Formula, instead: Mapping[Node, Node]) -> Formula:
-    """Return the formula with some of its nodes replaced, wherever they stand.
+    """Return the formula with some of its nodes replaced everywhere.
 
     Example:
         >>> x = variable("x")

@@ -1,7 +1,7 @@
 """Intervals of time offsets, exact numbers, and numbers that remember the constants of a text.
 
-Compilation replaces the names of constants by numbers. A text that is read with traced constants
-has `Traced` numbers in their place. They are floats, so a program of them is the same program.
+Compilation replaces the names of constants by numbers. With traced constants, these numbers are
+`Traced`. They are floats, so the program stays the same.
 """
 
 from __future__ import annotations
@@ -42,30 +42,31 @@ def no_unit(text: object) -> str:
     return f"expected a unit ({', '.join(UNITS)}), got {brief(text)}"
 
 
-def exact(value: Exact, what: str) -> Fraction:
+def exact(value: Exact, label: str) -> Fraction:
     """Return the exact value of a finite number; a float means its shortest decimal text.
 
-    The text is checked before it is computed with.
+    Errors call the number by its label, such as ``"the period"``. The length of a text is checked
+    first, because long numbers take long to compute with.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str | Decimal | Fraction):
-        msg = f"expected a number for {what}, got {type(value).__name__} {brief(value)}"
+        msg = f"expected a number for {label}, got {type(value).__name__} {brief(value)}"
         raise InputTypeError(msg)
     if isinstance(value, int | Fraction):
         longest = max(abs(value.numerator), value.denominator)
         number = None if longest > 10**MAX_DIGITS else Fraction(value)
     else:
-        number = _read(repr(float(value)) if isinstance(value, float) else str(value), value, what)
+        number = _read(repr(float(value)) if isinstance(value, float) else str(value), value, label)
     if number is not None and (number == 0 or Fraction(1, _LARGEST) <= abs(number) <= _LARGEST):
         return number
     shown = value if isinstance(value, str) and len(value) <= MAX_DIGITS else brief(value)
-    msg = f"expected a number between 1e-300 and 1e300 for {what}, got {shown}"
+    msg = f"expected a number between 1e-300 and 1e300 for {label}, got {shown}"
     raise SpecificationError(msg)
 
 
-def _read(text: str, value: object, what: str) -> Fraction | None:
+def _read(text: str, value: object, label: str) -> Fraction | None:
     """Return the number in a text; None if it is too large or too small to compute with."""
     if len(text) > MAX_DIGITS:
-        msg = f"expected a number of at most {MAX_DIGITS} characters for {what}, got {len(text)}"
+        msg = f"expected a number of at most {MAX_DIGITS} characters for {label}, got {len(text)}"
         raise SpecificationError(msg)
     match = _TEXT.fullmatch(text.strip())
     try:
@@ -73,7 +74,7 @@ def _read(text: str, value: object, what: str) -> Fraction | None:
             return Fraction(text) if abs(int(match[4] or 0)) <= MAX_DIGITS else None
     except ZeroDivisionError:
         pass
-    msg = f"expected a finite number for {what}, got {brief(value)}"
+    msg = f"expected a finite number for {label}, got {brief(value)}"
     raise SpecificationError(msg)
 
 
@@ -87,12 +88,16 @@ def is_decimal(value: Fraction) -> bool:
 
 
 def decimal_text(value: Fraction) -> str:
-    """Return the shortest decimal text that is exactly the fraction; one third has none."""
+    """Return the shortest exact decimal text of a fraction.
+
+    Raises:
+        SpecificationError: If the fraction has no exact decimal text, as one third.
+    """
     scale = 0
     while (value * 10**scale).denominator != 1:
         scale += 1
         if 2**scale > value.denominator**4 + 2**64:
-            msg = f"expected a decimal number, got {value}, which no decimal text writes exactly"
+            msg = f"expected a decimal number, got {value}, which has no exact decimal text"
             raise SpecificationError(msg)
     digits = str(abs(int(value * 10**scale))).rjust(scale + 1, "0")
     sign = "-" if value < 0 else ""
@@ -110,12 +115,11 @@ class Interval:
 
     Attributes:
         begin: The smallest offset; not negative.
-        end: The largest offset; None for no end.
-        unit: Unit of both bounds; None: samples without a period; otherwise, the unit of the
-            specification.
+        end: The largest offset; None if unbounded.
+        unit: Unit of both bounds. None: the unit of the specification, or samples without a period.
 
     Raises:
-        SpecificationError: If a bound is negative, the end is before the begin, or the unit is
+        SpecificationError: If a bound is negative, the end is before the start, or the unit is
             unknown.
     """
 
@@ -131,9 +135,9 @@ class Interval:
                 msg = f"expected a Fraction as the bound of an interval, got {brief(bound)}"
                 raise InputTypeError(f"{msg}; Interval.of takes numbers")
         if self.begin < 0 or (self.end is not None and self.end < self.begin):
-            least = "0" if self.begin < 0 else decimal_text(self.begin)
+            minimum = "0" if self.begin < 0 else decimal_text(self.begin)
             wrong = self.begin if self.begin < 0 else cast("Fraction", self.end)
-            msg = f"expected a bound of at least {least}, got {decimal_text(wrong)}"
+            msg = f"expected a bound of at least {minimum}, got {decimal_text(wrong)}"
             raise SpecificationError(msg)
         if self.unit is not None and not is_one_of(self.unit, UNITS):
             raise SpecificationError(no_unit(self.unit))
@@ -145,7 +149,8 @@ class Interval:
     def of(cls, begin: Exact, end: Exact | None) -> Interval | None:
         """Return the interval of two bounds; the end may have a unit: ``of(0, "500ms")``.
 
-        None, which means ``[0, inf)``, if there is nothing to bound.
+        Returns:
+            The interval; None for ``[0, inf)``.
         """
         unit = None
         if isinstance(end, str):
@@ -158,7 +163,7 @@ class Interval:
             unit = text[len(digits) :].strip() or None
         elif isinstance(end, float) and end == math.inf:
             end = None
-        first = exact(begin, "the begin of an interval")
+        first = exact(begin, "the start of an interval")
         last = None if end is None else exact(end, "the end of an interval")
         return None if last is None and first == 0 else cls(first, last, unit)
 
@@ -194,7 +199,7 @@ class Traced(float):
 
     @cached_property
     def constants(self) -> frozenset[str]:
-        """The names of the constants that this number depends on."""
+        """The names of all constants in the computation of this number."""
         if not self.operands:
             return frozenset((self.source,))
         traced = [operand for operand in self.operands if isinstance(operand, Traced)]
@@ -202,7 +207,7 @@ class Traced(float):
 
     @cached_property
     def text(self) -> str:
-        """The term whose value this is."""
+        """The term of this number, with the names of its constants."""
         operands = ", ".join(number_text(operand) for operand in self.operands)
         return f"{self.source}({operands})" if self.operands else self.source
 
@@ -221,11 +226,11 @@ def applied(name: str, function: Callable[..., float], *operands: float) -> floa
 class TracedInterval(Interval):
     """An interval with a constant as a bound, times a factor for sign and unit.
 
-    It differs from an interval with other names for the same bounds, and may be ``[0, inf)``.
+    Intervals with the same bounds but other constants differ. It may be ``[0, inf)``.
 
     Attributes:
-        begin_of: The name of the constant and the factor of the begin; None if it is a number.
-        end_of: The same for the end.
+        begin_of: The constant of the start and its factor; None if the start is a number.
+        end_of: The constant of the end and its factor; None if the end is a number.
     """
 
     begin_of: tuple[str, Fraction] | None = None

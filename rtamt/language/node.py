@@ -1,4 +1,4 @@
-"""Frozen trees in which equal parts are the same object, and their text.
+"""Frozen trees that share equal parts, and their text.
 
 ``==`` is identity, hashing is free, and a sub-formula that occurs twice is compiled to one
 register. The text has the fewest brackets that the parser needs.
@@ -33,7 +33,7 @@ MAX_NAME = 255
 
 
 def too_long(name: str) -> str:
-    """Return the reason to refuse a name for its length or its parts; empty if there is none."""
+    """Return the reason to refuse a name that is too long; empty if its length is accepted."""
     parts = name.count(".") + name.count("[") + 1
     if parts > MAX_PARTS:
         return f"a dotted name has {parts} parts; the limit is {MAX_PARTS}"
@@ -42,9 +42,9 @@ def too_long(name: str) -> str:
     return ""
 
 
-def too_deep(what: str, depth: int) -> str:
-    """Return the reason to refuse a formula or brackets."""
-    return f"{what} nested {depth} deep; the limit is {MAX_DEPTH}"
+def too_deep(subject: str, depth: int) -> str:
+    """Return the reason to refuse a formula or brackets that are nested too deep."""
+    return f"{subject} nested {depth} deep; the limit is {MAX_DEPTH}"
 
 
 class Node:
@@ -177,12 +177,12 @@ def _compose(
         case "prefix":
             return _prefix(op, interval, operands[0], rows[0])
         case "infix":
-            # Only operators that group to the left take their like on the left without brackets.
-            least = [op.precedence + (op.grouping == "none")]
-            least += [op.precedence + 1] * (len(operands) - 1)
+            # A left operand with the same operator needs brackets only if the row does not group.
+            strengths = [op.precedence + (op.grouping == "none")]
+            strengths += [op.precedence + 1] * (len(operands) - 1)
             parts = [
                 text if (math.inf if row is None else row.precedence) >= strength else f"({text})"
-                for text, row, strength in zip(operands, rows, least, strict=True)
+                for text, row, strength in zip(operands, rows, strengths, strict=True)
             ]
             return f" {op.symbol}{interval} ".join(parts)
 

@@ -1,4 +1,4 @@
-"""The table of operators: how each is written and what it means.
+"""The table of operators: their notation and their meaning.
 
 The parser, the printer, the compiler and the documentation read the rows. A meaning is a function
 over a `Builder`: sugar is one line over the core, which is a function of values now (`map`) and a
@@ -25,12 +25,11 @@ To add a function, such as ``tanh``:
 
 1. Add a row to `OPERATORS`: ``_function("tanh", "hyperbolic tangent")``.
 2. Add a row to `FUNCTIONS` in `rtamt.program.algebra`. It names the rule of
-   `rtamt.program.intervals` for unknown operands; ``everything`` is right for every function. A
-   rule that rounds outward is one of ``WIDER`` in
-   ``tests/rtamt/program/test_interval_arithmetic.py``.
+   `rtamt.program.intervals` for unknown operands; ``everything`` is right for every function. Add
+   a rule that rounds outward to ``WIDER`` in ``tests/rtamt/program/test_interval_arithmetic.py``.
 3. In C++, add a line to the X-macro in ``rtamt/native/core/functions.hpp``, and the same rule under
-   the same name in ``rtamt/native/core/intervals.hpp``. A function that returns a number for a nan,
-   as ``pow(nan, 0)`` does, is named in ``rtamt/native/discrete/columns.hpp``.
+   the same name in ``rtamt/native/core/intervals.hpp``. If the function returns a number for a nan,
+   as ``pow(nan, 0)`` does, add it to ``rtamt/native/discrete/columns.hpp``.
 4. For arrays, add a row to `FUNCTIONS` in `rtamt_arrays.functions`. If the row needs a function of
    the library, add it to `Operations` in `rtamt_arrays.operations` and to ``operations.py`` of both
    ``rtamt_arrays/jax`` and ``rtamt_arrays/torch``.
@@ -50,10 +49,10 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 KEYWORDS = frozenset({"inf", "const", "input", "output", "specification", "from", "import"})
-"""The words of statements, which the grammar knows; no operator has such a spelling."""
+"""The words of statements in the grammar; an operator cannot have such a spelling."""
 
 Bounds = tuple[int, int | None]
-"""Bounds of an interval in samples; None is no upper bound."""
+"""Bounds of an interval in samples; the upper bound is None if it is unbounded."""
 
 
 class Builder(Protocol):
@@ -146,14 +145,14 @@ class Operator:
 
 
 class OperatorTable(Mapping[str, Operator]):
-    """Rows by name, and what follows from all of them.
+    """The rows by name, with indexes over their spellings.
 
     Attributes:
         spellings: (spelling, notation) to its row; ``-`` is a prefix and an infix operator.
         words: Spelling to its row, for the spellings that are words.
         reserved: Words that cannot name a variable: keywords, ``true`` and ``false``, and operators
-            (``G - 3`` would have two readings). The name of a function can: it is a function only
-            if ``(`` follows.
+            (``G - 3`` would have two readings). Names of functions are free: a function needs a
+            ``(`` after its name.
     """
 
     spellings: Mapping[tuple[str, Notation], Operator]
@@ -211,8 +210,8 @@ def _swapped(function: str) -> Meaning:
 
 
 def _chained(function: str) -> Meaning:
-    def meaning(b: Builder, first: int, *rest: int) -> int:
-        for operand in rest:
+    def meaning(b: Builder, first: int, *others: int) -> int:
+        for operand in others:
             first = b.map(function, first, operand)
         return first
 
@@ -300,7 +299,7 @@ def _timed(
 def _neighbour(spellings: tuple[str, ...], doc: str, offset: int, fold: str) -> Operator:
     """Return an operator of a neighbouring sample; outside the trace it is the fold's identity.
 
-    The identity of min is +inf, for the weak operator; of max it is -inf, for the strong one.
+    The weak operator folds with min, so that its identity is +inf; the strong one with max (-inf).
     """
     return Operator(
         spellings,
@@ -337,8 +336,8 @@ _ROWS = (
     _function("ln", "natural logarithm"),
     _function("pow", "pow(x, y): x to the power of y", 2, 2),
     _function("log", "log(x, base): ln(x) / ln(base)", 2, 2),
-    _function("min", "the least of two terms or more", 2, None),
-    _function("max", "the greatest of two terms or more", 2, None),
+    _function("min", "the smallest of two or more terms", 2, None),
+    _function("max", "the largest of two or more terms", 2, None),
     Operator(
         ("rate",),
         "call",

@@ -45,16 +45,16 @@ def parse(
 
     Args:
         text: One formula or more, declarations, constants.
-        unit: Unit of the bounds that have none: s, ms, us, ns, ps, min or h.
+        unit: Unit of bounds without a unit: s, ms, us, ns, ps, min or h.
         constants: Values of constants in the text. They override its own definitions:
             ``constants={"limit": 0.3}`` sweeps a threshold ``const float limit = 0.2``.
-        modules: The modules from which the text imports types: by name, or names of modules to
-            import. A text imports nothing itself: without modules its types are only names, and
-            messages of any class are accepted.
+        modules: The modules of the types that the text imports: modules by name, or names of
+            modules to import. A text imports nothing itself: without modules its types are only
+            names, and messages of any class are accepted.
 
     Raises:
         ParseError: If the text is not a specification, with line, column and hint.
-        SpecificationError: If an argument is wrong, the text has none of the constants, or it is
+        SpecificationError: If an argument is wrong, the text does not have a constant, or it is
             longer than 150,000 characters.
         ImportError: If a named module cannot be imported.
 
@@ -175,9 +175,11 @@ def load(
     """Return the specification in a UTF-8 file; see `parse`.
 
     Raises:
-        MissingFileError: If there is no such file; it is an `InputError` and a `FileNotFoundError`.
+        MissingFileError: If the file does not exist; it is an `InputError` and a
+            `FileNotFoundError`.
         OSError: If the file cannot be read.
-        SpecificationError: As for `parse`, with a note that names the file; or if it is not UTF-8.
+        SpecificationError: As for `parse`, with a note that names the file; or if the file is not
+            UTF-8.
     """
     from pathlib import Path  # 5 ms of every import of the package
 
@@ -221,8 +223,8 @@ def traced(spec: Specification) -> Specification:
     return text if spec.requirement is None else text.requirements[spec.requirement]
 
 
-# A pickle is the text: it is short, and equal trees stay one object. It is registered here because
-# the parser reads it.
+# A pickle is the text: it is short, and equal trees stay one object. Pickling is registered here
+# because it needs the parser.
 
 
 def _term_from_text(text: str) -> Term:

@@ -1,7 +1,7 @@
-"""A specification: its formulas, declarations and constants, and what follows from them.
+"""A specification: its formulas, declarations and constants, and properties of these.
 
-A specification never changes and does not know how it will be monitored. Two are equal if their
-contents are, however they are spelt.
+A specification is immutable and independent of monitors. Two specifications are equal if their
+contents are equal, in any spelling.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:  # methods import these when they are called
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Specification:
-    """One formula or more, the last of which is the result.
+    """One formula or more; the last one is the result.
 
     ``str`` returns a canonical text; with the same ``unit`` it parses to an equal specification. It
     has the same requirements too, unless a formula names two that are equal, or negates a number
@@ -59,8 +59,8 @@ class Specification:
         ids: Name of a formula to the id of its requirement; the id of a result without a name is
             under the name of the specification.
         imports: Imported type to its module.
-        types: Imported type to its class, if the module was given and the type is a class.
-        unit: Unit of the bounds that have none.
+        types: Imported type to its class, if the module was passed and the type is a class.
+        unit: Unit of bounds without a unit.
         overrides: Exact values of the text's constants that were passed to `parse`.
         chains: Whether operators that do not chain group to the left, as in `parse_as`.
         positions: Line and column in the text of a node's interval, operator or name.
@@ -98,7 +98,7 @@ class Specification:
         """Make the mappings read-only."""
         for attribute in _MAPPINGS:
             value = getattr(self, attribute)
-            if not isinstance(value, MappingProxyType):  # otherwise shared with another one
+            if not isinstance(value, MappingProxyType):  # `replace` shares these
                 object.__setattr__(self, attribute, MappingProxyType(dict(value)))
 
     @classmethod
@@ -111,7 +111,7 @@ class Specification:
         return self.with_result(self.formula.always())
 
     def standalone(self) -> Formula:
-        """Return the result with the unit of every bound, so that its text means the same anywhere.
+        """Return the result with a unit at every bound, so that its text needs no other unit.
 
         Bounds in seconds, the default unit, have no unit in the text.
 
@@ -134,7 +134,7 @@ class Specification:
     def with_result(self, formula: Formula) -> Specification:
         """Return the same declarations and formulas with another result, such as a sub-formula.
 
-        Its text is canonical, so errors show the node and no place in the original text.
+        Its text is canonical, so errors show the node without a place in the original text.
 
         Example:
             >>> from rtamt import parse
@@ -206,7 +206,8 @@ class Specification:
             scales: Positive, finite numbers for some of `predicates`; the others stay as they are.
 
         Raises:
-            SpecificationError: If a scale is not positive and finite, or belongs to no predicate.
+            SpecificationError: If a scale is not positive and finite, or is for a formula that is
+                not a predicate.
             InputTypeError: If a scale is not a number.
 
         Example:
@@ -266,9 +267,9 @@ class Specification:
 
         Declaration and import state the class of a message. A plain variable reads the field
         ``data`` of the message of ``std_msgs`` with the name of its type; without a declaration it
-        is a ``Float64``. A variable whose declared type is such a message reads ``data`` too. The
-        text states the topic, ``@ topic(cmd, /robot0/cmd_vel)``; otherwise, it is ``rtamt/`` and
-        the name of the variable. Variables that no formula uses are left out.
+        is a ``Float64``. A variable with such a message as its declared type reads ``data`` too.
+        The text states the topic, ``@ topic(cmd, /robot0/cmd_vel)``; otherwise, it is ``rtamt/``
+        and the name of the variable. Variables that no formula uses are left out.
 
         Raises:
             SpecificationError: If the text compares a whole message to a number, as ``cmd > 0``.
@@ -303,9 +304,9 @@ class Specification:
                 as for `Monitor`; ``resolution`` as for `rtamt.dense.Monitor`.
 
         Raises:
-            SpecificationError: If a name of the specification is one of the monitor's own, such as
+            SpecificationError: If the monitor uses a name of the specification itself, such as
                 ``lower``, or as for `EpisodeMonitor`.
-            InputError: If an option has a wrong value, if neither a period nor ``dense`` is given,
+            InputError: If an option has a wrong value, if neither a period nor ``dense`` is passed,
                 or if the C++ library is missing.
             OSError: If the file cannot be written.
         """
@@ -375,17 +376,17 @@ class Specification:
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
-        """The used variables whose declaration, or whose message, is an ``input``."""
+        """The used variables that are declared as ``input``, or belong to such a message."""
         return self._declared_as("input")
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
-        """The used variables whose declaration, or whose message, is an ``output``."""
+        """The used variables that are declared as ``output``, or belong to such a message."""
         return self._declared_as("output")
 
     @cached_property
     def defaults(self) -> Mapping[str, float]:
-        """The default values of the used plain variables that declare one.
+        """The declared default values of the used plain variables.
 
         A variable has its default before the first sample or message with a value for it. For a
         message it is the number in the field ``data``.
@@ -413,7 +414,7 @@ class Specification:
 
     @cached_property
     def declared_ranges(self) -> Mapping[str, tuple[float, float]]:
-        """The `ranges` that a declaration states itself."""
+        """The `ranges` from declarations, without the ranges of types."""
         plain = self._plain.items()
         return MappingProxyType({v: d.range for v, d in plain if d.range is not None})
 
@@ -451,7 +452,7 @@ class Specification:
         )
 
     def nodes(self) -> Iterator[Node]:
-        """Return every different node of all formulas once, operands before their operator."""
+        """Return each node of all formulas once, operands before their operator."""
         formulas = (*self.formulas.values(), self.formula)
         return iter(dict.fromkeys(node for formula in formulas for node in formula.nodes()))
 
@@ -468,7 +469,7 @@ class Specification:
         return self.declarations.get(self._declared(variable))
 
     def error(self, node: Node, reason: str, hint: str = "") -> SpecificationError:
-        """Return the error about a node: with its place in the text if it has one."""
+        """Return the error about a node, with its place if the node is in the text."""
         if node in self.positions:
             return ParseError(reason, self.text, *self.positions[node], hint)
         return SpecificationError(f"{reason}\n  in {node}", hint_line(hint))
@@ -479,12 +480,12 @@ class Specification:
         """Return the error about a name in the text, with its file, line and column.
 
         Args:
-            name: A formula, whose definition the error shows, or a variable, whose first use it
-                shows.
+            name: The name of a formula or a variable; the error shows the definition of a formula,
+                and the first use of a variable.
             reason: The reason, without the place.
             hint: How to correct the text; default: nothing.
-            part: The index of the part of the name at the caret; negative from the end, so that
-                -1 is ``x`` of ``cmd.linear.x``; default: the first.
+            part: The index of the part of the name at the caret; negative values count from the
+                end, so that -1 is ``x`` of ``cmd.linear.x``; default: the first.
 
         Returns:
             A `ParseError`; a `SpecificationError` if the text does not have the name.
@@ -499,11 +500,12 @@ class Specification:
         from rtamt.language.grammar.tokens import read
 
         statements, tokens = read(self.text)
-        places = [each.name for each in statements.definitions if each.name is not None]
-        for each in statements.definitions:
-            places += tokens[each.formula.start.tokenIndex : each.formula.stop.tokenIndex + 1]
-        token = next((token for token in places if token.text == name), None)
-        if token is None:  # such as a formula that Python made
+        candidates = [d.name for d in statements.definitions if d.name is not None]
+        for definition in statements.definitions:
+            first, last = definition.formula.start, definition.formula.stop
+            candidates += tokens[first.tokenIndex : last.tokenIndex + 1]
+        token = next((token for token in candidates if token.text == name), None)
+        if token is None:  # for instance, a formula from Python
             return SpecificationError(f"{name}: {reason}", hint_line(hint))
         parts = steps(name)
         before, step = joined(parts[:part]), parts[part]
@@ -553,7 +555,7 @@ class Specification:
 
     @cached_property
     def _plain(self) -> Mapping[str, Declaration]:
-        """The declarations of the used variables that are no fields, other than ``data``."""
+        """The declarations of the used variables that are not fields, apart from ``data``."""
         names = {v: self._declared(v) for v in self.variables}
         declared = {v: self.declarations.get(name) for v, name in names.items()}
         return {v: d for v, d in declared.items() if d and v in (names[v], f"{names[v]}.data")}
@@ -575,7 +577,7 @@ class Specification:
     def _named_in(self, name: str) -> dict[Node, str]:
         """Return the formulas that a formula uses, with their first name.
 
-        A formula that is the value of a term is that term as an operand.
+        A formula that is the value of a term stands for that term in operands.
         """
         named: dict[Node, str] = {}
         for used in reversed(self.uses.get(name, ())):
@@ -614,7 +616,7 @@ class Specification:
 
 
 def _columns_of(spec: Specification) -> Mapping[str, str]:
-    """Return the columns of variables that a formula reads."""
+    """Return the columns of the variables that formulas read."""
     if not spec.columns:
         return spec.columns
     formulas = (*spec.formulas.values(), spec.formula)
@@ -626,7 +628,7 @@ _MAPPINGS = tuple(f.name for f in fields(Specification) if f.default_factory is 
 
 
 class _Horizons:
-    """A builder of meanings whose registers are horizons."""
+    """A builder that computes the horizon of each register."""
 
     def __init__(self) -> None:
         self.values: list[Fraction | float] = []

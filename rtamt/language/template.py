@@ -1,4 +1,4 @@
-"""`SpecificationTemplate`: a text that is read once, for any values of its constants."""
+"""`SpecificationTemplate`: one parsed text for many values of its constants."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ from rtamt.language.specification import Specification
 
 
 class SpecificationTemplate:
-    """A specification for any values of its constants, whose text is read once.
+    """A specification for any values of its constants; its text is parsed once.
 
-    The text is read again only at construction: `at` replaces the constants in terms and bounds by
-    numbers.
+    The constructor parses the text, and `at` replaces the constants in terms and bounds by numbers.
 
     Args:
         spec: Text, formula or specification. Constants passed to `rtamt.parse` count as well.
@@ -74,8 +73,8 @@ class SpecificationTemplate:
         It equals the result of `rtamt.parse` for the text and the values.
 
         Raises:
-            SpecificationError: If the text has none of the constants, or does not use one; if a
-                value is not a number, or leads to a wrong interval or range.
+            SpecificationError: If the text does not define or use a constant, or if a value is not
+                a number or leads to a wrong interval or range.
             InputTypeError: If the values are not a mapping.
         """
         if not isinstance(constants, Mapping):
@@ -96,8 +95,8 @@ class SpecificationTemplate:
             return specification
         if part not in specification.requirements:
             msg = (
-                f"with these constants the requirement '{part}' is {specification.formula}, as "
-                "another is"
+                f"with these constants the requirement '{part}' equals another one: "
+                f"{specification.formula}"
             )
             raise SpecificationError(msg)
         return specification.requirements[part]

@@ -39,7 +39,7 @@ class SubscribedField:
         variable: Its name in the specification, ``scan.ranges[0]``.
         path: The fields and elements that lead to it in the message, ``("ranges", 0)``.
         read: Returns its value in a message with attributes and sequences, such as the messages of
-            ROS and `rosbags`. It raises AttributeError, IndexError or TypeError without one.
+            ROS and `rosbags`. Raises AttributeError, IndexError or TypeError if it is missing.
     """
 
     variable: str
@@ -78,14 +78,14 @@ class Publication:
 
     Attributes:
         formula: Its name; empty for a result without a name.
-        variable: The name in ``@ topic``: the declared message whose field the formula is, ``out``
+        variable: The name in ``@ topic``: the declared message if the formula is its field, ``out``
             of ``out.value``; otherwise, the name of the formula.
         package: The package of the message's class.
         message: The name of the class.
         path: The fields that lead to the robustness in the message; empty if the formula has the
             name of a message that is not a number.
         topic: The topic as it is written; None if the text does not state it.
-        default: The topic without one, ``rtamt/`` and the variable.
+        default: The topic for a text that does not state it, ``rtamt/`` and the variable.
     """
 
     formula: str

@@ -1,10 +1,10 @@
 """Requirements in plain English, from their formulas.
 
 A sentence consists of clauses. A clause without a comma and without "and" or "or" can stand
-anywhere. A clause that joins others stands in brackets inside a further one. A clause that starts
-with a phrase and a comma reaches up to the end of the sentence, or of the brackets. Anything that
-would need two pairs of brackets, or would follow three phrases, is a numbered clause of its own. So
-a sentence can be read in one way only, which the tests show by reading it.
+anywhere. A clause that joins others has brackets inside another clause. A clause that starts with a
+phrase and a comma reaches up to the end of the sentence, or of the brackets. A part that would need
+two pairs of brackets, or would follow three phrases, is a separate numbered clause. These rules
+make every sentence unambiguous; the tests read sentences back to formulas.
 
 To add the words of an operator or a function, add an entry to one of the tables, and the same words
 to ``tests/support/words_reader.py``, which reads sentences back to formulas.
@@ -48,16 +48,16 @@ FUNCTIONS: Final = {
     "ln": "the natural logarithm of {}",
     "pow": "{} to the power of {}",
     "log": "the logarithm of {} to base {}",
-    "min": "the least of {}",
-    "max": "the greatest of {}",
+    "min": "the smallest of {}",
+    "max": "the largest of {}",
     "neg": "minus {}",
     "rate": "the rate of {}",
 }
-"""Functions. Operands other than variables and numbers stand in brackets, as lists do. Inside
-arithmetic a function is written as in the formula."""
+"""Functions. Lists, and operands other than variables and numbers, have brackets. Inside arithmetic
+a function is written as in the formula."""
 
 ARITHMETIC: Final = ("+", "-", "*", "/")
-"""Operators that are written as in the formula."""
+"""Operators that stay as in the formula."""
 
 CONSTANTS: Final = ("true", "false")
 """Formulas with the same words as in the text."""
@@ -206,13 +206,13 @@ class _Clause(NamedTuple):
 
     Attributes:
         pieces: Texts, names, and formulas that are numbered clauses.
-        alone: Whether it can stand anywhere: no comma, nothing joined.
+        standalone: Whether it can stand anywhere: no comma, nothing joined.
         phrases: The number of consecutive phrases with a comma; 0 if another clause may follow.
         bracketed: Whether it contains brackets.
     """
 
     pieces: _Pieces
-    alone: bool = True
+    standalone: bool = True
     phrases: int = 0
     bracketed: bool = False
 
@@ -310,7 +310,8 @@ class _Writer:
     def of_start(self, formula: Formula) -> bool:
         """Return whether part of a formula is about the start of the trace without stating it.
 
-        Predicates, names, the past and neighbours are, joined or negated; the future is not.
+        That is true of predicates, names, the past and neighbours, joined or negated, but not of
+        the future.
         """
         pending: list[Node] = [formula]
         for node in pending:  # the loop appends to this list
@@ -357,7 +358,7 @@ class _Writer:
             parts = [self._closed(arg, first=first) for arg in node.args]
             pieces = _joined([part.pieces for part in parts], between)
             bracketed = any(part.bracketed for part in parts)
-            return _Clause((before, *pieces, behind), alone=False, bracketed=bracketed)
+            return _Clause((before, *pieces, behind), standalone=False, bracketed=bracketed)
         if name in CONDITIONS:
             return self._conditional(name, node, first=first)
         if name in NEIGHBOURS:
@@ -387,7 +388,7 @@ class _Writer:
         return self._after((when, ", "), operand)
 
     def _moment(self, name: str, node: Formula, *, first: bool) -> _Clause:
-        """Return an operator whose left operand holds up to, or from, a moment of the right one."""
+        """Return until, since or unless: the left operand holds up to, or from, the right one."""
         bounds, (left, right) = self._window(node), node.args
         when = self._when("once" if name == "since" else "eventually", bounds, first=first)
         held = self._closed(left, first=False)
@@ -421,18 +422,18 @@ class _Writer:
         return held._replace(pieces=(before, *held.pieces)) if held.bracketed else held
 
     def _after(self, before: _Pieces, body: Node, *, first: bool = False) -> _Clause:
-        """Return a clause after a phrase with a comma; it reaches up to the end of the sentence."""
+        """Return a phrase with a comma and its clause, which reaches to the end of the sentence."""
         clause = self._clauses[body][first]
         if clause.phrases >= _PHRASES:
             clause = _Clause((body, " holds"))
         return clause._replace(
-            pieces=(*before, *clause.pieces), alone=False, phrases=clause.phrases + 1
+            pieces=(*before, *clause.pieces), standalone=False, phrases=clause.phrases + 1
         )
 
     def _closed(self, node: Node, *, first: bool) -> _Clause:
         """Return a clause that may stand between others."""
         clause = self._clauses[node][first]
-        return clause if clause.alone else self._bracketed(node, clause, " holds")
+        return clause if clause.standalone else self._bracketed(node, clause, " holds")
 
     def _bracketed(self, node: Node, clause: _Clause, holding: str) -> _Clause:
         """Return a clause in brackets; numbered, with its verb, if it is long or has brackets."""

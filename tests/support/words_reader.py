@@ -260,7 +260,7 @@ class _Reader:
         }.items():
             if text.startswith(words):
                 return make(name, (self.operand(text.removeprefix(words)),))
-        for name, words in {"min": "the least of ", "max": "the greatest of "}.items():
+        for name, words in {"min": "the smallest of ", "max": "the largest of "}.items():
             if text.startswith(words):
                 inside = text.removeprefix(words)
                 assert _bracketed(inside), text

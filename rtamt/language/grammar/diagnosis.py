@@ -1,7 +1,7 @@
 """The errors of texts that are not specifications: expected and actual token, and a hint.
 
-Hints for texts of Breach, S-TaLiRo or MATLAB, or quoted from papers, propose a form that means the
-same, or state that there is no such form.
+Hints for texts from Breach, S-TaLiRo, MATLAB or papers propose an equivalent form, or state that
+none exists.
 
 To add an error of the parser, write its text once, where `rtamt.language` raises it: here, in
 another module of the grammar, or in the module of the object. Add a block with the exact text to
@@ -152,30 +152,30 @@ def misspelt(text: str, token: Token) -> ParseError:
 
 
 def no_formula(text: str, token: Token, instead: str, hint: str = "") -> ParseError:
-    """Return the error for something else instead of a formula."""
+    """Return the error for a text without a formula."""
     hint = hint or "write a formula, such as always(x > 0)"
     return fail(text, token, f"expected a formula, got {instead}", hint)
 
 
 def no_id(text: str, token: Token) -> ParseError:
-    """Return the error for another token instead of the id of a requirement."""
+    """Return the error for a token that is not the id of a requirement."""
     hint = f'write "{token.text}"' if token.type in _OPERANDS else ID_HINT
     return fail(text, token, f"expected the id in quotes, got {_got(token)}", hint)
 
 
 def no_bound(text: str, token: Token, hint: str) -> ParseError:
-    """Return the error for another token instead of a bound of an interval."""
+    """Return the error for a token that is not a bound of an interval."""
     return fail(text, token, f"expected an interval bound, got {_got(token)}", hint)
 
 
-def exact_number(text: str, token: Token, digits: str, what: str) -> Fraction:
-    """Return the exact value of a number in the text."""
+def exact_number(text: str, token: Token, digits: str, label: str) -> Fraction:
+    """Return the exact value of a number in the text; errors call it by the label."""
     try:
-        return exact(digits, what)
+        return exact(digits, label)
     except SpecificationError:
-        reason = f"expected a {what} between 1e-300 and 1e300, got {shown(digits)}"
+        reason = f"expected a {label} between 1e-300 and 1e300, got {shown(digits)}"
         if len(digits) > MAX_DIGITS:
-            reason = f"expected a {what} of at most {MAX_DIGITS} digits, got {len(digits)}"
+            reason = f"expected a {label} of at most {MAX_DIGITS} digits, got {len(digits)}"
         raise fail(text, token, reason) from None
 
 
@@ -195,12 +195,12 @@ def _at_start(text: str, token: Token) -> ParseError:
     if token.type == StlParser.IMPORT:
         hint = _HEADS[StlParser.FROM]
     elif token.type == StlParser.SPECIFICATION:
-        hint = "the name of the specification stands before all else"
+        hint = "the name of the specification comes first"
     return no_formula(text, token, _got(token), hint)
 
 
 def _misplaced(token: Token) -> str:
-    """Return a hint if a word may be meant as a variable; `and` is only misplaced."""
+    """Return a hint if a word may be meant as a variable; infix words are only misplaced."""
     if token.text == "inf":
         return "inf is only for the end of an interval; true is +inf, false is -inf"
     return "" if token.type == StlParser.INFIX else OPERATORS.refusal(token.text)
@@ -214,12 +214,13 @@ def _in_interval(text: str, token: Token, expected: AbstractSet[int]) -> ParseEr
     if StlParser.COLON in expected:
         reason = f"expected ':' and the other bound, got {_got(token)}"
         return fail(text, token, reason, "write both bounds: [0:5]")
-    hint = f"after a bound comes one of the units {', '.join(UNITS)}"
+    *units, last = UNITS
+    hint = f"a bound may have a unit: {', '.join(units)} or {last}"
     return fail(text, token, f"expected ']', got {_got(token)}", hint)
 
 
 def no_range(text: str, token: Token) -> ParseError:
-    """Return the error for another token instead of a range or the end of a declaration."""
+    """Return the error for a token that is not a range or the end of a declaration."""
     reason = f"expected the end of the statement, got {_got(token)}"
     return fail(text, token, reason, _NEXT_STATEMENT)
 
@@ -231,7 +232,7 @@ def _in_range(text: str, token: Token, expected: AbstractSet[int]) -> ParseError
         hint = "write a number, a constant or inf"
         return fail(text, token, f"expected a limit of a range, got {_got(token)}", hint)
     if StlParser.COLON in expected:
-        reason = f"expected ',' and the greatest value, got {_got(token)}"
+        reason = f"expected ',' and the maximum, got {_got(token)}"
         return fail(text, token, reason, f"a range has both limits: {RANGE_HINT}")
     hint = "a range ends with ']' and has no unit"
     return fail(text, token, f"expected ']', got {_got(token)}", hint)
@@ -246,7 +247,7 @@ def _in_annotation(
     unquoted = token.tokenIndex >= label.tokenIndex and label.type != StlParser.STRING
     if kind in _QUOTED and len(tokens) > _BEFORE_LABEL and unquoted:
         expect, name = _QUOTED[kind]
-        hint = usage if token is label else f"{name} stands in quotes: {usage}"
+        hint = usage if token is label else f"{name} needs quotes: {usage}"
         return fail(text, label, f"expected {expect} in quotes, got {_got(label)}", hint)
     if kind == "id" and StlParser.STRING in expected:
         reason = f"expected the link in quotes, got {_got(token)}"
@@ -329,13 +330,13 @@ def _hint_of_operator(text: str, before: Token, token: Token) -> str:
     if token.type == StlParser.OPEN_INTERVAL:
         hint = _where_intervals_stand()
         if before.type in (StlParser.NAME, StlParser.ELEMENT) and _INDEX.match(text, token.start):
-            hint = f"an element is written in one piece, counted from 0: {before.text}[0]"
+            hint = f"write an element without spaces, counted from 0: {before.text}[0]"
     elif before.type == StlParser.NUMBER and token.start == before.stop + 1:
         hint = f"write {before.text} * {token.text}"
         if token.text in UNITS:
             hint = "units are for the bounds of intervals only"
     elif token.type == StlParser.COMMA:
-        hint = "',' stands between the operands of a function only"
+        hint = "',' separates only the operands of a function"
     elif token.type == StlParser.NAME:
         prefix = similar(before.text, _words("prefix")) if before.type == StlParser.NAME else ""
         hint = similar(token.text, _words("infix")) or prefix or hint
@@ -359,7 +360,7 @@ def _usual_form(text: str, before: Token, token: Token) -> str:
         end = _ROUND_INTERVAL[1].match(text, token.stop + 1)
         row = OPERATORS.words.get(word[1]) if word else None
         if word and end and row is not None and row.timed:
-            return f"intervals stand in square brackets: {word[1]}[{before.text}:{end[1]}]"
+            return f"intervals have square brackets: {word[1]}[{before.text}:{end[1]}]"
         digits = re.compile(r"\d+").match(text, token.stop + 1)
         if token.text == "," and digits:
             return f"numbers have a decimal point: {before.text}.{digits[0]}"
@@ -421,8 +422,8 @@ def _words(notation: Notation) -> list[str]:
 
 
 def _where_intervals_stand() -> str:
-    timed = [row.symbol for row in OPERATORS.values() if row.timed]
-    return f"an interval stands after {', '.join(timed)} only"
+    *timed, last = [row.symbol for row in OPERATORS.values() if row.timed]
+    return f"an interval can only follow {', '.join(timed)} or {last}"
 
 
 _Hint = Callable[[re.Match[str]], str]
@@ -451,7 +452,7 @@ _LATEX: Final[Mapping[str, str]] = {
     **dict.fromkeys(("geq", "ge"), ">="),
     **dict.fromkeys(("neq", "ne"), "!="),
 }
-_MOMENT: Final = "; of p {0} q, p need not hold at the moment of q"
+_MOMENT: Final = "; in 'p {0} q', p need not hold at the moment of q"
 
 
 def _temporal(match: re.Match[str]) -> str:
@@ -466,11 +467,11 @@ def _temporal(match: re.Match[str]) -> str:
 
 
 def _is_closed(interval: str) -> bool:
-    """Return whether an interval includes its bounds, or there is none."""
+    """Return whether an interval includes its bounds; True without an interval."""
     return not interval or bool(re.fullmatch(r"\[.*(\]|[:,]\s*inf\s*\))", interval))
 
 
-_OPEN: Final = "an interval includes both of its bounds here: {} has no form"
+_OPEN: Final = "intervals include both bounds; {} cannot be written"
 
 
 def _fixed(text: str) -> _Hint:
@@ -490,7 +491,7 @@ def _signal(match: re.Match[str]) -> str:
 
 
 def _present(match: re.Match[str]) -> str:
-    return f"write {match[1]}: a name is the value at the present time"
+    return f"write {match[1]}: a name is the present value"
 
 
 _ROWS: Final[tuple[tuple[str, _Hint], ...]] = (
@@ -510,31 +511,31 @@ _ROWS: Final[tuple[tuple[str, _Hint], ...]] = (
     (r"\b([A-Za-z_]\w*)\s*[\[(]\s*t\s*[\])]", _present),
     (
         r"\b([A-Za-z_]\w*)\s*[\[(]\s*t\s*[-+][^\])]*[\])]",
-        _fixed("only the value at the present time has a form: x for x[t]"),
+        _fixed("only the present value can be written: x for x[t]"),
     ),
     # MATLAB
     (r"~=", _fixed("write !=")),
     (r"~", _fixed("write 'not'; for a signal of 0 and 1 write x < 0.5, as x alone means x >= 0")),
     (r"\.\^", _fixed("write pow(x, 2) for x.^2")),
     (r"\.[*/]", _fixed("write it without the dot: all values are numbers")),
-    (r"[#%]", _fixed("a comment begins with //")),
-    (r"\.\.\.", _fixed("leave it out: after an operator and in brackets the next line goes on")),
+    (r"[#%]", _fixed("a comment starts with //")),
+    (r"\.\.\.", _fixed("leave it out: a line continues after an operator and inside brackets")),
 )
 _TABLE: Final = tuple((re.compile(pattern), hint) for pattern, hint in _ROWS)
 _MARGIN: Final = 100
 """The most characters of a foreign form before the refused place."""
 
 
-def foreign_hint(text: str, at: int) -> str:
-    """Return the hint for a form of another tool at an index; empty if there is none.
+def foreign_hint(text: str, index: int) -> str:
+    """Return the hint for a form of another tool at an index; empty for other texts.
 
     Example:
         >>> foreign_hint("[]_[0,20] p", 0)
         "write 'always[0,20]'"
     """
-    begin = max(0, at - _MARGIN)
+    begin = max(0, index - _MARGIN)
     for pattern, hint in _TABLE:
-        for match in pattern.finditer(text, begin, at + _MARGIN):
-            if match.start() <= at < match.end() and (advice := hint(match)):
+        for match in pattern.finditer(text, begin, index + _MARGIN):
+            if match.start() <= index < match.end() and (advice := hint(match)):
                 return advice
     return ""

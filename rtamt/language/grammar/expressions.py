@@ -31,7 +31,7 @@ from rtamt.language.operators import OPERATORS, Operator
 _LEAVES = (StlParser.NAME, StlParser.ELEMENT, StlParser.NUMBER, StlParser.TRUTH)
 _CLOSING = (StlParser.CLOSE, StlParser.CLOSE_INTERVAL)
 
-_BACK = "bounds count away from now; once, historically and since look back"
+_BACK = "bounds are not negative; for the past, use once, historically or since"
 _UNIT_WORDS = {
     word: hint
     for hint, words in {
@@ -67,7 +67,7 @@ class _Frame:
 
 
 class TreeBuilder:
-    """Builds the trees of a text whose syntax has been checked.
+    """Builds the trees of a text after the parser has checked its syntax.
 
     Args:
         text: The text.
@@ -152,8 +152,8 @@ class TreeBuilder:
         self._reduce(strength + 1)
         frame = self._frames[-1] if self._frames else None
         if frame is not None and frame.strength == strength:
-            # A run of one operator becomes one node. A chain without a meaning is collected too:
-            # its error shows the operands.
+            # A run of one operator becomes one node. A chain without a meaning is collected too,
+            # because its error shows all operands.
             run = frame.row is row and row.grouping in ("flat", "left-flat")
             left = self.chains and row.operands == "formula"
             if run or (row.grouping == "none" and not left):
@@ -177,7 +177,7 @@ class TreeBuilder:
         try:
             node = make(row.name, args, frame.interval)
         except SpecificationError as error:
-            raise self._fail(token, str(error), _way_out(row, args)) from None
+            raise self._fail(token, str(error), _hint_for_operands(row, args)) from None
         self._operands += len(node.args)
         if self._operands > MAX_OPERANDS:
             reason = f"the operators have more than {MAX_OPERANDS} operands together"
@@ -224,36 +224,36 @@ class TreeBuilder:
             last = self.tokens[index]
         return self.text[token.start : last.stop + 1]
 
-    def _interval(self, at: int) -> int:
+    def _interval(self, index: int) -> int:
         """Read the interval after the operator at an index; return its last index."""
-        if self.tokens[at + 1].type != StlParser.OPEN_INTERVAL:
-            return at
-        first, at = at + 2, at + 2
-        begin, unit, at = self._bound(at)
+        if self.tokens[index + 1].type != StlParser.OPEN_INTERVAL:
+            return index
+        first = index + 2
+        begin, unit, index = self._bound(first)
         if begin is None:
-            reason = "expected a finite bound as the begin of an interval, got inf"
+            reason = "expected a finite bound as the start of an interval, got inf"
             raise self._fail(self.tokens[first], reason, "only the end may be inf: [0:inf]")
-        second, scale, end_scale = at + 1, Fraction(1), Fraction(1)
+        second, begin_scale, end_scale = index + 1, Fraction(1), Fraction(1)
         end: Fraction | None = None
         end_unit: Token | None = None
         if self.tokens[second].type in _CLOSING:
-            at = second
+            index = second
         else:
-            end, end_unit, at = self._bound(second)
+            end, end_unit, index = self._bound(second)
         if unit is not None and end is not None:
             if end_unit is None:
                 bounds = f"{decimal_text(begin)}:{decimal_text(end)}{unit.text}"
-                reason = "expected a unit after the end, got one after the begin only"
-                raise self._fail(unit, reason, f"the unit of the end holds for both: [{bounds}]")
-            scale, end_scale = _common_scales(UNITS[unit.text], UNITS[end_unit.text])
-            begin, end = begin * scale, end * end_scale
+                reason = "expected a unit after the end, got one only after the start"
+                raise self._fail(unit, reason, f"the unit of the end applies to both: [{bounds}]")
+            begin_scale, end_scale = _common_scales(UNITS[unit.text], UNITS[end_unit.text])
+            begin, end = begin * begin_scale, end * end_scale
             end_unit = end_unit if end_scale == 1 else unit
         unit = end_unit or unit
-        begin_of = self._constant_of(first, scale)
+        begin_of = self._constant_of(first, begin_scale)
         end_of = self._constant_of(second, end_scale)
         named = begin_of is not None or end_of is not None
         if end is None and begin == 0 and not named:
-            return at
+            return index
         text = unit.text if unit else None
         try:
             interval = Interval(begin, end, text)
@@ -262,36 +262,36 @@ class TreeBuilder:
         except SpecificationError as error:
             if begin < 0:
                 raise self._fail(self.tokens[first], str(error), _BACK) from None
-            hint = "the smaller bound stands first" if (end or 0) >= 0 else _BACK
+            hint = "write the smaller bound first" if (end or 0) >= 0 else _BACK
             raise self._fail(self.tokens[second], str(error), hint) from None
         self._frames[-1].interval = interval
-        return at
+        return index
 
-    def _constant_of(self, at: int, scale: Fraction = Fraction(1)) -> tuple[str, Fraction] | None:
+    def _constant_of(self, index: int, scale: Fraction) -> tuple[str, Fraction] | None:
         """Return the constant of the bound at an index and its factor; None if it is not traced."""
-        negative = self.tokens[at].type == StlParser.MINUS
-        name = self.tokens[at + negative].text
+        negative = self.tokens[index].type == StlParser.MINUS
+        name = self.tokens[index + negative].text
         if not self.traced or name not in self.constants:
             return None
         return name, -scale if negative else scale
 
-    def _bound(self, at: int) -> tuple[Fraction | None, Token | None, int]:
+    def _bound(self, index: int) -> tuple[Fraction | None, Token | None, int]:
         """Return the value and the unit of a bound, and the index after it."""
-        token = self.tokens[at]
+        token = self.tokens[index]
         negative = token.type == StlParser.MINUS
-        at += negative
-        value = self._value(self.tokens[at])
+        index += negative
+        value = self._value(self.tokens[index])
         if negative:
             if value is None:
                 raise self._fail(token, "expected a bound of at least 0, got -inf", _BACK)
             value = -value
-        unit = self.tokens[at + 1]
+        unit = self.tokens[index + 1]
         if unit.type != StlParser.NAME:
-            return value, None, at + 1
+            return value, None, index + 1
         if unit.text not in UNITS:
             hint = _UNIT_WORDS.get(unit.text.lower(), "")
             raise self._fail(unit, no_unit(unit.text), hint)
-        return value, unit, at + 2
+        return value, unit, index + 2
 
     def _value(self, token: Token) -> Fraction | None:
         if token.type == StlParser.INF:
@@ -324,7 +324,7 @@ def _common_scales(begin: Fraction, end: Fraction) -> tuple[Fraction, Fraction]:
     return (scale, Fraction(1)) if is_decimal(scale) else (Fraction(1), 1 / scale)
 
 
-def _way_out(row: Operator, args: Sequence[Node]) -> str:
+def _hint_for_operands(row: Operator, args: Sequence[Node]) -> str:
     least, most = row.arity
     if not least <= len(args) <= (most or len(args)):
         operands = "x" if most == 1 else "x, y" if most else "x, y, ..."

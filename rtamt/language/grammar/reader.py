@@ -129,13 +129,13 @@ class TextReader:
             if statement.name is None:
                 hint = "name it, p = ..., or remove it: the last formula is the result"
                 token = statement.formula.start
-                raise self._fail(token, "only the last formula may stand without a name", hint)
+                raise self._fail(token, "only the last formula may have no name", hint)
             self._define(statement)
         self._result = formula = self._define(last)
         is_named = formula in self._formulas.values()
         if formula.op is _VALUE and not formula.variables and is_named and not self._builder.chains:
             token = last.name or last.formula.start
-            reason = f"the result '{token.text}' is the number {formula}, whatever the samples"
+            reason = f"the result '{token.text}' is the number {formula} and depends on no sample"
             hint = f"equality is written '==': {token.text} == {formula}"
             raise self._fail(token, reason, hint)
         kinds = {"id": self._identify, "column": self._name_column}
@@ -165,12 +165,12 @@ class TextReader:
         module = statement.module.text
         for i, name in enumerate(statement.names):
             if any(name.text == earlier.text for earlier in statement.names[:i]):
-                reason = f"'{name.text}' stands twice in this import"
+                reason = f"'{name.text}' appears twice in this import"
                 raise self._fail(name, reason, "write each type once")
             other = self._imports.setdefault(name.text, module)
             if other != module:
                 reason = f"'{name.text}' is already imported from '{other}'"
-                raise self._fail(name, reason, "a type has one module: remove one of the imports")
+                raise self._fail(name, reason, "a type has one module: remove an import")
         if self._modules is None:  # then a type is a name
             return
         if module not in self._modules:
@@ -213,15 +213,15 @@ class TextReader:
         default: float | None,
         constants: Mapping[str, Fraction],
     ) -> tuple[float, float]:
-        """Return the range of a declaration, which the values of its type and its default fit."""
+        """Return the range of a declaration; raise if its type or its default does not fit."""
         word, limits = cast("Token", statement.within), cast("Limits", statement.bounds)
         if word.text != "in":
             raise no_range(self._text, word)
         lower, upper = self._limit(limits.lower, constants), self._limit(limits.upper, constants)
         values, first, last = (lower, upper), limits.lower.start, limits.upper.start
         if lower > upper:
-            reason = f"expected {number_text(lower)} or more as the greatest value"
-            hint = "the smaller limit stands first"
+            reason = f"expected {number_text(lower)} or more as the maximum"
+            hint = "write the smaller limit first"
             raise self._fail(last, f"{reason}, got {number_text(upper)}", hint)
         if math.isinf(lower) and lower == upper:
             reason = f"expected a range that holds a number, got {range_text(values)}"
@@ -232,7 +232,7 @@ class TextReader:
         known = range_of_type(kind)
         if known is not None and (lower < known[0] or upper > known[1]):
             reason = f"{kind} has values in {range_text(known)}, got {range_text(values)}"
-            hint = "say a range in it, or take another type"
+            hint = "write a range inside it, or use another type"
             raise self._fail(first if lower < known[0] else last, reason, hint)
         if default is not None and not lower <= default <= upper:
             span = cast("Span", statement.default)
@@ -262,13 +262,13 @@ class TextReader:
         token = cast("Token", statement.name)
         if statement.kind.text not in types:
             kind = statement.kind.text
-            otherwise = f"take bool, int, float, float64, ... or: from MODULE import {kind}"
+            otherwise = f"use bool, int, float, float64, ... or: from MODULE import {kind}"
             foreign = foreign_hint(self._text, statement.kind.start)
             hint = foreign or similar(kind, types, otherwise)
             raise self._fail(statement.kind, f"unknown type '{kind}'", hint)
         if token.text in self._declarations or token.text in constants:
             override = token.text in self._overrides and token.text not in self._defined
-            by = "given as a constant" if override else "declared"
+            by = "passed as a constant" if override else "declared"
             raise self._fail(token, f"'{token.text}' is already {by}", "choose another name")
         return token.text
 
@@ -356,11 +356,11 @@ class TextReader:
             if name in names and formula not in self._formulas.get(user, self._result).nodes():
                 where = f"'{user}'" if user else "the result"
                 reason = f"'{name}' is a number in {where}, not a requirement"
-                hint = f"give the id to a formula that compares it, such as {name} > 0"
+                hint = f"pass the id to a formula that compares it, such as {name} > 0"
                 raise self._fail(token, reason, hint)
 
     def _name_of_whole(self, token: Token) -> str:
-        """Return the key of an id of the whole text, which must have a single requirement."""
+        """Return the key of an id for a text with a single requirement."""
         used = {name for names in self._uses.values() for name in names}
         roots = [name for name in self._formulas if name not in used]
         if self._statements.definitions[-1].name is None:
@@ -413,7 +413,7 @@ class TextReader:
             raise self._fail(token, f"'{token.text}' is not declared", hint)
 
     def _check_field(self, token: Token) -> str:
-        """Return the declared message of a field; if there is none, the first part of the name."""
+        """Return the declared message of a field; otherwise, the first part of the name."""
         names = [*lineage(token.text)]
         message = next((name for name in names if name in self._declared), names[-1])
         if message in self._declared and message != token.text:
@@ -424,7 +424,7 @@ class TextReader:
                 reason = (
                     f"'{message}' is a {kind} and has no {phrase} '{remainder.removeprefix('.')}'"
                 )
-                hint = f"only variables of imported types have {phrase}s; '{message}' is the whole"
+                hint = f"only variables of imported types have {phrase}s"
                 raise self._fail(token, reason, hint)
         return message
 

@@ -1,9 +1,9 @@
 """From text to tokens and statements: the module that runs ANTLR.
 
-The scanner takes the lexer's tokens one by one, so that ten thousand open brackets cost no more
-than the first two hundred. It sets the types of words and symbols and decides which newlines end a
-statement. The parser then checks the syntax and finds the parts of the statements; expressions.py
-builds the trees of expressions from their tokens.
+The scanner reads the lexer's tokens one by one, and stops at the first bracket that is nested too
+deep. It sets the types of words and symbols and decides which newlines end a statement. The parser
+then checks the syntax and finds the parts of the statements; expressions.py builds the trees of
+expressions from their tokens.
 """
 
 from __future__ import annotations
@@ -203,7 +203,7 @@ class _Scanner:
     def _close(self, token: Token) -> None:
         if not self.brackets:
             hint = "remove it, or open a bracket before it"
-            raise fail(self.text, token, f"'{token.text}' closes nothing", hint)
+            raise fail(self.text, token, f"'{token.text}' has no opening bracket", hint)
         opened = self.brackets.pop()
         if opened.type == StlParser.OPEN_INTERVAL:
             open_end = self.tokens[-1].type in _OPEN_ENDS
@@ -217,7 +217,7 @@ class _Scanner:
     def _is_range(self, opened: Token) -> bool:
         """Return whether a bracket opens a range of a declaration, not an interval.
 
-        A bracket that begins the text is refused whatever this says.
+        The grammar refuses a bracket at the start of the text, so the result does not matter there.
         """
         index = next(i for i in range(len(self.tokens) - 1, -1, -1) if self.tokens[i] is opened)
         return self.tokens[index - 1].type == StlParser.NAME
@@ -237,7 +237,7 @@ class _Scanner:
         raise fail(self.text, token, reason, "write the formula as several specifications")
 
     def _finish(self, lexer: StlLexer, eof: Token) -> list[Token]:
-        """End the last statement, at its last token rather than some empty lines below it."""
+        """End the last statement at its last token, not at empty lines below it."""
         if self.tokens:
             last = self.tokens[-1]
             eof.line, eof.column = last.line, last.column + len(last.text)
@@ -263,7 +263,7 @@ def _place(token: Token) -> str:
 
 
 class _Stream:
-    """The tokens as a stream; those of ANTLR cost five times as much."""
+    """The tokens as a stream, five times as fast as the stream of ANTLR."""
 
     def __init__(self, tokens: Sequence[Token]) -> None:
         self.tokens = tokens
@@ -296,7 +296,7 @@ class _Stream:
 
 
 class _Refusal(BailErrorStrategy):  # type: ignore[misc] # ANTLR is not typed
-    """No recovery: the first syntax error ends the parse, in the project's own words."""
+    """An error strategy that ends the parse at the first syntax error, with our own message."""
 
     def __init__(self, text: str, tokens: Sequence[Token]) -> None:
         super().__init__()

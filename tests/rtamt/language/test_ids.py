@@ -93,7 +93,7 @@ def test_what_no_text_could_say_is_no_id(label: str) -> None:
 
 @pytest.mark.parametrize("link", ["javascript:alert(1)", "reqs.example", " https://x", "file:///x"])
 def test_only_addresses_of_the_web_are_links(link: str) -> None:
-    with pytest.raises(SpecificationError, match="begins with https:// or http://"):
+    with pytest.raises(SpecificationError, match="starts with https:// or http://"):
         RequirementId("7", link)
 
 

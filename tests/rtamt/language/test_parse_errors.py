@@ -33,7 +33,7 @@ def cases() -> list[tuple[str, list[str]]]:
 
 
 @pytest.mark.parametrize(("text", "message"), cases(), ids=[text for text, _ in cases()])
-def test_error_says_what_was_expected_where_and_the_way_out(text: str, message: list[str]) -> None:
+def test_error_text(text: str, message: list[str]) -> None:
     with pytest.raises(ParseError) as caught:
         rtamt.parse(text)
     assert str(caught.value).splitlines() == message
@@ -168,5 +168,5 @@ def test_arguments_are_checked() -> None:
         rtamt.parse("x", constants={"G": 3})
     with pytest.raises(InputTypeError, match="expected a number for the constant 'K', got list"):
         rtamt.parse("x", constants={"K": []})  # type: ignore[dict-item]
-    with pytest.raises(ParseError, match="'K' is already given as a constant"):
+    with pytest.raises(ParseError, match="'K' is already passed as a constant"):
         rtamt.parse("float K\nx > K", constants={"K": 4})

@@ -110,7 +110,7 @@ def test_a_template_is_copied_and_pickled() -> None:
         ({"unused": 3}, "nothing in the text uses the constant 'unused'"),
         ({"w": -1}, "expected a bound of at least 0, got -1"),
         ({"limit": "much"}, "expected a finite number for the constant 'limit', got 'much'"),
-        ({"top": -1}, "expected 0 or more as the greatest value, got -1"),
+        ({"top": -1}, "expected 0 or more as the maximum, got -1"),
     ],
 )
 def test_what_cannot_be_is_refused(values: dict[str, object], said: str) -> None:
@@ -147,5 +147,5 @@ def test_a_result_that_becomes_another_requirement_is_refused() -> None:
     with pytest.raises(SpecificationError) as caught:
         template.at({"q": 1})
     assert str(caught.value) == (
-        "with these constants the requirement 'spec' is x > 1, as another is"
+        "with these constants the requirement 'spec' equals another one: x > 1"
     )

@@ -59,7 +59,7 @@ PATTERNS = {
     ),
     "always[2:inf](next x > 1)": "from 2 s on, at the next sample if there is one, x is above 1",
     "x - 2 * abs(y) >= min(a, b + 1)": (
-        "at the start, x - 2 * abs(y) is at least the least of (a, b + 1)"
+        "at the start, x - 2 * abs(y) is at least the smallest of (a, b + 1)"
     ),
     "not (x > 1 iff y > 1)": (
         "at the start, it is not true that (x is above 1 exactly when y is above 1)"
