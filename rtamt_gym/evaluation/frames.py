@@ -20,7 +20,7 @@ from rtamt_gym.play.episodes import Episodes
 from rtamt_gym.play.run import Run
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.periods import read_period
-from rtamt_gym.systems.environment_case import baseline_of
+from rtamt_gym.systems.environment import baseline_of
 from rtamt_gym.wrappers.monitor import monitor_of
 from rtamt_gym.wrappers.substeps import read_substep_period
 

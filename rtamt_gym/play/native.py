@@ -20,7 +20,6 @@ from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.judging.judge import Judging, Questions
 from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
-from rtamt_gym.play.durations import step_limit
 from rtamt_gym.play.loop import PlayBatch, Played, Task, play
 from rtamt_gym.play.run_record import (
     AT_VERDICTS,
@@ -35,6 +34,7 @@ from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import ElementRead, SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.systems.system import step_limit
 
 _STEPS: Final = 100
 """The steps of a call of ``rollout``. A run that is over within a call discards the rest."""

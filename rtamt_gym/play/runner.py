@@ -42,9 +42,9 @@ from rtamt_gym.play.simulation import Simulation, Simulator, failed
 from rtamt_gym.results.fingerprint import Fingerprint
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.systems.adapters import as_system
 from rtamt_gym.systems.environment import Environment, with_own_monitor
 from rtamt_gym.systems.fingerprints import fingerprint_of
-from rtamt_gym.systems.kinds import as_system
 from rtamt_gym.systems.policies import SeededPolicy
 from rtamt_gym.systems.registry import make
 from rtamt_gym.systems.system import Policy, System, no_exit

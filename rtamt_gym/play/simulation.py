@@ -32,7 +32,6 @@ from rtamt_gym.judging.specs import (
 )
 from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
-from rtamt_gym.play.durations import step_limit
 from rtamt_gym.play.recorder import Recorder
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import (
@@ -48,9 +47,9 @@ from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import RunEnd, Trial
 from rtamt_gym.signals.periods import warn_of_unverified_period, why_no_period
 from rtamt_gym.signals.signals import Read, SignalLike
+from rtamt_gym.systems.adapters import as_system, driven, refuse_seed
 from rtamt_gym.systems.environment import Environment
-from rtamt_gym.systems.kinds import as_system, driven, refuse_seed
-from rtamt_gym.systems.system import Policy, System, exited
+from rtamt_gym.systems.system import Policy, System, exited, step_limit
 from rtamt_gym.tables import sample_text
 
 if TYPE_CHECKING:  # they import MuJoCo and Rerun, which are optional

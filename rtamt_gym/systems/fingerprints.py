@@ -31,7 +31,7 @@ from rtamt_gym.systems.models import Model
 from rtamt_gym.systems.source_files import HOUSE, READ, ModuleFiles, is_installed, model_files
 
 _SIMULATORS: Final = frozenset({"fmpy", "mujoco"})
-"""Packages that are simulators wherever they are imported."""
+"""Packages that are always simulators."""
 
 _INTERFACE: Final = frozenset({"gymnasium.core", "gymnasium.vector.vector_env"})
 """The modules of base classes that every environment has."""
@@ -66,8 +66,8 @@ def made_by(thing: object, maker: object) -> None:
 def fingerprint_of(system: Iterable[object], policy: Iterable[object] = ()) -> Fingerprint:
     """Return the fingerprint of the code and files that simulations run.
 
-    Files are hashed as they are now. Functions are known by the modules that define them, by the
-    values that they hold (arguments of a ``partial``, defaults, variables around them), and by
+    Files are hashed as they are now. Functions are identified by the modules that define them, by
+    the values that they hold (arguments of a ``partial``, defaults, variables around them), and by
     their names.
     """
     collector = _Collector()
@@ -94,7 +94,7 @@ class _Collector:
         self._unseen: dict[str, None] = {}
 
     def fingerprint(self) -> Fingerprint:
-        """Return the fingerprint of everything that was added."""
+        """Return the fingerprint of all objects that were added."""
         for name in sorted(self._modules.packages):
             self._add_package(name, simulates=name in _SIMULATORS)
         contents = dict(self._hashes)
@@ -130,7 +130,7 @@ class _Collector:
             return
         self._seen[id(thing)] = thing
         if self._depth >= _DEPTH:
-            self._unseen[f"what objects hold below {_DEPTH} others"] = None
+            self._unseen[f"objects nested deeper than {_DEPTH} levels"] = None
             return
         self._depth += 1
         try:
@@ -214,7 +214,7 @@ class _Collector:
         self.add(getattr(function, "__wrapped__", None))
 
     def _add_code(self, function: FunctionType) -> bool:
-        """Add the source of a function; return if it is the user's."""
+        """Add the source of a function; return whether it belongs to the user."""
         code = function.__code__
         path = Path(code.co_filename)
         module = str(function.__module__)
@@ -254,7 +254,7 @@ class _Collector:
                 self._unseen[f"the class {base.__name__}, which was made at run time"] = None
 
     def _add_functions(self, kind: type, path: Path) -> None:
-        """Add the functions of a class whose code is elsewhere."""
+        """Add the functions of a class that come from another file."""
         for function in vars(kind).values():
             if isinstance(function, FunctionType) and Path(function.__code__.co_filename) != path:
                 self.add(function)

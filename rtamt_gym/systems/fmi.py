@@ -272,7 +272,9 @@ class Fmus(System):
         """Copy outputs to their connected inputs."""
         outputs, now = self._outputs(), self._now
         for write, sources in self._connections:
-            write([outputs[of] if isinstance(of, int) else of(now) for of in sources])
+            write(
+                [outputs[source] if isinstance(source, int) else source(now) for source in sources]
+            )
 
     def _connect(self, target: Variable, source: object) -> None:
         if isinstance(source, str):
@@ -332,7 +334,7 @@ def _unpack(path: Path, folder: Path) -> None:
         _fmpy().extract(path, folder)
     except OSError:
         raise
-    except Exception as error:  # FMPy has no class of its own for what it refuses
+    except Exception as error:  # FMPy raises various classes
         raise InputError(f"cannot unpack the FMU {path}: {error}") from error
 
 
@@ -346,7 +348,7 @@ def _describe(path: Path, *, validate: bool) -> Any:  # noqa: ANN401 - FMPy is n
             described = fmpy.read_model_description(file, validate=validate)
     except OSError:
         raise
-    except Exception as error:  # FMPy has no class of its own for what it refuses
+    except Exception as error:  # FMPy raises various classes
         way_out = ""
         if isinstance(error, fmpy.model_description.ValidationError):
             way_out = "\nFmus(..., validate=False) takes it without this check"
@@ -368,7 +370,7 @@ def _fmpy() -> Any:  # noqa: ANN401 - FMPy is not typed
 
 
 class Interrupts:
-    """Keeps a ``KeyboardInterrupt`` that comes while an FMU hands over a message.
+    """Stores a ``KeyboardInterrupt`` that comes while an FMU sends a message.
 
     Python raises it in the callback, and ctypes cannot pass it through the FMU: it would go to
     `sys.unraisablehook`, and the simulation would continue.

@@ -40,7 +40,7 @@ class _Group(NamedTuple):
     call: Callable[..., object]
     arguments: tuple[Any, ...]
     values: Any
-    at: list[int]
+    indices: list[int]
     places: list[int]
 
 
@@ -59,7 +59,7 @@ class Instance:
         self._version = 2 if described.fmiVersion == "2.0" else 3
         try:
             self._fmu = self._made(described, str(folder))
-        except Exception as error:  # FMPy has no class of its own for what it refuses
+        except Exception as error:  # FMPy raises various classes
             raise InputError(
                 f"cannot load the FMU {name!r}: {error}{self._last_messages()}"
             ) from error
@@ -131,7 +131,7 @@ class Instance:
         """Return the function that reads variables, with one call of the FMU for each type."""
         groups = self._groups("Get", variables)
         if len(groups) == 1 and groups[0].places == list(range(len(groups[0].values))):
-            (call, arguments, values, _, _) = groups[0]  # by far the most frequent case
+            (call, arguments, values, _, _) = groups[0]  # the most frequent case
 
             def read_one_type() -> Sequence[float]:
                 try:
@@ -160,10 +160,10 @@ class Instance:
         """
         groups = self._groups("Set", variables)
 
-        def write(given: Sequence[float]) -> None:
+        def write(numbers: Sequence[float]) -> None:
             for call, arguments, values, indices, places in groups:
                 for k, position in zip(indices, places, strict=True):
-                    values[position] = given[k]
+                    values[position] = numbers[k]
                 self._call(call, *arguments)
 
         return write
@@ -203,7 +203,7 @@ class Instance:
         return groups
 
     def _array(self, variable: Variable) -> list[float]:
-        """Return the numbers of an array before the first step: start values and given ones."""
+        """Return the numbers of an array before the first step, some of them set."""
         reference = variable.entry.valueReference
         return self._arrays.setdefault(reference, start_values(variable.entry))
 
@@ -228,7 +228,7 @@ class Instance:
     def _last_messages(self) -> str:
         """Return the last warnings and errors of the FMU; without any, its last messages."""
         texts = [text.decode(errors="replace").strip() for text in self._warnings or self._messages]
-        return f" It said: {'; '.join(texts)}" if texts else ""
+        return f" Its last messages: {'; '.join(texts)}" if texts else ""
 
 
 _numbers = count(1)
@@ -244,4 +244,4 @@ def _hear(environment: int | None, *message: Any) -> None:  # noqa: ANN401 - as 
 
 
 _LOGGER: Final = fmi2CallbackLoggerTYPE(_hear)
-"""The logger of all FMUs: FMPy calls that of the last FMU for all of them, even if it was freed."""
+"""The logger of all FMUs: FMPy calls the logger of the last FMU for all, even of a freed one."""

@@ -34,7 +34,7 @@ WITHOUT_TRAINING: Final[Mapping[str, Any]] = {
     "replay_buffer_class": None,
     "replay_buffer_kwargs": {},
 }
-"""Replacements for what only training needs when a model is loaded: its replay memory."""
+"""Replacements for the replay memory, which only training needs, when a model is loaded."""
 
 
 class Model:
@@ -143,7 +143,7 @@ class PolicyBatch:
         self._begins[place] = True
 
     def act(self, observations: Sequence[Any]) -> Any:  # noqa: ANN401
-        """Return the actions for a list of observations, one of each episode."""
+        """Return the actions for a list of observations, one per episode."""
         space, count = self._space, len(self._begins)
         room: Any = create_empty_array(space, count)
         return self.of(concatenate(space, observations, room))
@@ -158,9 +158,9 @@ class PolicyBatch:
 class Statistics:
     """A ``VecNormalize`` as the bytes of the file that it saves, which workers load again."""
 
-    def __init__(self, held: bytes) -> None:
-        self._held = held
-        loaded = pickle.loads(held)  # noqa: S301 - as the model is
+    def __init__(self, content: bytes) -> None:
+        self._content = content
+        loaded = pickle.loads(content)  # noqa: S301 - as the model is
         self._normalize: Any = loaded.normalize_obs
         self.obs_rms: Any = getattr(loaded, "obs_rms", None)
 
@@ -169,7 +169,7 @@ class Statistics:
         return self._normalize(obs)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Statistics, (self._held,)
+        return Statistics, (self._content,)
 
 
 def _numbers(statistics: Any) -> bytes:  # noqa: ANN401 - of another package
@@ -184,13 +184,13 @@ def _numbers(statistics: Any) -> bytes:  # noqa: ANN401 - of another package
 class _File:
     """A model as the bytes of the file that it saves."""
 
-    def __init__(self, kind: Any, held: bytes) -> None:  # noqa: ANN401
+    def __init__(self, kind: Any, content: bytes) -> None:  # noqa: ANN401
         self._kind = kind
-        self._held = held
+        self._content = content
 
     def load(self) -> Any:  # noqa: ANN401
-        instead = dict(WITHOUT_TRAINING)
-        return self._kind.load(BytesIO(self._held), device="cpu", custom_objects=instead)
+        replacements = dict(WITHOUT_TRAINING)
+        return self._kind.load(BytesIO(self._content), device="cpu", custom_objects=replacements)
 
 
 class _Dice:
@@ -230,13 +230,13 @@ class _Dice:
             self._torch.set_rng_state(state[1])
 
 
-def check_spaces(model: Any, env: gym.Env[Any, Any], what: str) -> None:  # noqa: ANN401
+def check_spaces(model: Any, env: gym.Env[Any, Any], name: str) -> None:  # noqa: ANN401
     """Raise InputError if a model was trained in other spaces than an environment has."""
     for which in ("observation", "action"):
         trained, has = getattr(model, f"{which}_space", None), getattr(env, f"{which}_space")
         if trained is not None and not _alike(trained, has):
             raise InputError(
-                f"{what} was trained with the {which} space {described(trained)}, and "
+                f"{name} was trained with the {which} space {described(trained)}, and "
                 f"{env.spec.id if env.spec else env} has {described(has)}"
             )
 
@@ -282,7 +282,7 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
         env: The environment; the model must have its observations and actions.
 
     Returns:
-    A function that makes the policy of an episode.
+        A function that makes the policy of an episode.
 
     Raises:
         InputError: If the file is not a model, its algorithm is unknown, it or the ``VecNormalize``
@@ -290,12 +290,12 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
         OSError: If the file cannot be opened.
     """
     # A path may start with the letter of a drive.
-    given, file = re.fullmatch(r"(?:([\w.]{2,}):)?(.+)", text, re.DOTALL).groups()  # type: ignore[union-attr]  # it matches any text
+    algorithm, file = re.fullmatch(r"(?:([\w.]{2,}):)?(.+)", text, re.DOTALL).groups()  # type: ignore[union-attr]  # it matches any text
     path = Path(file)
     if not path.exists() and path.suffix != ".zip":
         path = path.with_name(f"{path.name}.zip")  # as Stable-Baselines3 adds it
     attributes, policy_module = _read(path)
-    name = given or algorithm_of(attributes, policy_module)
+    name = algorithm or algorithm_of(attributes, policy_module)
     if name is None:
         raise InputError(
             f"the algorithm of {path} is unknown; write sb3:ALGORITHM:{file}, where ALGORITHM is "
@@ -303,29 +303,29 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
         )
     model = _load(name, path, attributes, file)
     check_spaces(model, env, str(path))
-    beside = path.with_name(f"{path.stem}_vecnormalize.pkl")
-    files = (path, beside) if beside.exists() else (path,)
-    return Model(model, statistics=_statistics(path, beside), files=files)
+    normalize = path.with_name(f"{path.stem}_vecnormalize.pkl")
+    files = (path, normalize) if normalize.exists() else (path,)
+    return Model(model, statistics=_statistics(path, normalize), files=files)
 
 
-def _statistics(path: Path, beside: Path) -> Statistics | None:
+def _statistics(path: Path, normalize: Path) -> Statistics | None:
     """Return the ``VecNormalize`` in a file next to a model; None without this file."""
-    if not beside.exists():
+    if not normalize.exists():
         return None
-    held = beside.read_bytes()
+    content = normalize.read_bytes()
     try:
-        return Statistics(held)
+        return Statistics(content)
     except Exception as error:  # pickled objects can raise anything
         raise InputError(
-            f"cannot load {beside} as the VecNormalize of {path.name}: {type(error).__name__}: "
+            f"cannot load {normalize} as the VecNormalize of {path.name}: {type(error).__name__}: "
             f"{error}; expected the file that its save() writes, or none of this name"
         ) from error
 
 
 def algorithm_of(attributes: Collection[str], policy_module: str) -> str | None:
-    """Return the algorithm with these attributes; None if it is not known."""
-    for name, (_, policies, telling) in ALGORITHMS.items():
-        if telling.issubset(attributes) and policy_module.startswith(policies):
+    """Return the algorithm with these attributes, or None."""
+    for name, (_, policies, distinctive) in ALGORITHMS.items():
+        if distinctive.issubset(attributes) and policy_module.startswith(policies):
             return name
     return None
 
@@ -334,8 +334,8 @@ def _read(path: Path) -> tuple[Collection[str], str]:
     """Return the names of the attributes in a file, and the module of the policy's class."""
     try:
         with ZipFile(path) as archive:
-            held = json.loads(archive.read("data"))
-        return held.keys(), str(held["policy_class"].get("__module__"))
+            data = json.loads(archive.read("data"))
+        return data.keys(), str(data["policy_class"].get("__module__"))
     except (BadZipFile, KeyError, ValueError, AttributeError) as error:
         raise InputError(
             f"{path} is not a model of Stable-Baselines3; expected the file that model.save() "
@@ -350,9 +350,9 @@ def _load(name: str, path: Path, attributes: Collection[str], file: str) -> Any:
             "function that passes the mask, and give --policy module:function"
         )
     algorithm = _class_of(name)
-    instead = {key: value for key, value in WITHOUT_TRAINING.items() if key in attributes}
+    replacements = {key: value for key, value in WITHOUT_TRAINING.items() if key in attributes}
     try:
-        return algorithm.load(path, device="cpu", custom_objects=instead)
+        return algorithm.load(path, device="cpu", custom_objects=replacements)
     except Exception as error:
         raise InputError(
             f"cannot load {path} as a model of {name}: {type(error).__name__}: {error}; for a "

@@ -16,7 +16,7 @@ from rtamt import InputError, InputTypeError, RtamtError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.spaces import described
-from rtamt_gym.systems.models import Model, check_spaces
+from rtamt_gym.systems.models import Model, check_spaces, load_policy
 from rtamt_gym.systems.registry import find_object, line_in
 from rtamt_gym.systems.system import Policy, exited
 
@@ -24,7 +24,7 @@ SeededPolicy = Callable[[int], Policy]
 """Makes the policy of an episode from the seed of the episode."""
 
 
-def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> SeededPolicy:
+def policy_of(text: str, env: gym.Env[Any, Any], *, option: str = "--policy") -> SeededPolicy:
     """Make the policy that a text names, for an environment.
 
     | text | policy |
@@ -34,44 +34,42 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> S
     | ``baseline`` | the scenario's own policy |
     | ``sb3:FILE.zip`` | a model that Stable-Baselines3 saved, see `load_policy` |
     | ``module:function`` | a function from observation to action |
-    | ``module:Class`` | a class of such functions, constructed for each episode |
+    | ``module:Class`` | a class of these functions, constructed for each episode |
 
     Args:
         text: The name.
         env: The environment.
-        what: The word for the name in messages.
+        option: The name of the option in errors.
 
     Raises:
-        InputError: If the text names none, it cannot be loaded, or it does not fit the environment;
-            from the policy, if it raises or gives no action.
+        InputError: If the text does not name a policy, it cannot be loaded, or it does not fit the
+            environment; from the policy, if it raises or returns something else than an action.
     """
     if text in _UNTRAINED:
-        return _UNTRAINED[text](env.action_space, what)
+        return _UNTRAINED[text](env.action_space, option)
     if text == "baseline":
         baseline = getattr(env.unwrapped, "baseline", None)
         if not callable(baseline):
-            raise InputError(f"{what} baseline: expected a scenario, which has one, got {env}")
+            raise InputError(f"{option} baseline: expected a scenario, which has one, got {env}")
         return lambda _seed: baseline
     kind, colon, remainder = text.partition(":")
     if not (kind and colon and remainder):
         raise InputError(
-            f"{what}: expected random, zero, baseline, sb3:FILE.zip or module:function, got "
+            f"{option}: expected random, zero, baseline, sb3:FILE.zip or module:function, got "
             f"{text!r}{_meant(text)}"
         )
     if kind == "sb3":
-        from rtamt_gym.systems.models import load_policy
-
         return load_policy(remainder, env)
     if kind.endswith(".py"):
         raise InputError(
-            f"{what}: expected module:function, got the name of a file; write "
+            f"{option}: expected module:function, got the name of a file; write "
             f"{kind.removesuffix('.py').replace('/', '.')}:{remainder}"
         )
     target = find_object(kind, remainder)
     if isinstance(target, type):
-        make = PolicyClass.of(target, f"{what} {text}")
+        make = PolicyClass.of(target, f"{option} {text}")
         return lambda seed: _checked(text, make(seed), env.action_space)
-    policy = _checked(text, _function(text, target, what), env.action_space)
+    policy = _checked(text, _function(text, target, option), env.action_space)
     return lambda _seed: policy
 
 
@@ -83,14 +81,14 @@ class PolicyClass:
     seeded: bool
 
     @classmethod
-    def of(cls, kind: type, what: str) -> PolicyClass:
-        """Check a class, which ``what`` names in errors."""
+    def of(cls, kind: type, name: str) -> PolicyClass:
+        """Return the class after a check; errors call it ``name``."""
         if not any("__call__" in vars(base) for base in kind.__mro__):
             way_out = ""
             if hasattr(kind, "predict"):
                 way_out = ", or save a model and write sb3:FILE.zip"
             raise InputError(
-                f"{what}: expected a class with a method __call__(observation), got none; add "
+                f"{name}: expected a class with a method __call__(observation), got none; add "
                 f"__call__, which returns the action{way_out}"
             )
         try:
@@ -106,7 +104,7 @@ class PolicyClass:
         ]
         if needed:
             raise InputError(
-                f"{what}: expected a class with a constructor without arguments, or with seed= "
+                f"{name}: expected a class with a constructor without arguments, or with seed= "
                 f"only, got a constructor that needs {listing(needed)}; write a function in the "
                 "module that constructs it and returns the action"
             )
@@ -130,15 +128,15 @@ def _meant(text: str) -> str:
     )
 
 
-def _function(text: str, found: Any, what: str) -> Callable[[Any], Any]:  # noqa: ANN401
-    if callable(found):
-        function: Callable[[Any], Any] = found
+def _function(text: str, target: Any, option: str) -> Callable[[Any], Any]:  # noqa: ANN401
+    if callable(target):
+        function: Callable[[Any], Any] = target
         return function
     way_out = ""
-    if hasattr(found, "predict"):
-        way_out = "; write one that returns model.predict(obs, deterministic=True)[0]"
+    if hasattr(target, "predict"):
+        way_out = "; write a function that returns model.predict(obs, deterministic=True)[0]"
     raise InputError(
-        f"{what} {text}: expected a function from observation to action, got {found!r}{way_out}"
+        f"{option} {text}: expected a function from observation to action, got {target!r}{way_out}"
     )
 
 
@@ -178,7 +176,7 @@ def _fits(action: Any, space: spaces.Space[Any]) -> bool:  # noqa: ANN401
         return False
 
 
-def _random(space: spaces.Space[Any], _what: str) -> SeededPolicy:
+def _random(space: spaces.Space[Any], _option: str) -> SeededPolicy:
     def make_policy(seed: int) -> Policy:
         own = deepcopy(space)  # simultaneous episodes must not share a generator
         own.seed(seed)
@@ -187,7 +185,7 @@ def _random(space: spaces.Space[Any], _what: str) -> SeededPolicy:
     return make_policy
 
 
-def _zero(space: spaces.Space[Any], what: str) -> SeededPolicy:
+def _zero(space: spaces.Space[Any], option: str) -> SeededPolicy:
     match space:
         case spaces.Box():
             action: Any = np.clip(np.zeros(space.shape, space.dtype), space.low, space.high)
@@ -196,7 +194,7 @@ def _zero(space: spaces.Space[Any], what: str) -> SeededPolicy:
         case spaces.MultiDiscrete() | spaces.MultiBinary():
             action = np.zeros(space.shape, space.dtype)
         case _:
-            raise InputError(f"{what} zero: expected a space of numbers, got {space}")
+            raise InputError(f"{option} zero: expected a space of numbers, got {space}")
     return lambda _seed: lambda _obs: action
 
 
@@ -216,7 +214,7 @@ class Evaluated:
 
     @property
     def identity(self) -> str:
-        """Return the identity of the policy: weights of a model, name of a function."""
+        """The identity of the policy: the weights of a model, the name of a function."""
         if isinstance(self.make, Model):
             draws = "" if self.make.deterministic else ", actions drawn"
             return f"{self.name} {self.make.fingerprint}{draws}"
@@ -224,11 +222,11 @@ class Evaluated:
 
 
 def evaluated(policy: Any, env: gym.Env[Any, Any], *, deterministic: bool) -> Evaluated:  # noqa: ANN401
-    """Return the policy that a caller gives for an environment."""
+    """Return the policy that a caller passes for an environment."""
     if isinstance(policy, Evaluated):
         return policy
     if isinstance(policy, str):
-        make: SeededPolicy | None = policy_of(policy, env, what="the policy")
+        make: SeededPolicy | None = policy_of(policy, env, option="the policy")
         if isinstance(make, Model):
             make.deterministic = deterministic
         return Evaluated(policy, None if policy == "baseline" else make)
@@ -241,7 +239,7 @@ def evaluated(policy: Any, env: gym.Env[Any, Any], *, deterministic: bool) -> Ev
     if not callable(policy):
         raise InputTypeError(
             "expected a policy: a model of Stable-Baselines3, a function from observation to "
-            "action, a class of such functions, 'random', 'zero', 'baseline' or 'sb3:FILE.zip', "
+            "action, a class of these functions, 'random', 'zero', 'baseline' or 'sb3:FILE.zip', "
             f"got {policy!r}"
         )
     return Evaluated(_name(policy), _Same(policy))

@@ -26,7 +26,7 @@ from rtamt_gym.systems.registry import PACKAGES, find_object, make, package_of
 from rtamt_gym.systems.system import no_exit
 
 _KNOWN: Final = ("gymnasium", *PACKAGES.values())
-"""Packages whose environments `make` finds by id."""
+"""Packages with environments that `make` finds by id."""
 
 _WAY_OUT: Final = (
     'write save(path, system="module:name"), which names an object of a module, or a function '
@@ -57,9 +57,9 @@ def named_system(name: Mapping[str, Any], folder: Path) -> Any:  # noqa: ANN401
     Modules are found on Python's path, in the working directory and, from now on, in the folder of
     the file.
     """
-    beside = str(folder.resolve())
-    if beside not in sys.path:
-        sys.path.append(beside)
+    path_entry = str(folder.resolve())
+    if path_entry not in sys.path:
+        sys.path.append(path_entry)
     match {**name}:
         case {"environment": str(env_id), **rest} if set(rest) <= {"arguments", "steps"}:
             return make(env_id, rest.get("steps"), rest.get("arguments"))
@@ -135,16 +135,17 @@ def import_path(thing: object) -> str | None:
     if target is not thing:
         return None
     if module == "__main__":
-        module = _script(found=sys.modules["__main__"])
+        module = _script()
     return f"{module}:{name}" if module else None
 
 
-def _script(found: Any) -> str:  # noqa: ANN401
+def _script() -> str:
     """Return the module name of the main program; empty if it has no file, as in a console."""
-    spec = getattr(found, "__spec__", None)
+    main = sys.modules["__main__"]
+    spec = getattr(main, "__spec__", None)
     if spec is not None:  # python -m
         return str(spec.name)
-    path = Path(getattr(found, "__file__", None) or "")
+    path = Path(getattr(main, "__file__", None) or "")
     return path.stem if path.suffix == ".py" else ""
 
 
@@ -170,7 +171,7 @@ def _environment_name(env: gym.Env[Any, Any]) -> dict[str, Any]:
     entry = spec.entry_point
     module = entry.partition(":")[0] if isinstance(entry, str) else getattr(entry, "__module__", "")
     if module == "__main__":
-        module = _script(sys.modules["__main__"])
+        module = _script()
     known = not module or module.partition(".")[0] in _KNOWN
     name: dict[str, Any] = {"environment": spec.id if known else f"{module}:{spec.id}"}
     arguments = {
@@ -190,8 +191,8 @@ def _fmus_name(system: Fmus, folder: Path) -> dict[str, Any]:
     arguments = {key: value for key, value in system.arguments.items() if value is not None}
     _check_json(system.name, arguments)
     paths = {
-        each: Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
-        for each, path in system.paths.items()
+        name: Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+        for name, path in system.paths.items()
     }
     return {"fmus": paths, **arguments}
 

@@ -51,9 +51,9 @@ def make(
             elif missing:
                 reason = reason.removesuffix(".")
                 hint = "".join(
-                    f"; the environments of {each.replace('_', '-')} need "
-                    f"pip install '.[{EXTRAS[each][0]}]'"
-                    for each in missing
+                    f"; the environments of {name.replace('_', '-')} need "
+                    f"pip install '.[{EXTRAS[name][0]}]'"
+                    for name in missing
                 )
         raise InputError(f"cannot make {env_id}: {reason}{hint}") from error
     except SystemExit as end:
@@ -96,7 +96,7 @@ def families() -> dict[str, list[str]]:
 
 
 def package_of(env_id: str) -> str:
-    """The module that `make` imports for an id: its own, one of `PACKAGES`, or ``gymnasium``.
+    """Return the module that `make` imports for an id: its own, one of `PACKAGES`, or gymnasium.
 
     Example:
         >>> package_of("rtamt/RequestGrant-v0"), package_of("CartPole-v1"), package_of("a.b:C-v0")

@@ -22,7 +22,7 @@ from typing import Final
 from xml.etree import ElementTree as ET
 
 HOUSE: Final = frozenset({"rtamt", "rtamt_gym", "rtamt_arrays", "rtamt_envs", "rtamt_ros"})
-"""Our own packages, whose version stands for their source."""
+"""Our own packages; their version identifies their source."""
 
 _LOADERS: Final[tuple[tuple[type, list[str]], ...]] = (
     (machinery.ExtensionFileLoader, machinery.EXTENSION_SUFFIXES),
@@ -53,7 +53,7 @@ def _installed_folders() -> tuple[Path, ...]:
 
 
 def is_installed(path: Path) -> bool:
-    """Return if a file belongs to Python or to an installed package."""
+    """Return whether a file belongs to Python or to an installed package."""
     resolved = path.resolve()
     if {"site-packages", "dist-packages"} & set(resolved.parts):
         return True
@@ -98,7 +98,7 @@ class ModuleFiles:
                 self._add_read(text, path, root)
 
     def defines(self, path: Path, name: str) -> bool:
-        """Return if a module defines a class of a name; True if it is not known."""
+        """Return whether a module defines a class of a name; True if it is unknown."""
         tree = self.trees.get(path.resolve())
         return tree is None or any(
             isinstance(node, ast.ClassDef) and node.name == name for node in ast.walk(tree)
@@ -189,7 +189,7 @@ class ModuleFiles:
 
 
 def _differs(module: ModuleType, path: Path, tree: ast.Module) -> bool:
-    """Return if a function or a constant of a loaded module differs from the text of its file."""
+    """Return whether a function of a loaded module differs from the text of its file."""
     if type(module.__loader__) is not machinery.SourceFileLoader:  # other loaders change the code
         return False
     codes: set[CodeType] = set()
@@ -209,7 +209,7 @@ def _differs(module: ModuleType, path: Path, tree: ast.Module) -> bool:
 
 
 def _constants(tree: ast.Module) -> Iterator[tuple[str, object]]:
-    """Yield the names that a module assigns once, to a number or a text."""
+    """Yield the names that a module assigns once, with their values, numbers or texts."""
     names = [name_node for name_node in ast.walk(tree) if isinstance(name_node, ast.Name)]
     stored = Counter(name_node.id for name_node in names if isinstance(name_node.ctx, ast.Store))
     for node in tree.body:
@@ -226,7 +226,7 @@ def _constants(tree: ast.Module) -> Iterator[tuple[str, object]]:
 
 
 def _found(folder: Path, name: str) -> machinery.ModuleSpec | None:
-    """Return where a folder has a module or a package of a name."""
+    """Return the spec of a module or package in a folder, or None."""
     return machinery.FileFinder(str(folder), *_LOADERS).find_spec(name)
 
 

@@ -13,8 +13,10 @@ from numbers import Integral
 from typing import Any, Literal, NoReturn, Protocol, runtime_checkable
 
 from rtamt import InputError, InputTypeError
-from rtamt.errors import nearest
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing
+from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.signals.signals import SignalLike
 
@@ -26,7 +28,7 @@ Sample = Mapping[str, Any]
 """Numbers by name."""
 
 Signals = Mapping[str, SignalLike] | None
-"""What variables read, and further recorded signals, by name."""
+"""The sources of variables and of further recorded signals, by name."""
 
 SystemEnd = Literal["", "terminated", "truncated"]
 """How a system has ended by itself: not yet, finally, or by its own time limit."""
@@ -37,11 +39,11 @@ class System(Protocol):
     """A simulation that returns samples, one period apart.
 
     Attributes:
-        name: Its name in tables and pictures.
+        name: The name in tables and pictures.
         period: Its own time between samples in seconds, or None.
-        needs_period: Whether it cannot run without a given period; a text states why it has none,
+        needs_period: Whether it cannot run without an explicit period; a text states the reason,
             such as "suggest steps of 0.1 and 0.2 s".
-        limit: The number of steps after which it ends by itself; None if that is not known.
+        limit: The number of steps after which it ends by itself; None if it is unknown.
         endless: Whether it may never end.
         ended: How it has ended by itself; an empty string while it has not.
     """
@@ -105,41 +107,101 @@ _ROUNDING = Fraction(1, 10**11)
 """The maximum relative error of a period as a fraction."""
 
 
-def whole_steps(whole: Fraction, step: Fraction, what: str, of: str) -> int:
-    """Return how many steps a duration has; one of the two may be rounded."""
-    count = whole / step
+def whole_steps(duration: Fraction, step: Fraction, name: str, step_name: str) -> int:
+    """Return the number of steps in a duration; either argument may be rounded."""
+    count = duration / step
     near = round(count)
     if abs(count - near) > near * _ROUNDING:
         less, more = math.floor(count) * step, math.ceil(count) * step
         durations = f"{float(less):g} s or {float(more):g} s" if less else f"{float(more):g} s"
         raise InputError(
-            f"the {what} {float(whole):g} s is not a multiple of the {of} {float(step):g} s "
+            f"the {name} {float(duration):g} s is not a multiple of the {step_name} "
+            f"{float(step):g} s "
             f"({float(count):g} steps); use {durations}"
         )
     return near
 
 
-def exited(what: str, end: SystemExit, where: str = "") -> InputError:
+def step_limit(
+    duration: float | None, period: Fraction | None, system: str, *, endless: bool = False
+) -> int | None:
+    """Return the number of steps of a run of ``duration``; None without an end.
+
+    Args:
+        duration: Seconds, ``math.inf`` or None.
+        period: Seconds between samples; None if it is unknown.
+        system: The name of the system, for errors.
+        endless: Whether the system may never end by itself.
+
+    Raises:
+        InputError: If an endless system has no duration; if the duration could count seconds or
+            steps, because the period is unknown; if it is shorter than a step.
+
+    Example:
+        >>> step_limit(0.3, Fraction(1, 10), "tank"), step_limit(None, None, "tank")
+        (3, None)
+    """
+    if duration is None:
+        if endless:
+            raise InputError(
+                f"{system} does not end by itself; give ",
+                Argument("duration"),
+                " in seconds, or ",
+                Argument("duration", "inf", words="duration=math.inf"),
+                " to run until it is stopped",
+            )
+        return None
+    if duration == math.inf:
+        return None
+    duration = check_number("duration", duration)
+    if period is None:
+        raise InputError(
+            Argument("duration", duration),
+            f" can mean {duration:g} s or {duration:g} steps, since {system} does not state the "
+            "duration of a step; give ",
+            Argument("period"),
+            " in seconds, or ",
+            Argument("period", 1),
+            " if the duration, and every bound, counts steps",
+        )
+    steps = int(exact(duration) / period)  # a float may lie a little below a number of periods
+    if steps == 0:
+        number = f"{float(period):g}"
+        in_milliseconds = (
+            (", or ", Argument("period", f"{number}ms"), f" if a step lasts {number} ms")
+            if period >= 1
+            else ()
+        )
+        raise InputError(
+            Argument("duration", duration),
+            f" is shorter than a step of {number} s, so no step would be evaluated; give at least ",
+            Argument("duration", float(period)),
+            *in_milliseconds,
+        )
+    return steps
+
+
+def exited(caller: str, end: SystemExit, where: str = "") -> InputError:
     """Return the error for a call of ``sys.exit``, which would end the whole program."""
     code = "" if end.code is None else repr(end.code)
     return InputError(
-        f"{what} called sys.exit({code}){where}, which is no end of a simulation; let it return, "
-        "or raise an error"
+        f"{caller} called sys.exit({code}){where}, which does not end a simulation; return, or "
+        "raise an error"
     )
 
 
 class no_exit:  # noqa: N801 - a context, used as a word
-    """A context in which ``sys.exit`` raises the error of `exited`; other errors do not change."""
+    """A context where ``sys.exit`` raises the error of `exited`; other errors do not change."""
 
-    def __init__(self, what: str) -> None:
-        self._what = what
+    def __init__(self, caller: str) -> None:
+        self._caller = caller
 
     def __enter__(self) -> None:
         """Do nothing."""
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, SystemExit):
-            raise exited(self._what, error) from error
+            raise exited(self._caller, error) from error
 
 
 def as_number(name: str, entry: float | Waveform, drivable: str = "") -> float:

@@ -271,7 +271,7 @@ def check_system(
         AssertionError: If a claim fails.
 
     Example:
-        >>> from rtamt_gym.systems.samples import SampleSource
+        >>> from rtamt_gym.systems.adapters import SampleSource
         >>> check_system(lambda: SampleSource([{"x": 0.0, "y": 2}, {"x": 1.0, "y": 3}]), ["x", "y"])
     """
     system = make()

@@ -1,4 +1,4 @@
-"""Systems that call ``sys.exit`` somewhere, which is no end of a simulation."""
+"""Systems that call ``sys.exit`` somewhere, which does not end a simulation."""
 
 from __future__ import annotations
 

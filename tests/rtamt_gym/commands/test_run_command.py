@@ -162,7 +162,7 @@ def test_another_reading_is_refused(capsys: Output) -> None:
 RUN_FAILURES = ["run", "RtamtLeaves-v0", "--signal", "y=obs[0]", "--at-termination", "complete"]
 SPEC = ["--spec", "low = always(y < 2)"]
 SPECS = [*SPEC, "--spec", "never = always(y > 5 implies eventually(y < 9))"]
-NO_END = "which is no end of a simulation; let it return, or raise an error"
+NO_END = "which does not end a simulation; return, or raise an error"
 
 
 class Breaks(Leaving):

@@ -18,7 +18,7 @@ from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 
 Output = pytest.CaptureFixture[str]
 BALL = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
-NO_END = "which is no end of a simulation; let it return, or raise an error"
+NO_END = "which does not end a simulation; return, or raise an error"
 
 
 def test_a_simulation_that_leaves_is_an_error_with_its_samples() -> None:

@@ -122,15 +122,15 @@ def refused(
         ),
         refused(
             lambda: run(ROWS, LOW, duration=20),
-            "duration=20.0 can mean 20 s or 20 steps, since samples does not say how long a step "
-            "lasts; give period= in seconds, or period=1 if the duration, and every bound, counts "
-            "steps",
+            "duration=20.0 can mean 20 s or 20 steps, since samples does not state the duration "
+            "of a step; give period= in seconds, or period=1 if the duration, and every bound, "
+            "counts steps",
         ),
         refused(
             lambda: run(ROWS, "always[0:2](level < 3)", duration=20),
-            "duration=20.0 can mean 20 s or 20 steps, since samples does not say how long a step "
-            "lasts; give period= in seconds, or period=1 if the duration, and every bound, counts "
-            "steps",
+            "duration=20.0 can mean 20 s or 20 steps, since samples does not state the duration "
+            "of a step; give period= in seconds, or period=1 if the duration, and every bound, "
+            "counts steps",
         ),
         refused(
             lambda: run(ROWS, LOW, period=100, duration=20),

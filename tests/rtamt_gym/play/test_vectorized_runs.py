@@ -162,7 +162,7 @@ def test_an_error_of_an_environment_is_in_its_row_and_the_others_go_on() -> None
     assert [rows[i].ended for i in range(4)] == ["truncated", "error", "truncated", "error"]
     assert rows[1].error.startswith("InputError: rtamt/RequestGrant-v0 takes no 'dealy' of a case")
     assert rows[3].error == (
-        "InputError: expected 'request' of the case from 0 to 8, as the actions go, got 9"
+        "InputError: expected 'request' of the case from 0 to 8, the bounds of the action, got 9"
     )
     assert rows[1].case == Case({"dealy": 1.0})
     assert rows[1].outcomes == {}

@@ -32,9 +32,12 @@ SCENARIO_ERRORS: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"right": RIGHT},
-        "expected 'right' of the case from -2 to 2, as the actions go, got values from 1 to 3",
+        (
+            "expected 'right' of the case from -2 to 2, the bounds of the action, "
+            "got values from 1 to 3"
+        ),
     ),
-    ({"left": -3}, "expected 'left' of the case from -2 to 2, as the actions go, got -3"),
+    ({"left": -3}, "expected 'left' of the case from -2 to 2, the bounds of the action, got -3"),
     ({"left": math.inf}, "expected 'left' of the case as a waveform or a finite number, got inf"),
     ({"gain": math.nan}, "expected 'gain' of a case as a number, got nan"),
 ]
@@ -155,7 +158,7 @@ def test_nobody_and_two_at_one_action_are_refused() -> None:
                 "interpolation='linear')"
             ),
         ),
-        (2, "expected 'action' of the case from 0 to 1, as the actions go, got 2"),
+        (2, "expected 'action' of the case from 0 to 1, the bounds of the action, got 2"),
     ],
 )
 def test_choices_are_whole_numbers_of_the_space(entry: float | Waveform, message: str) -> None:

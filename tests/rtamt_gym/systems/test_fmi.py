@@ -140,7 +140,7 @@ def test_an_fmu_that_fails_says_when_and_why(folder: Path, version: int) -> None
         simulate(system, LOW, duration=2)
     assert str(refused.value) == (
         f"FMU 'tank' failed at 0.5 s: fmi{version}DoStep failed with status 3 (error). "
-        "It said: the tank has burst"
+        "Its last messages: the tank has burst"
     )
     assert simulate(system, LOW, duration=0.5).steps == 5
 

@@ -35,7 +35,7 @@ def test_warnings_and_errors_come_before_what_an_fmu_says_besides(tank: Path, ve
         simulate(Fmus(tank, parameters={"fails_at": 0.55}), LOW, duration=2)
     assert str(refused.value) == (
         f"FMU 'tank' failed at 0.5 s: fmi{version}DoStep failed with status 3 (error). "
-        "It said: the tank has burst"
+        "Its last messages: the tank has burst"
     )
 
 
@@ -44,7 +44,7 @@ def test_without_any_the_last_messages_are_told(tank: Path, version: int) -> Non
         simulate(Fmus(tank, parameters={"fails_at": -1}), LOW, duration=2)
     assert str(refused.value) == (
         f"FMU 'tank' failed at 0 s: fmi{version}DoStep failed with status 3 (error). "
-        "It said: a step was asked for; the step is over"
+        "Its last messages: a step was asked for; the step is over"
     )
 
 
@@ -140,7 +140,7 @@ def test_each_of_several_fmus_is_heard(tank: Path, version: int) -> None:
         simulate(both, "always(one.level < 9)", duration=2)
     assert str(refused.value) == (
         f"FMU 'one' failed at 0.5 s: fmi{version}DoStep failed with status 3 (error). "
-        "It said: the tank has burst"
+        "Its last messages: the tank has burst"
     )
 
 
@@ -152,6 +152,6 @@ def test_an_fmu_is_heard_after_a_later_one_was_freed(tank: Path) -> None:
     gc.collect()
     for _ in range(5):
         early.advance()
-    with pytest.raises(StateError, match=r"It said: the tank has burst$"):
+    with pytest.raises(StateError, match=r"Its last messages: the tank has burst$"):
         early.advance()
     early.close()

@@ -226,8 +226,8 @@ def test_an_environment_steps_a_model_with_other_constants(
         (
             {"ctrl[0]": 1},
             (
-                "InvertedPendulum-v5 takes no 'ctrl[0]' of a case: it has actions for what drives "
-                "it; of its model a case sets constants, such as body:torso.mass or opt.gravity[2]"
+                "InvertedPendulum-v5 takes no 'ctrl[0]' of a case: it has actions for its inputs; "
+                "of its model a case sets constants, such as body:torso.mass or opt.gravity[2]"
             ),
         ),
         (
@@ -305,8 +305,8 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
     (
         {"body:pole.subtreemass": 3},
         (
-            "'body:pole.subtreemass' of the case cannot be chosen: MuJoCo derives it from others "
-            "of cart"
+            "'body:pole.subtreemass' of the case cannot be set: MuJoCo derives it from other "
+            "values of cart"
         ),
     ),
     (
@@ -315,7 +315,7 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"geom:box.type": 3},
-        "'geom:box.type' of the case: geom:box.type holds whole numbers, which no case sets",
+        "'geom:box.type' of the case: geom:box.type is a whole number, which a case cannot set",
     ),
 ]
 

@@ -239,7 +239,9 @@ def test_a_model_of_a_module_is_refused_with_a_function_that_would_do() -> None:
         "--policy rtamt_driver:driver: expected a function from observation to action, got "
         "<rtamt_driver.Driver object"
     )
-    assert said.endswith("; write one that returns model.predict(obs, deterministic=True)[0]")
+    assert said.endswith(
+        "; write a function that returns model.predict(obs, deterministic=True)[0]"
+    )
     assert refusal("rtamt_driver:refused") == "expected four numbers"  # in words of its own
 
 

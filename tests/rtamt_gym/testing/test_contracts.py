@@ -16,7 +16,7 @@ from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import Format
 from rtamt_gym.search.falsification.optimizers import OPTIMIZERS
 from rtamt_gym.search.falsification.search import SearchOver
-from rtamt_gym.systems.samples import SampleSource
+from rtamt_gym.systems.adapters import SampleSource
 from rtamt_gym.systems.system import System
 from rtamt_gym.testing import check_optimizer, check_system, check_trace_format
 
