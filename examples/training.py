@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from rtamt_gym import StlMonitor, compare_methods, evaluate_policy
 from rtamt_gym.results import MethodComparison
-from rtamt_gym.results.seeds import Estimate
+from rtamt_gym.results.method_scores import Estimate
 
 FIELDS = ("variant", "seed", "steps", "episodes", "satisfied", "return", "seconds")
 """A row says how many of the episodes satisfied the requirement after so many steps of training,

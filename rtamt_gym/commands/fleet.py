@@ -37,7 +37,7 @@ from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.names import with_columns
 from rtamt_gym.recorded.parts import file_of
 from rtamt_gym.recorded.progress import progress
-from rtamt_gym.results.folder import RESULTS
+from rtamt_gym.results.matrix import RESULTS
 from rtamt_gym.results.warnings import exit_code
 from rtamt_gym.tables import counted, number, shorten
 

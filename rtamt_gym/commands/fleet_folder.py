@@ -16,7 +16,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.fleet_worker import FileRow, KnownFile, Mark
 from rtamt_gym.play.folder import LockedFolder, differing, is_own, locked, short_text
-from rtamt_gym.results.folder import IDENTITY, RESULTS
+from rtamt_gym.results.matrix import IDENTITY, RESULTS
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -170,7 +170,7 @@ def discard_old_outcomes(words: Sequence[str]) -> None:
     for word, following in zip(words, (*words[1:], ""), strict=True):
         option, _, value = word.partition("=")
         if option == "--junit" and (path := value or following):
-            from rtamt_gym.results.junit import discard_junit
+            from rtamt_gym.results.ci_outcomes import discard_junit
 
             discard_junit(Path(path))
 
@@ -374,14 +374,14 @@ def _write(
     """Write the output files; return a line about each."""
     messages = []
     if options.junit:
-        from rtamt_gym.results.junit import junit_parts
+        from rtamt_gym.results.ci_outcomes import junit_parts
 
         parts = junit_parts(matrix, _rules(asked), warnings, least=asked.min_duration)
         with options.junit.open("wb") as file, without_collection():
             file.writelines(parts)
         messages.append(f"outcomes: {options.junit}\n")
     if options.markdown:
-        from rtamt_gym.results.markdown import to_markdown
+        from rtamt_gym.results.ci_outcomes import to_markdown
 
         options.markdown.write_text(
             to_markdown(matrix, warnings, asked.constants), encoding="utf-8"

@@ -122,7 +122,7 @@ def _lines(saved: SavedCase, replayed: Run) -> Iterator[str]:
 
 def _changes(saved: SavedCase, *, accepted: bool) -> list[str]:
     """Return lines on what has changed since the case was saved, as far as that is known."""
-    from rtamt_gym.results.fingerprint import listed
+    from rtamt_gym.results.provenance import listed
 
     if saved.fingerprint is None:
         return _wrapped("note: no hashes in the file: a change of the model cannot be seen", "")

@@ -22,9 +22,14 @@ from rtamt_gym.evaluation.repeating import refuse_unrepeated
 from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.play.runner import Requirements
 from rtamt_gym.results.codec import document, plain, read_as, read_fields, save
-from rtamt_gym.results.fingerprint import ChangedModelError, listed
 from rtamt_gym.results.outcome import BY_END
-from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
+from rtamt_gym.results.provenance import (
+    ChangedModelError,
+    Provenance,
+    listed,
+    plain_provenance,
+    provenance_of,
+)
 from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.results.trial import STOPPED, Trial
 from rtamt_gym.results.warnings import NEVER, evidence_warnings

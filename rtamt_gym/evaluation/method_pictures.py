@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rtamt_gym import drawing
-from rtamt_gym.results.seeds import Estimate, MethodScores
+from rtamt_gym.results.method_scores import Estimate, MethodScores
 
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222")
 """The palette of Okabe and Ito."""

@@ -23,7 +23,7 @@ from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.paired import holm
 from rtamt_gym.results.codec import document, read_as, read_fields, save
 from rtamt_gym.results.intervals import check_confidence
-from rtamt_gym.results.seeds import (
+from rtamt_gym.results.method_scores import (
     Estimate,
     MethodScores,
     improvement,

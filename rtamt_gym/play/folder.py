@@ -29,7 +29,7 @@ from rtamt_gym.play.record_files import (
     parts,
     read_campaign,
 )
-from rtamt_gym.results.fingerprint import Fingerprint, Mixture, Reuse, check_unchanged
+from rtamt_gym.results.provenance import Fingerprint, Mixture, Reuse, check_unchanged
 from rtamt_gym.results.trial import Trial
 
 WRITING: Final = "writing-"

@@ -13,8 +13,7 @@ from rtamt import InputError
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.inputs.space import Parameter, Signal, Space
-from rtamt_gym.results.fingerprint import Fingerprint, Mixture, Reuse
-from rtamt_gym.results.provenance import file_hash
+from rtamt_gym.results.provenance import Fingerprint, Mixture, Reuse, file_hash
 from rtamt_gym.results.trial import Trial
 
 CAMPAIGN: Final = "campaign.json"

@@ -39,7 +39,7 @@ from rtamt_gym.play.native import NativeRollouts
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import SimulatedTrace, Stop
 from rtamt_gym.play.simulation import Simulation, Simulator, failed
-from rtamt_gym.results.fingerprint import Fingerprint
+from rtamt_gym.results.provenance import Fingerprint
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.systems.adapters import as_system

@@ -24,9 +24,8 @@ from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.play.simulate import simulate
 from rtamt_gym.results.codec import check_name, document, read_as
-from rtamt_gym.results.fingerprint import Fingerprint, check_unchanged
 from rtamt_gym.results.outcome import violated_by_end
-from rtamt_gym.results.provenance import versions_in_use
+from rtamt_gym.results.provenance import Fingerprint, check_unchanged, versions_in_use
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.systems.fingerprints import fingerprint_of
 from rtamt_gym.systems.policies import policy_of

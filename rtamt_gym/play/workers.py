@@ -27,7 +27,7 @@ from rtamt_gym.play.process import Setup, end_processes, run_chunk
 from rtamt_gym.play.run_record import SimulatedTrace
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.play.whole import Whole
-from rtamt_gym.results.fingerprint import Fingerprint, listed
+from rtamt_gym.results.provenance import Fingerprint, listed
 from rtamt_gym.results.trial import Trial
 
 ClusterBackend = Literal["dask", "ray"]

@@ -1,13 +1,12 @@
-"""The sections of recorded traces: results of ``rtamt monitor --json`` and ``rtamt mine --json``.
-
-A result names its traces, and its author could name any path: a secret, a device, or a pipe without
-a writer. So only regular files below some folders are read.
-"""
+"""The section of a folder of results of ``rtamt monitor --results``, with its worst files."""
 
 from __future__ import annotations
 
+import json
 import os
+import shlex
 import stat
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -17,8 +16,7 @@ from typing import Any, Final, get_args
 import numpy as np
 
 import rtamt
-from rtamt import EpisodeMonitor
-from rtamt.monitors import BodyOccurrences, Occurrences
+from rtamt import EpisodeMonitor, Verdict
 from rtamt_gym.judging.monitors import EXACT
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
@@ -27,20 +25,18 @@ from rtamt_gym.recorded.parts import split_name
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
 from rtamt_gym.reports.episodes import PlayedEpisode, in_words_of
+from rtamt_gym.reports.figures import occurrence_figures
 from rtamt_gym.reports.model import (
     Cell,
     Column,
-    Figure,
     Requirement,
     Row,
     Section,
     ShownEpisode,
     Table,
     Text,
-    numbers_table,
-    plain,
 )
-from rtamt_gym.reports.numbers import aligned, number, percent, six, time
+from rtamt_gym.reports.numbers import number, six
 from rtamt_gym.reports.requirements import (
     DIGITS,
     TRIALS,
@@ -51,149 +47,14 @@ from rtamt_gym.reports.requirements import (
 )
 from rtamt_gym.results.codec import number_of
 from rtamt_gym.results.codec import trials_of as read_trials
-from rtamt_gym.results.matrix import Matrix
+from rtamt_gym.results.matrix import IDENTITY, RESULTS, Matrix
 from rtamt_gym.results.mutation import MutationScore
-from rtamt_gym.results.outcome import Outcome, Word, word
+from rtamt_gym.results.outcome import Failure, Outcome, Word, word
 from rtamt_gym.results.provenance import file_hash, provenance_of
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted
 from rtamt_gym.tables import number as plain_number
-
-_RUNS = 500
-"""Runs that a timeline shows of each body."""
-
-_ROWS = 100
-"""Violations in the table next to a timeline."""
-
-
-def occurrence_figures(rows: Sequence[Trial], name: str) -> list[Figure | Table]:
-    """Return the statistics of a requirement over traces, and the timeline of one trace.
-
-    The timeline shows the trace with the longest violated time. The list is empty if no trace has
-    occurrences.
-
-    Args:
-        rows: The traces.
-        name: The name of the requirement.
-    """
-    found = [
-        (row, outcome.occurrences)
-        for row in rows
-        if (outcome := row.outcomes.get(name)) is not None and outcome.occurrences is not None
-    ]
-    if not found:
-        return []
-    shown = max(found, key=lambda pair: sum(body.violated for body in pair[1].bodies))
-    if not len(shown[1]):
-        return [_statistics([each for _, each in found])]
-    return [_statistics([each for _, each in found]), _timeline(*shown)]
-
-
-def _statistics(found: Sequence[Occurrences]) -> Table:
-    """Return a row for each body, over all traces."""
-    head = ("body", "violations", "share of time", "an hour", "triggers", "answer time, median")
-    rows = []
-    for bodies in zip(*(each.bodies for each in found), strict=True):
-        length, violated = (sum(getattr(body, part) for body in bodies) for part in _SPANS)
-        if len({body.unit for body in bodies}) > 1:  # some traces have no times
-            length = 0.0
-        count = sum(len(body.violations) for body in bodies)
-        timed = bodies[0].unit == "s" and length > 0
-        triggers = sum(len(body.responses) for body in bodies)
-        answers = np.concatenate([body.answer_times for body in bodies])
-        cells = (
-            Cell(str(count), "n"),
-            Cell(f"{percent(violated / length)} %" if length else "", "n"),
-            Cell(number(3600 * count / length) if timed else "", "n"),
-            Cell(str(triggers) if triggers else "", "n"),
-            Cell(_duration(float(np.median(answers)), bodies[0]) if len(answers) else "", "n"),
-        )
-        rows.append(Row((Cell(codes=(bodies[0].text,)), *cells)))
-    columns = (Column(head[0]), *(Column(text, "n") for text in head[1:]))
-    what = f"All violations in {counted(len(found), 'trace')}"
-    return Table(columns, tuple(rows), "Violations of each body", what)
-
-
-_SPANS = "length", "violated"
-
-
-def _duration(value: float, body: BodyOccurrences) -> str:
-    return f"{number(value)} {'s' if body.unit == 's' else 'samples'}"
-
-
-def _timeline(row: Trial, found: Occurrences) -> Figure:
-    """Return the chart of the violated and unknown runs of each body in a trace."""
-    unit = "s" if found.unit == "s" else "steps"
-    bodies, left_out = [], 0
-    for body in found.bodies:
-        runs = [*_runs(body, "violated"), *_runs(body, "undecided")]
-        left_out += len(body.violations) + len(body.unknown) - len(runs)
-        bodies.append({"text": body.text, "runs": tuple(run for _, run in sorted(runs))})
-    extent = row.judged_extent
-    drawn = [
-        float(time)
-        for body in found.bodies
-        for table in (body.violations, body.unknown)
-        for part in ("start", "end")
-        for time in table.columns[part].tolist()
-    ]
-    span = [min(drawn), max(drawn)]
-    if extent is not None and extent.begin is not None and extent.end is not None and unit == "s":
-        span = [min(span[0], extent.begin), max(span[1], extent.end)]
-    total = sum(violation.duration for violation in found)
-    longest = max(found, key=lambda violation: violation.duration)
-    summary = (
-        f"{row.name}: {counted(len(found), 'violation')}, {number(total)} {found.unit} in all; the "
-        f"longest starts at {time(six(float(longest.start)), unit)} and lasts "
-        f"{number(longest.duration)} {found.unit}."
-    )
-    if left_out:
-        summary += f" {counted(left_out, 'run')} not drawn."
-    words: tuple[Word, ...] = tuple(
-        word
-        for word in ("violated", "undecided")
-        if any(run[2] == word for body in bodies for run in body["runs"])
-    )
-    return Figure(
-        "timeline",
-        "All violations",
-        summary,
-        110 + 34 * len(bodies),
-        plain({"bodies": tuple(bodies), "span": (six(span[0]), six(span[1])), "unit": unit}),
-        _table(found),
-        wide=True,
-        words=words,
-    )
-
-
-def _runs(body: BodyOccurrences, word: Word) -> list[tuple[float, tuple[float, float, Word, str]]]:
-    """Return start, end, verdict and robustness of runs, with the start first."""
-    if word == "violated":
-        texts = [number(six(run.robustness)) for run in body.violations[:_RUNS]]
-        spans = [(float(run.start), float(run.end)) for run in body.violations[:_RUNS]]
-    else:
-        spans = [(float(run.start), float(run.end)) for run in body.unknown[:_RUNS]]
-        texts = [""] * len(spans)
-    return [
-        (start, (six(start), six(end), word, text))
-        for (start, end), text in zip(spans, texts, strict=True)
-    ]
-
-
-def _table(found: Occurrences) -> Table:
-    rows: list[tuple[Any, ...]] = [
-        (body.text, run) for body in found.bodies for run in body.violations[:_ROWS]
-    ][:_ROWS]
-    starts, ends, durations, worst = (
-        aligned([six(float(getattr(run, part))) for _, run in rows])
-        for part in ("start", "end", "duration", "robustness")
-    )
-    texts = [text for text, _ in rows]
-    unit = "s" if found.unit == "s" else "samples"
-    head = ("body", f"start ({unit})", f"end ({unit})", f"lasts ({unit})", "minimum robustness")
-    return numbers_table(head, tuple(zip(texts, starts, ends, durations, worst, strict=True)))
-
 
 _LONGEST: Final = 20_000
 """The most samples of a trace whose bounds are shown: they are made sample by sample."""
@@ -492,3 +353,124 @@ def _holds_regular_files(folder: Path) -> bool:
             or (entry.is_dir(follow_symlinks=False) and _holds_regular_files(Path(entry.path)))
             for entry in entries
         )
+
+
+_LISTED: Final = 1000
+"""The files of the table, the worst of all."""
+
+_GROUPS: Final = 100
+"""The folders of the table, the worst of all."""
+
+
+def holds_results(path: Path) -> bool:
+    """Return whether a path is a folder of results, or its Parquet file."""
+    folder = path if path.is_dir() else path.parent
+    own = path.is_dir() or path.name == RESULTS
+    return own and (folder / IDENTITY).is_file() and (folder / RESULTS).is_file()
+
+
+def of_results(path: Path) -> Section:
+    """Return the section of a folder of results.
+
+    Args:
+        path: The folder, or its Parquet file.
+    """
+    import pyarrow.parquet as pq
+
+    folder = path if path.is_dir() else path.parent
+    identity = json.loads((folder / IDENTITY).read_text(encoding="utf-8"))
+    formulas: Mapping[str, str] = identity["specification"]
+    columns = pq.read_table(folder / RESULTS).to_pydict()
+    there = [i for i, gone in enumerate(columns["gone"]) if not gone]
+    matrix = Matrix([_trial(columns, i, formulas) for i in there], formulas)
+    facts = [("files", str(len(matrix)))]
+    if gone := len(columns["gone"]) - len(there):
+        facts.append(("gone", str(gone)))
+    facts += [
+        (name, str(identity[name])) for name in _FOLDER_OPTIONS if identity.get(name) not in _UNSET
+    ]
+    requirements = [
+        replace(
+            requirement_of(
+                *(name, in_words_of(formula, 1, step=identity.get("view") == "step"), formula),
+                trials_of(matrix.rows, judged(matrix, name), lambda _, row: row.name),
+                noun="trace",
+            ),
+            figures=(),  # the script that draws them is larger than the page
+        )
+        for name, formula in formulas.items()
+    ]
+    return Section(
+        kind="matrix",
+        title=f"{counted(len(matrix), 'recorded trace')} under "
+        f"{counted(len(formulas), 'requirement')}",
+        facts=tuple(facts),
+        requirements=tuple(requirements),
+        blocks=tuple(_folder_blocks(matrix, folder / RESULTS)),
+    )
+
+
+_FOLDER_OPTIONS: Final = ("end", "view", "semantics", "align", "period")
+_UNSET: Final = (None, "None")
+
+
+def _trial(columns: Mapping[str, list[Any]], i: int, formulas: Mapping[str, str]) -> Trial:
+    """Return a row of the Parquet file."""
+    cells: dict[str, Outcome | Failure] = {}
+    for name in formulas:
+        verdict = columns[f"verdict({name})"][i]
+        if verdict in (None, "ERROR"):
+            cells[name] = Failure(columns["error"][i] or "not judged")
+            continue
+        robustness, lower, upper = (
+            columns[f"{kind}({name})"][i] for kind in ("robustness", "lower", "upper")
+        )
+        cells[name] = Outcome(robustness, lower, upper, Verdict[verdict], None)
+    path, notes = columns["path"][i], columns["notes"][i]
+    return Trial.of_trace(path, columns["described"][i], cells, notes.split("\n") if notes else ())
+
+
+def _folder_blocks(matrix: Matrix, file: Path) -> Iterator[Table | Text]:
+    """Yield the worst files, the folders, and the command for all files."""
+    words, names = get_args(Word), [*matrix.requirements]
+
+    def badness(row: Trial) -> tuple[int, float]:
+        values = (outcome.robustness for outcome in row.outcomes.values())
+        return words.index(row.word), min(values, default=0.0)
+
+    worst = sorted(matrix.rows, key=badness)[:_LISTED]
+    yield _groups(matrix)
+    yield Table(
+        (Column("trace"), Column("verdict"), *(Column(name, "n", name) for name in names)),
+        tuple(matrix_row(row, names) for row in worst),
+        "Traces and requirements",
+        "Robustness of each requirement on the worst traces",
+        "matrix",
+    )
+    if len(worst) < len(matrix):
+        more = counted(len(matrix) - len(worst), "trace")
+        yield Text(f"{more} more not listed.", "muted left-out")
+    code = (
+        f"import pandas; table = pandas.read_parquet({json.dumps(str(file))}); "
+        'print(table[table.verdict == "violated"].path.to_string())'
+    )
+    command = f"python -c {shlex.quote(code)}"
+    yield Text(f"All rows are in `{file}`. To list the violated files: `{command}`")
+
+
+def _groups(matrix: Matrix) -> Table:
+    """Return the verdicts of the files in each folder, the worst folders first."""
+    groups: dict[str, Counter[str]] = {}
+    for row in matrix:
+        groups.setdefault(row.name.rpartition("/")[0] or ".", Counter())[row.word] += 1
+    words = get_args(Word)
+    ordered = sorted(groups.items(), key=lambda item: [-item[1][word] for word in words])
+    rows = (
+        Row((name, *(Cell(str(n), "n") for n in (*(counts[w] for w in words), counts.total()))))
+        for name, counts in ordered[:_GROUPS]
+    )
+    label = "Verdicts in each folder"
+    if len(ordered) > _GROUPS:
+        label += f", the worst {_GROUPS} of {len(ordered)}"
+    head = (Column("folder"), *(Column(word, "n") for word in words), Column("files", "n"))
+    return Table(head, tuple(rows), label, label)

@@ -30,17 +30,21 @@ from rtamt_gym.play.record import Record
 from rtamt_gym.play.record_files import holds_run, read_space
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.saved_case import SavedCase
-from rtamt_gym.reports.comparisons import of_comparison, of_methods
+from rtamt_gym.reports.comparisons import of_comparison, of_methods, of_recordings
 from rtamt_gym.reports.evaluations import of_evaluation
 from rtamt_gym.reports.examples import ExamplesLike, with_examples
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report, Section
 from rtamt_gym.reports.numbers import ROOM
-from rtamt_gym.reports.recordings import of_recordings
-from rtamt_gym.reports.records import of_record, of_run, of_runs
-from rtamt_gym.reports.results_folder import holds_results, of_results
-from rtamt_gym.reports.searches import of_case, of_search, of_search_json
-from rtamt_gym.reports.traces import of_matrix, of_mined
+from rtamt_gym.reports.simulations import (
+    of_case,
+    of_record,
+    of_run,
+    of_runs,
+    of_search,
+    of_search_json,
+)
+from rtamt_gym.reports.traces import holds_results, of_matrix, of_mined, of_results
 from rtamt_gym.results.codec import made, read, trials_of
 from rtamt_gym.results.provenance import file_hash, provenance_of
 from rtamt_gym.search.falsification.falsification import Falsification

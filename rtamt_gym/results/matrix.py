@@ -7,7 +7,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import get_args
+from typing import Final, get_args
 
 from rtamt import Verdict
 from rtamt_gym.results.extent import gap_summary, length_text
@@ -17,6 +17,13 @@ from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.warnings import trigger_line, triggered_in
 from rtamt_gym.tables import counted, number, shorten, table
+
+RESULTS: Final = "results.parquet"
+"""The file of all rows, once a run has ended."""
+
+IDENTITY: Final = "recordings.json"
+"""The specification and the options of the rows."""
+
 
 _WIDTH = 80
 

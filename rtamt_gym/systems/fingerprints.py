@@ -24,8 +24,7 @@ from gymnasium.vector import VectorEnv
 from gymnasium.vector.vector_env import VectorWrapper
 
 import rtamt
-from rtamt_gym.results.fingerprint import Fingerprint
-from rtamt_gym.results.provenance import file_hash, versions_in_use
+from rtamt_gym.results.provenance import Fingerprint, file_hash, versions_in_use
 from rtamt_gym.systems.fmi import Fmus
 from rtamt_gym.systems.models import Model
 from rtamt_gym.systems.source_files import HOUSE, READ, ModuleFiles, is_installed, model_files

@@ -9,9 +9,8 @@ from fractions import Fraction
 from rtamt import Verdict
 from rtamt_gym import Case
 from rtamt_gym.results import Evaluation, Record
-from rtamt_gym.results.fingerprint import Fingerprint
 from rtamt_gym.results.outcome import Moment, Outcome
-from rtamt_gym.results.provenance import Provenance
+from rtamt_gym.results.provenance import Fingerprint, Provenance
 from rtamt_gym.results.trial import Trial
 
 FAILED = math.nan

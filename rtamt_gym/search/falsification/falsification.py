@@ -23,9 +23,8 @@ from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.play.summaries import case_lines, failures
 from rtamt_gym.results.codec import document, plain_results
-from rtamt_gym.results.fingerprint import listed
 from rtamt_gym.results.outcome import BY_END, violated_by_end
-from rtamt_gym.results.provenance import reuse_lines
+from rtamt_gym.results.provenance import listed, reuse_lines
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.warnings import (
     evidence_lines,

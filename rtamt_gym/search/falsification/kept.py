@@ -14,7 +14,7 @@ from rtamt import InputError
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.folder import Folder
 from rtamt_gym.play.record import Record
-from rtamt_gym.results.fingerprint import Reuse
+from rtamt_gym.results.provenance import Reuse
 from rtamt_gym.results.trial import Trial
 
 __all__ = ["KeptSearch", "Valued"]

@@ -28,7 +28,7 @@ from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.play.process import end_processes
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.results.folder import RESULTS
+from rtamt_gym.results.matrix import RESULTS
 
 Output = pytest.CaptureFixture[str]
 SPECS = ("low = always(x < 9)", "answered = always(x > 5 implies eventually[0:1](y > 0))")

@@ -13,7 +13,7 @@ from matplotlib.image import imread
 from rtamt import InputError, InputTypeError
 from rtamt_gym import compare_methods
 from rtamt_gym.results import MethodComparison
-from rtamt_gym.results.seeds import permutation_p
+from rtamt_gym.results.method_scores import permutation_p
 
 PLAIN = [0.0, 0.1, 0.0, 0.2, 0.1]
 SHAPED = [0.9, 1.0, 0.2, 1.0, 1.0, 0.95]

@@ -14,9 +14,8 @@ from rtamt import InputError, Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.folder import Folder
 from rtamt_gym.play.record import Record
-from rtamt_gym.results.fingerprint import Fingerprint
 from rtamt_gym.results.outcome import Outcome
-from rtamt_gym.results.provenance import file_hash
+from rtamt_gym.results.provenance import Fingerprint, file_hash
 from rtamt_gym.results.trial import Trial
 
 IDENTITY = {"tasks": "abc"}

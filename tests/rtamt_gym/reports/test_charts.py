@@ -18,7 +18,7 @@ from rtamt_gym.reports.figures import episode_figure
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Figure, Section
 from rtamt_gym.reports.numbers import ROOM
-from rtamt_gym.reports.records import of_record
+from rtamt_gym.reports.simulations import of_record
 from rtamt_gym.reports.write import report_of, section_of
 from rtamt_gym.results import Record, Run
 

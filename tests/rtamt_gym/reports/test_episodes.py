@@ -11,7 +11,7 @@ from rtamt_gym import simulate
 from rtamt_gym.play.run import Run
 from rtamt_gym.reports.model import ShownEpisode
 from rtamt_gym.reports.numbers import ROOM
-from rtamt_gym.reports.records import of_run
+from rtamt_gym.reports.simulations import of_run
 from rtamt_gym.results.outcome import Moment
 
 

@@ -13,7 +13,7 @@ from rtamt_gym.reports.evaluations import of_evaluation
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
 from rtamt_gym.reports.numbers import ROOM
-from rtamt_gym.reports.records import of_record
+from rtamt_gym.reports.simulations import of_record
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import RunEnd
 

@@ -15,9 +15,8 @@ from rtamt_gym import Parameter, Signal, Waveform, falsify
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.html import standing_of
 from rtamt_gym.reports.numbers import ROOM
-from rtamt_gym.reports.records import of_record
 from rtamt_gym.reports.requirements import cases_of
-from rtamt_gym.reports.searches import convergence_of, of_case, of_search
+from rtamt_gym.reports.simulations import convergence_of, of_case, of_record, of_search
 from rtamt_gym.reports.write import Access, section_of
 from rtamt_gym.results import Record, SavedCase, Sweep
 

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from rtamt_gym.__main__ import main
-from rtamt_gym.results.folder import IDENTITY, RESULTS
+from rtamt_gym.results.matrix import IDENTITY, RESULTS
 
 
 def folder_of(place: Path, count: int) -> Path:

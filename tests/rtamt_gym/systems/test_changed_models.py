@@ -22,7 +22,7 @@ from rtamt_gym.__main__ import main
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.play.workers import Recipe
 from rtamt_gym.results import Evaluation, Record, SavedCase
-from rtamt_gym.results.fingerprint import Fingerprint
+from rtamt_gym.results.provenance import Fingerprint
 from rtamt_gym.systems.fingerprints import fingerprint_of
 from rtamt_gym.systems.models import Model
 

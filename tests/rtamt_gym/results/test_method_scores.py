@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from rtamt_gym.results.seeds import (
+from rtamt_gym.results.method_scores import (
     improvement,
     interquartile_mean,
     mean,
