@@ -1,4 +1,4 @@
-"""The section of two sets of recordings: violations that are new, gone or moved."""
+"""The sections of comparisons: two policies, methods over training seeds, and recordings."""
 
 from __future__ import annotations
 

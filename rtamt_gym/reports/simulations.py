@@ -1,4 +1,4 @@
-"""The section of a search for a violation: its course, the case that it found, and its replay."""
+"""The sections of simulations: sweeps, other records, runs, searches and saved cases."""
 
 from __future__ import annotations
 
@@ -292,9 +292,7 @@ def of_search(found: Falsification, room: int) -> Section:
         "robustness": number(found.robustness),
     }
     notes = [
-        f"{name} is violated in simulation {found.simulations}."
-        if found.falsified
-        else f"No simulation violates a requirement; {name} came closest.",
+        _answer(name, found.simulations, falsified=found.falsified),
         f"Input: {'; '.join(case_texts(found.input))}.",
     ]
     if found.reductions:
@@ -304,25 +302,13 @@ def of_search(found: Falsification, room: int) -> Section:
     notes.append(f"Coverage (not a proof): {found.coverage}.")
     if found.effects.without:
         notes.append(f"Note: {found.effects}.")
-    notes += reuse_notes(record.provenance, "simulation")
-    return Section(
-        kind="search",
-        title=f"Search for a violation by {record.system}",
-        system=record.system,
-        unit=unit,
-        facts=tuple(facts.items()),
-        notes=tuple(notes),
-        requirements=requirements_of(record, runs, room, unit=unit, figures=convergence_of(record)),
-        cases=None if (cases := cases_of(record)) is None else cases[0],
-        **made_of(record.provenance),
-    )
+    return _search_section(record, runs, room, unit, facts, notes)
 
 
 def convergence_of(record: Record) -> dict[str, Figure]:
     """Return the chart of the robustness over the simulations, for each requirement.
 
-    Where there are more than 2000 simulations, it shows each that is less than all before it, and
-    evenly spaced others.
+    For more than 2000 simulations, it shows each new minimum and evenly spaced others.
     """
     return {name: _convergence(name, judged(record, name)) for name in record.requirements}
 
@@ -440,26 +426,41 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
         KeyError: If something is not in it.
     """
     record = Record(read_trials(kept), kept["requirements"], kept["system"], provenance_of(kept))
-    name, falsified = kept["requirement"], kept["falsified"]
     case = case_texts(Case.from_json(json.dumps(kept["input"])))
     facts = ("simulations", "budget", "optimizer", "seed", "robustness", "reductions")
-    unit = "s" if record.has_times else "steps"
     effects = Effects(tuple(kept.get("without_effect", ())), int(kept.get("effect_simulations", 0)))
+    notes = [
+        _answer(kept["requirement"], kept["simulations"], falsified=kept["falsified"]),
+        f"Input: {'; '.join(case)}.",
+        *([f"Note: {effects}."] if effects.without else []),
+    ]
+    unit = "s" if record.has_times else "steps"
+    return _search_section(record, {}, 0, unit, {name: str(kept[name]) for name in facts}, notes)
+
+
+def _answer(name: str, simulations: int, *, falsified: bool) -> str:
+    if falsified:
+        return f"{name} is violated in simulation {simulations}."
+    return f"No simulation violates a requirement; {name} came closest."
+
+
+def _search_section(
+    record: Record,
+    runs: Mapping[str, list[Run]],
+    room: int,
+    unit: str,
+    facts: Mapping[str, str],
+    notes: Sequence[str],
+) -> Section:
+    """Return the section of a search from its record and the runs that are shown in full."""
     return Section(
         kind="search",
-        title=f"Search for a violation by {kept['system']}",
-        system=kept["system"],
+        title=f"Search for a violation by {record.system}",
+        system=record.system,
         unit=unit,
-        facts=tuple((name, str(kept[name])) for name in facts),
-        notes=(
-            f"{name} is violated in simulation {kept['simulations']}."
-            if falsified
-            else f"No simulation violates a requirement; {name} came closest.",
-            f"Input: {'; '.join(case)}.",
-            *([f"Note: {effects}."] if effects.without else []),
-            *reuse_notes(record.provenance, "simulation"),
-        ),
-        requirements=requirements_of(record, {}, 0, unit=unit, figures=convergence_of(record)),
+        facts=tuple(facts.items()),
+        notes=(*notes, *reuse_notes(record.provenance, "simulation")),
+        requirements=requirements_of(record, runs, room, unit=unit, figures=convergence_of(record)),
         cases=None if (cases := cases_of(record)) is None else cases[0],
         **made_of(record.provenance),
     )

@@ -1,4 +1,8 @@
-"""The section of a folder of results of ``rtamt monitor --results``, with its worst files."""
+"""The sections of recorded traces: files of ``rtamt monitor`` and ``rtamt mine``.
+
+The author of a result names the paths of its traces, and could name a secret, a device or a pipe
+without a writer. Therefore, only regular files below some folders are read.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Outcomes as JUnit XML, which CI systems show: a suite for each trace, a case for each formula.
+"""Outcomes for CI systems: JUnit XML, and Markdown for the summary of a job.
 
-To add a format of outcomes for CI, write a module next to this one that writes a `Matrix`, and add
-its option to `rtamt_gym.commands.monitor`.
+To add a format, write a function here that writes a `Matrix`, and add its option to
+`rtamt_gym.commands.monitor`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from rtamt_gym.results.warnings import (
 from rtamt_gym.tables import number
 
 _EXPLAINED = 50
-"""The number of cells that are explained: the pages of CI systems are limited in size."""
+"""The number of cells that Markdown explains: CI systems limit the size of pages."""
 
 
 def to_markdown(
@@ -49,7 +49,7 @@ def to_markdown(
 ) -> str:
     """Return the table of outcomes, and why requirements are violated, undecided or in error.
 
-    The first 50 are explained. Of more than 10,000 traces the table shows the 100 worst.
+    It explains the first 50. For more than 10,000 traces, the table shows the 100 worst.
 
     Args:
         matrix: The outcomes.
@@ -122,7 +122,7 @@ def _html(text: str) -> str:
 
 
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What no XML file may hold."""
+"""The characters that XML does not allow."""
 
 
 def junit_parts(
@@ -135,8 +135,8 @@ def junit_parts(
     """Yield the parts of a file of JUnit XML with the outcomes; a suite is a part.
 
     A violation is a failure, an undecided requirement is skipped, and a trace that could not be
-    judged is an error. A warning that makes the command fail is a failure too, so the file agrees
-    with the exit code. The file has no times of execution: the same traces return the same file.
+    judged is an error. A warning that makes the command fail is a failure too, so that the file
+    agrees with the exit code. Without times of execution, the same traces give the same file.
 
     Args:
         matrix: The outcomes.

@@ -1,4 +1,7 @@
-"""`Matrix`: recorded traces under requirements, and its table for a terminal of 80 columns."""
+"""`Matrix`: recorded traces under requirements, and its table for a terminal of 80 columns.
+
+`RESULTS` and `IDENTITY` name the files in a folder of ``rtamt monitor --results``.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from rtamt_gym.results.warnings import trigger_line, triggered_in
 from rtamt_gym.tables import counted, number, shorten, table
 
 RESULTS: Final = "results.parquet"
-"""The file of all rows, once a run has ended."""
+"""The file of all rows, written at the end of a run."""
 
 IDENTITY: Final = "recordings.json"
 """The specification and the options of the rows."""

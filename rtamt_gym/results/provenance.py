@@ -1,7 +1,10 @@
-"""`Provenance`: ids of requirements, versions and hashes of files that results were made with.
+"""`Provenance`: requirement ids, versions, file hashes and the `Fingerprint` of the model.
+
+Stored results are valid only for the model that produced them. Before they are used again, their
+fingerprint is compared with the fingerprint of the current model.
 
 To add a field of the provenance, such as a version or a hash: the field of `Provenance`, and its
-line in `plain_provenance` and `provenance_of`. All results and all file formats then carry it.
+line in `plain_provenance` and `provenance_of`. All results and all file formats then have it.
 """
 
 from __future__ import annotations
@@ -75,7 +78,7 @@ class Fingerprint:
         )
 
     def common(self, other: Fingerprint) -> Fingerprint:
-        """Return the entries with names that the other one has too."""
+        """Return the entries that the other fingerprint has too."""
         contents = {name: value for name, value in self.contents.items() if name in other.contents}
         values = {name: value for name, value in self.values.items() if name in other.values}
         return replace(self, contents=contents, values=values)
@@ -257,8 +260,8 @@ class Provenance:
     Attributes:
         ids: The ids of requirements with an id, by name.
         versions: The versions of Python and of the packages that were in use.
-        files: The SHA-256 of each file that was read, in hexadecimal digits, by its path as it was
-            given, `rtamt.errors.shown`: traces, specifications, models.
+        files: The SHA-256 of each file that was read (trace, specification, model) in hexadecimal
+            digits, by its path as `rtamt.errors.shown` writes it.
         fingerprint: Hashes and versions of the simulated model; None without a model.
         reuse: How many results a folder held before; None without a folder.
     """
