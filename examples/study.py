@@ -329,7 +329,7 @@ def ends_of(rows: list[dict[str, Any]], name: str, key: str) -> dict[str, list[f
 
 def table(rows: list[dict[str, Any]], name: str) -> list[list[str]]:
     """The cells of the table of a task: a header, and a row for every method that has runs."""
-    head = "method, runs, mean %, least, quartiles, below 80 %, last %, stopped, steps, s a run"
+    head = "method, runs, mean %, minimum, quartiles, below 80 %, last %, stopped, steps, s a run"
     cells = [head.split(", ")]
     rates, last = ends_of(rows, name, "satisfied"), ends_of(rows, name, "last")
     if not rates:

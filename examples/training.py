@@ -200,7 +200,7 @@ def table(task: Task, curves: Mapping[str, Curves]) -> list[list[str]]:
     """The cells of the table of results: a header, and a row for every variant that has runs."""
     paid = any(found.returns.any() for found in curves.values())
     head = ["variant", "seeds", "satisfied, %"]
-    head += ["least", "observed, %", "least"] if task.substeps else []
+    head += ["minimum", "observed, %", "minimum"] if task.substeps else []
     head += ["return"] * paid
     head += ["p"] if task.substeps else ["90 % at", "p", "s a seed"]  # 80 columns hold no more
     rows = [head]

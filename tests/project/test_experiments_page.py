@@ -63,7 +63,7 @@ def test_the_first_table_repeats_those_of_the_study() -> None:
     assert [row[0] for row in summary[1:]] == named
     for name, _, *ours, plain, naive, control in summary[1:]:
         of = found[name]
-        assert ours == [of["ours"][key] for key in ("runs", "mean %", "least", "below 80 %")]
+        assert ours == [of["ours"][key] for key in ("runs", "mean %", "minimum", "below 80 %")]
         for shown, method in ((plain, "plain"), (naive, "naive"), (control, "control")):
             row = of.get(method)
             assert shown == (f"{row['mean %'].split()[0]} ({row['runs']})" if row else "no run")
@@ -78,7 +78,7 @@ def test_the_tables_of_the_study_are_what_its_rows_say() -> None:
     for name, table in zip(named, tables("method"), strict=True):
         assert table == study.table(rows, name)
         task = study.TASKS[name]
-        for method, runs, mean, least, _, below, last, stopped, *_ in table[1:]:
+        for method, runs, mean, minimum, _, below, last, stopped, *_ in table[1:]:
             of = [row for row in rows if (row["task"], row["method"]) == (name, method)]
             ends = [100 * row["satisfied"] / row["episodes"] for row in of]
             assert {row["episodes"] for row in of} == {100}
@@ -88,7 +88,7 @@ def test_the_tables_of_the_study_are_what_its_rows_say() -> None:
             assert task.first_seed == first
             assert mean.split(" [")[0] == f"{np.mean(ends):.1f}"
             assert ("[" in mean) == (len(of) > 1)
-            assert float(least) == min(ends)
+            assert float(minimum) == min(ends)
             assert below == f"{sum(end < 80 for end in ends)} of {runs}"
             assert last == f"{np.mean([row['last'] for row in of]):.1f}"
             assert stopped == f"{sum(row['stopped'] for row in of)} of {runs}"
