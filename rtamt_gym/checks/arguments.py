@@ -22,7 +22,7 @@ def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
 
 
 def check_number(name: str, value: object, high: float = math.inf) -> float:
-    """Convert a finite number above 0, and at most ``high``, to a float; refuse any other."""
+    """Return a number above 0, at most ``high`` and finite, as a float; otherwise InputError."""
     if _is_number(value) and 0.0 < float(value) <= high and float(value) < math.inf:
         return float(value)
     most = "" if high == math.inf else f" and at most {high:g}"
@@ -32,7 +32,7 @@ def check_number(name: str, value: object, high: float = math.inf) -> float:
 
 
 def check_amount(name: str, value: object) -> float:
-    """Convert a finite number, 0 or more, to a float; refuse any other."""
+    """Return a finite number, 0 or more, as a float; otherwise InputError."""
     if _is_number(value) and 0.0 <= float(value) < math.inf:
         return float(value)
     raise InputError("expected ", Argument(name), f" as a finite number, 0 or more, got {value!r}")
@@ -44,7 +44,7 @@ def _is_number(value: object) -> TypeGuard[Real]:
 
 
 def check_count(what: object, count: object) -> int:
-    """Convert a whole number above 0 to an int; refuse any other."""
+    """Return a whole number above 0 as an int; otherwise InputError or InputTypeError."""
     if isinstance(count, bool) or not isinstance(count, Integral):
         raise InputTypeError("expected ", what, f" as a whole number, got {count!r}")
     if count < 1:
@@ -52,9 +52,9 @@ def check_count(what: object, count: object) -> int:
     return int(count)
 
 
-def check_known(name: str, given: Iterable[str], known: Collection[str]) -> None:
+def check_known(name: str, keys: Iterable[str], known: Collection[str]) -> None:
     """Raise InputError if a key is not a specification."""
-    for key in given:
+    for key in keys:
         if key not in known:
             raise InputError(
                 f"{name}= names an unknown specification {key!r}; the specifications are "

@@ -5,14 +5,11 @@ from __future__ import annotations
 import inspect
 
 _PASSED = frozenset({"rtamt_gym", "gymnasium"})
-"""Packages whose lines a user has not written: wrappers call each other, across both."""
+"""Packages with frames that are not the user's: wrappers of both call each other."""
 
 
 def caller_level() -> int:
-    """Count the frames up to the code that uses wrappers: the ``stacklevel`` of a warning.
-
-    It is meant for a `warnings.warn` in the function that calls this one.
-    """
+    """Return the ``stacklevel`` with which a warning of the caller shows the user's line."""
     frame, level = inspect.currentframe(), 0
     while frame is not None and frame.f_back is not None:
         if frame.f_globals.get("__name__", "").partition(".")[0] not in _PASSED:
@@ -24,11 +21,7 @@ def caller_level() -> int:
 def wrappers_around(env: object) -> list[object]:
     """Return the wrappers that are calling a method of an environment, the innermost first.
 
-    An environment does not know the wrappers around it. While one of its methods runs, they are in
-    the frames of the call.
-
-    Args:
-        env: The environment.
+    An environment has no reference to the wrappers around it, but the frames of the call do.
     """
     frame, wrappers = inspect.currentframe(), []
     while frame is not None:

@@ -1,7 +1,7 @@
-"""The packages that extras install, and errors that say how to install what is missing.
+"""The packages that extras install, and errors that name the extra of a missing package.
 
-The module is imported before all others: it also raises an error if the released library, which is
-named `rtamt` too, was installed over this one.
+`rtamt_gym` imports this module first, because it raises an error if the released library, which is
+also named `rtamt`, was installed over this one.
 """
 
 from __future__ import annotations
@@ -62,11 +62,10 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "ray": ("ray",),
     "fsspec": ("urls",),
 }
-"""The extras that install each optional package, the smallest first; ``all`` installs each
-but what is installed alone."""
+"""The extras that install each optional package, the smallest first."""
 
 ALONE: Final[Mapping[str, str]] = {"staliro": "psy-taliro"}
-"""Distributions that ask for the released rtamt: the extra installs what else they need."""
+"""Distributions that require the released rtamt: the extra installs their other requirements."""
 
 
 _INSTALL: Final = "from the checkout: pip install '."
@@ -79,11 +78,11 @@ def missing(error: ModuleNotFoundError) -> str | None:
 
 
 def advice(package: str, wanted: str = "") -> str:
-    """How an optional package is installed.
+    """Return how to install an optional package.
 
     Args:
-        package: It.
-        wanted: The extra of the caller, which may need more than this package.
+        package: The package.
+        wanted: The extra of the caller, which may install further packages.
 
     Example:
         >>> advice("scipy", "search")
@@ -102,12 +101,12 @@ def names_extra(message: str) -> bool:
 
 
 def naming_extra(error: ModuleNotFoundError, what: str, extra: str = "") -> ModuleNotFoundError:
-    """The same error in words that name the extra; an error of another package stays as it is.
+    """Return an error that names the extra; for other packages, the error itself.
 
     Args:
-        error: Why an import has failed.
+        error: The error of an import.
         what: The caller that needs the package.
-        extra: The extra that installs all that it needs.
+        extra: The extra that installs all packages of the caller.
     """
     package = missing(error)
     if package is None:
@@ -121,8 +120,8 @@ def lazy_names(package: str, definitions: Mapping[str, str]) -> Callable[[str], 
     """Return the ``__getattr__`` of a package, with errors that name the missing extra.
 
     Args:
-        package: The package, its ``__name__``.
-        definitions: Public name to the full name of its definition.
+        package: The ``__name__`` of the package.
+        definitions: The full name of the definition of each public name.
     """
     load = rtamt.lazy.lazy_names(package, definitions)
 

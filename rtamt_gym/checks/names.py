@@ -8,14 +8,14 @@ from typing import Any, Final
 from rtamt.errors import alike
 
 _MOST: Final = 20
-"""So many names are listed whole."""
+"""The maximum number of names in a complete list."""
 
 _FEW: Final = 5
-"""So many of more names."""
+"""The number of names in a shortened list."""
 
 
 def listed(names: Collection[str], wanted: str = "") -> str:
-    """The names; of more than 20 the five that are most like the wanted one, and how many more.
+    """Return up to 20 names as a list; of more, the five that are most similar to ``wanted``.
 
     Example:
         >>> listed(["level", "inflow"]), listed([f"x{i}" for i in range(99)], "x42")
@@ -28,7 +28,7 @@ def listed(names: Collection[str], wanted: str = "") -> str:
 
 
 def listing(names: Iterable[Any]) -> str:
-    """The names, quoted.
+    """Return the names in quotes.
 
     Example:
         >>> listing(["level", "inflow"]), listing([])

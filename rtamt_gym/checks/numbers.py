@@ -1,4 +1,4 @@
-"""Numbers as they are written: texts of them, and the fractions that floats stand for."""
+"""Numbers from text, and the fractions that floats stand for."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from functools import lru_cache
 
 @lru_cache(maxsize=1024)
 def exact(seconds: float | Fraction) -> Fraction:
-    """The fraction that a float stands for, also where its last digits were rounded off.
+    """Return the fraction that a float stands for, such as 3/10 for ``0.1 + 0.2``.
 
-    This is the nearest number of six digits if it is next to the float; otherwise, the number as
-    written.
+    This is the nearest fraction with a denominator of at most 10**6 if it differs by rounding only;
+    otherwise, the shortest decimal number of the float.
 
     Example:
         >>> exact(0.1), exact(0.1 + 0.2), exact(1 / 3), exact(1e-9)
@@ -28,7 +28,7 @@ def exact(seconds: float | Fraction) -> Fraction:
 def read_floats(texts: Sequence[str]) -> list[float] | None:
     """Return the numbers in texts of plain decimal ASCII, ``inf`` or ``nan``, or None.
 
-    `float` alone would read more: ``1_0`` as 10, and the digits of every script.
+    `float` alone would also read ``1_0`` as 10, and digits of other scripts.
 
     Example:
         >>> read_floats(["1e3", " -inf"]), read_floats(["1_0"])

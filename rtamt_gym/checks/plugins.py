@@ -16,7 +16,7 @@ from rtamt import InputError
 
 @cache
 def plugins(group: str) -> Mapping[str, Any]:
-    """The objects that installed packages add to a table, by their names.
+    """Return the objects that installed packages add to a table, by name.
 
     Args:
         group: The table, as in ``[project.entry-points."rtamt.optimizers"]``.

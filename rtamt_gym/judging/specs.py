@@ -27,7 +27,7 @@ def requirement_named(
 
     Args:
         text: The specification as passed.
-        own: The requirements that the system has of its own, by name.
+        own: The requirements of the system, by name.
 
     Raises:
         InputError: If it is nearly the name of a requirement, and no variable has this name.
@@ -51,14 +51,14 @@ def requirement_named(
 
 
 def named_in(text: str, constants: Mapping[str, _V]) -> dict[str, _V]:
-    """The constants that a text names."""
+    """Return the constants that a text names."""
     return {n: value for n, value in constants.items() if re.search(rf"\b{re.escape(n)}\b", text)}
 
 
 def load_file(
     path: str | Path, constants: Mapping[str, float | str | Fraction]
 ) -> rtamt.Specification:
-    """Return the specification in a file, with those constants that its text names.
+    """Return the specification in a file, with the constants that its text names.
 
     Raises:
         MissingFileError: If the file does not exist.

@@ -35,7 +35,7 @@ class Option:
         read: The function that reads the text.
         choices: All values, if they are few.
         repeat: Whether the option may be repeated; its value is a list then.
-        several: Whether the value is a list, of which the command reports all but the first.
+        several: Whether to collect repetitions in a list, so that the command can report them.
         nargs: As for `argparse`.
         required: Whether a command line needs it.
         dest: The attribute that holds the value, if it is not the name.
@@ -117,7 +117,7 @@ def trials(text: str) -> int | Literal["all"]:
     if text == "all":
         return "all"
     if not (text.isascii() and text.isdecimal()) or int(text) == 0:
-        raise argparse.ArgumentTypeError(f"expected all or a whole number from 1 on, got {text!r}")
+        raise argparse.ArgumentTypeError(f"expected all or a whole number above 0, got {text!r}")
     return int(text)
 
 

@@ -47,7 +47,7 @@ StagesLike = Sequence[str | Formula] | Mapping[str, Sequence[str | Formula]]
 """The stages of the only requirement, in order, or of several requirements by their names."""
 
 Calls = Literal["samples", "instants", "recorded", "episodes", "runs"]
-"""The calls that take an option, from the narrowest group on; each group takes those before it.
+"""The calls that take an option; each group also takes the options of the groups before it.
 
 ``"samples"`` judges any samples; ``"instants"`` monitors a run that another program ends;
 ``"recorded"`` judges recorded episodes; ``"episodes"`` plays episodes; ``"runs"`` single runs.
@@ -283,13 +283,13 @@ class EvaluationOptions:
         object.__setattr__(copy, "given", given)
         return copy
 
-    def over(self, own: EvaluationOptions, whose: str, way_out: str) -> EvaluationOptions:
-        """Return the options of a monitor together with those of a call that uses it.
+    def over(self, own: EvaluationOptions, owner: str, fix: str) -> EvaluationOptions:
+        """Return the options of a monitor together with the options of a call that uses it.
 
         Args:
             own: The options of the monitor.
-            whose: The owner of these options, for errors.
-            way_out: How to correct the call, for errors.
+            owner: The owner of these options, for errors.
+            fix: How to correct the call, for errors.
 
         Raises:
             InputError: If both set an option to different values.
@@ -307,7 +307,7 @@ class EvaluationOptions:
         for name in self.given & own.given:
             has, got = getattr(own, name), getattr(self, name)
             if _meaning(name, has) != _meaning(name, got):
-                refuse_other(name, has, got, whose, way_out)
+                refuse_other(name, has, got, owner, fix)
         both = EvaluationOptions(**{**self.options(), **own.options()})
         return both._giving(self.given | own.given)
 
@@ -368,11 +368,9 @@ def checked_options(
     return EvaluationOptions(**options)
 
 
-def refuse_other(name: str, own: object, got: object, whose: str, way_out: str) -> None:
+def refuse_other(name: str, own: object, got: object, owner: str, fix: str) -> None:
     """Raise InputError for an argument that differs from the monitor's value."""
-    raise InputError(
-        Argument(name), f" comes from {whose}, which has {own!r}, got {got!r}; {way_out}"
-    )
+    raise InputError(Argument(name), f" comes from {owner}, which has {own!r}, got {got!r}; {fix}")
 
 
 def documents_options(calls: Calls | None = None) -> Callable[[_F], _F]:
@@ -434,7 +432,7 @@ def seconds_of(period: Period | None) -> Fraction | None:
 
 
 def _meaning(name: str, value: Any) -> object:  # noqa: ANN401 - of any option
-    """Return what two equal values of an option have in common, such as ``0.1`` and ``"100ms"``."""
+    """Return a value in a form that is equal for equal options, such as ``0.1`` and ``"100ms"``."""
     if name == "period":
         return seconds_of(value)
     return frozenset(value) if isinstance(value, tuple) else value
@@ -460,7 +458,7 @@ def _names(names: Names | None) -> Names | None:
 
 
 def _stages(stages: StagesLike | None) -> tuple[str, ...] | dict[str, tuple[str, ...]] | None:
-    """Return the texts of stages; raises for fewer than two, and for what is not a formula."""
+    """Return the texts of stages; raise an error for fewer than two, or for other values."""
     if stages is None:
         return None
     if isinstance(stages, Mapping):
@@ -468,22 +466,22 @@ def _stages(stages: StagesLike | None) -> tuple[str, ...] | dict[str, tuple[str,
     return _stage_texts(stages, "")
 
 
-def _stage_texts(stages: Sequence[str | Formula], whose: str) -> tuple[str, ...]:
+def _stage_texts(stages: Sequence[str | Formula], owner: str) -> tuple[str, ...]:
     if isinstance(stages, str | Formula) or not isinstance(stages, Sequence):
         raise InputTypeError(
             "expected ",
             Argument("stages"),
-            f'{whose} as a list of formulas, such as ["near > 0", "lifted > 0"], got {stages!r}',
+            f'{owner} as a list of formulas, such as ["near > 0", "lifted > 0"], got {stages!r}',
         )
     for stage in stages:
         if not isinstance(stage, str | Formula):
             raise InputTypeError(
                 "expected formulas or their texts in ",
                 Argument("stages"),
-                f"{whose}, got {stage!r}",
+                f"{owner}, got {stage!r}",
             )
     if len(stages) < 2:
-        raise InputError("expected two or more ", Argument("stages"), f"{whose}, got {len(stages)}")
+        raise InputError("expected two or more ", Argument("stages"), f"{owner}, got {len(stages)}")
     return tuple(map(str, stages))
 
 

@@ -65,7 +65,7 @@ def test_word_behind_bare_option_is_no_value(folder: Path) -> None:
 @pytest.mark.parametrize("value", ["0", "-1", "1.5", "some", ""])
 def test_require_triggered_refuses_other_values(value: str, capsys: Output) -> None:
     assert monitor(f"--require-triggered={value}") == 2
-    assert f"expected all or a whole number from 1 on, got {value!r}" in capsys.readouterr().err
+    assert f"expected all or a whole number above 0, got {value!r}" in capsys.readouterr().err
 
 
 def _cases(path: Path) -> dict[str, str]:
