@@ -1,4 +1,4 @@
-"""`mutants` changes a requirement in one place; `killed` returns the mutants that a trace kills."""
+"""`mutants` changes a requirement in one place; `killed` tests which mutants a trace kills."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Mutant:
     def distance(self) -> Specification:
         """``requirement iff mutant``, which a trace violates if one holds and the other fails.
 
-        The absolute value of its robustness is the smaller of the two margins. So a search for the
+        The absolute value of its robustness is the smaller of the two margins, so a search for the
         minimum robustness finds traces that kill the mutant.
         """
         changed = self.specification.standalone()
@@ -87,13 +87,13 @@ def mutants(
 ) -> tuple[Mutant, ...]:
     """Return versions of a requirement with one change of a bound, threshold, operator or part.
 
-    A suite of traces tests a place of the text if one of its traces has another verdict after the
-    change. A change is in one place: a formula that is named twice changes for both uses. Changes
-    that leave the formula the same, give no specification or repeat another mutant are left out.
+    A suite of traces tests a place of the text if the change alters the verdict of at least one
+    trace. A change is in one place: a formula that is named twice changes for both uses. Changes
+    that keep the formula, give no specification or repeat another mutant are left out.
 
     Args:
-        spec: Text, a formula, or a parsed specification, whose result is changed.
-        period: Seconds between samples, by which bounds move. None: bounds move by one unit of
+        spec: Text, a formula, or a parsed specification; the changes are in its result.
+        period: Seconds between samples; bounds move by a sample. None: bounds move by one unit of
             their last digit, which is a sample if bounds count samples.
         kinds: The kinds of changes, names in `MUTATIONS`; None: all.
         limit: The maximum number of mutants, taken from each kind in turn. None: all.
@@ -106,15 +106,15 @@ def mutants(
 
     Example:
         >>> import rtamt
-        >>> for each in rtamt.mutants("always[0:5](v < 35)", kinds=["window", "direction"]):
-        ...     print(f"{each}: {each.specification}")
+        >>> for mutant in rtamt.mutants("always[0:5](v < 35)", kinds=["window", "direction"]):
+        ...     print(f"{mutant}: {mutant.specification}")
         1:10 [0:5] -> [0:2]: always[0:2](v < 35)
         1:10 [0:5] -> [0:10]: always[0:10](v < 35)
         1:10 [0:5] -> [0:50]: always[0:50](v < 35)
         1:15 v < 35 -> v > 35: always[0:5](v > 35)
 
     References:
-        `rtamt.mutation.mutations` names them.
+        See `rtamt.mutation.mutations`.
     """
     from rtamt.mutation.requirement_text import RequirementText
 
@@ -149,7 +149,7 @@ def _rows(kinds: Collection[str] | None) -> Sequence[Mutation]:
 
 
 def _as_read(spec: Specification) -> Specification:
-    """Return the specification that its text describes; one built in Python gets a new text."""
+    """Return the specification that the text describes; a formula from Python gets a new text."""
     from_text = _read(spec, spec.text)
     if from_text == spec:
         return _single(from_text)
@@ -187,15 +187,14 @@ def _in_turn(
     rows: Sequence[tuple[Mutation, Iterator[Change]]],
 ) -> Iterator[tuple[str, Change]]:
     """Yield the first change of each row, then the second of each, and so on."""
-    left = [*rows]
-    while left:
+    while rows:
         remaining = []
-        for row, changes in left:
+        for row, changes in rows:
             change = next(changes, None)
             if change is not None:
                 yield row.name, change
                 remaining.append((row, changes))
-        left = remaining
+        rows = remaining
 
 
 @listed_in_signature(SampleOptions)
@@ -208,10 +207,10 @@ def killed(
     n: int | None = None,
     **options: Unpack[SampleOptions],
 ) -> tuple[bool, ...]:
-    """Return whether a trace kills each mutant: satisfies either the mutant or its requirement.
+    """Return whether a trace kills each mutant: it satisfies one of mutant and requirement only.
 
-    The verdicts are the ones of `judge`, at a lower cost: shared comparisons are evaluated once,
-    and nothing but the verdict is computed. A mutant that cannot be judged is not killed.
+    The verdicts equal those of `judge` and cost less: shared comparisons are evaluated once, and
+    only the verdict is computed. A mutant that cannot be judged is not killed.
 
     Args:
         mutants: Mutants, as `mutants` returns them.
@@ -274,18 +273,11 @@ def _verdicts(
     joint = compile_program(together, seconds, interface=interface, align=align)
     reader = SampleReader(joint, nan, bounds=True)
     lower, upper, length = trace_between(reader, signals, n, period)
-    factories = BACKENDS[backend]
     try:
-        bounds = TraceBounds.of(
-            joint,
-            reader,
-            factories,
-            (lower, upper),
-            length,
-        )
+        bounds = TraceBounds.of(joint, reader, BACKENDS[backend], (lower, upper), length)
         return [
-            None if each is None else Verdict(verdict_of(*bounds.part(each).bounds(end)))
-            for each in programs
+            None if part is None else Verdict(verdict_of(*bounds.part(part).bounds(end)))
+            for part in programs
         ]
     except RtamtError:  # a term is nan
         first = judge(requirement, signals, period, end, n=n, **options).verdict

@@ -5,9 +5,9 @@ Computer 1978; for specifications by Black, Okun and Yesha, "Mutation operators 
 ASE 2000; for temporal requirements by Trakhtenbrot, "Mutation patterns for temporal requirements of
 reactive systems", ICSTW 2017.
 
-To add a kind of mutant: a row of `MUTATIONS` with a generator of changes over `RequirementText`.
-``tests/rtamt/mutation/test_mutants.py`` lists the mutants of each row, and ``docs/checking.md``
-describes it in a line.
+To add a kind of mutant, add a row to `MUTATIONS` with a generator of changes over
+`RequirementText`, its mutants to ``tests/rtamt/mutation/test_mutants.py``, and a line to
+``docs/checking.md``.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Mutation:
         name: The name of the kind.
         doc: The change in a few words.
         example: A change, as ``before -> after``.
-        changes: Yield the changes of this kind in a requirement, in the order of its text.
+        changes: Yields the changes of this kind in a requirement, in the order of its text.
     """
 
     name: str
@@ -47,18 +47,18 @@ class Mutation:
     changes: Changes
 
 
-def _bounds(moved: Callable[[Fraction, Fraction], list[Fraction]]) -> Changes:
-    """Return changes of bounds; ``moved`` returns new values for a bound and a step."""
+def _bounds(move: Callable[[Fraction, Fraction], list[Fraction]]) -> Changes:
+    """Return changes of bounds; ``move`` returns new values for a bound and a step."""
 
     def changes(text: RequirementText) -> Iterator[Change]:
         for bound in text.bounds:
-            token = text.tokens[bound.at]
+            token = text.tokens[bound.index]
             if token.text[0] in "0123456789.":
-                for value in _moved(text, bound, token.text, moved):
-                    yield text.change((bound.at,) * 2, value, (bound.first, bound.last))
+                for value in _moved(text, bound, token.text, move):
+                    yield text.change((bound.index,) * 2, value, (bound.first, bound.last))
         for name, first in text.constants().items():
             if first is not None:
-                for value in _moved(text, first, text.constant_text(name), moved):
+                for value in _moved(text, first, text.constant_text(name), move):
                     yield text.declared(name, value)
 
     return changes
@@ -67,14 +67,14 @@ def _bounds(moved: Callable[[Fraction, Fraction], list[Fraction]]) -> Changes:
 def _moved(
     text: RequirementText,
     bound: Bound,
-    written: str,
-    moved: Callable[[Fraction, Fraction], list[Fraction]],
+    digits: str,
+    move: Callable[[Fraction, Fraction], list[Fraction]],
 ) -> Iterator[str]:
     """Yield the new texts of a bound; a step is a sample, or one unit of the last digit."""
-    step = Fraction(_last_digit(written))
+    step = Fraction(_last_digit(digits))
     if text.period is not None:
         step = text.period / UNITS[bound.unit or text.spec.unit]
-    for value in moved(Fraction(written), step):
+    for value in move(Fraction(digits), step):
         if value >= 0:
             with suppress(SpecificationError):  # a period such as 1/3 s
                 yield decimal_text(value)
@@ -88,37 +88,37 @@ def _by_a_factor(value: Fraction, step: Fraction) -> list[Fraction]:
     return [math.floor(value / 2 / step) * step, value * 2, value * 10]
 
 
-def _numbers(moved: Callable[[str], list[Decimal]]) -> Changes:
-    """Return changes of numbers in terms."""
+def _numbers(move: Callable[[str], list[Decimal]]) -> Changes:
+    """Return changes of numbers in terms; ``move`` returns new values for the text of a number."""
 
     def changes(text: RequirementText) -> Iterator[Change]:
         for index in text.numbers():
-            for value in moved(text.tokens[index].text):
-                yield text.swapped(index, _written(value))
+            for value in move(text.tokens[index].text):
+                yield text.swapped(index, _text(value))
         for name, bound in text.constants().items():
             if bound is None:
-                for value in moved(text.constant_text(name)):
-                    yield text.declared(name, _written(value))
+                for value in move(text.constant_text(name)):
+                    yield text.declared(name, _text(value))
 
     return changes
 
 
-def _by_a_digit(written: str) -> list[Decimal]:
-    value, unit = Decimal(written), Decimal(_last_digit(written))
+def _by_a_digit(digits: str) -> list[Decimal]:
+    value, unit = Decimal(digits), Decimal(_last_digit(digits))
     return [value - unit, value + unit]
 
 
-def _by_a_tenth(written: str) -> list[Decimal]:
-    value = Decimal(written)
+def _by_a_tenth(digits: str) -> list[Decimal]:
+    value = Decimal(digits)
     return [value * Decimal("0.9"), value * Decimal("1.1")] if value else []
 
 
-def _last_digit(written: str) -> Decimal:
+def _last_digit(digits: str) -> Decimal:
     """Return one unit of the last digit of a number: 1 for 35, 0.01 for 0.20."""
-    return Decimal(1).scaleb(cast("int", Decimal(written).as_tuple().exponent))
+    return Decimal(1).scaleb(cast("int", Decimal(digits).as_tuple().exponent))
 
 
-def _written(value: Decimal) -> str:
+def _text(value: Decimal) -> str:
     text = f"{value.normalize():f}" if abs(value.adjusted()) < 16 else f"{value.normalize():e}"
     return "0" if value == 0 else text
 
@@ -137,20 +137,16 @@ def _exchanged(instead: Mapping[str, str]) -> Changes:
     return changes
 
 
-def _both_ways(**pairs: str) -> dict[str, str]:
-    return {**pairs, **{b: a for a, b in pairs.items()}}
-
-
 _STRICT: Final = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
 _DIRECTED: Final = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "==": "!=", "!=": "=="}
-_OPERATORS: Final = _both_ways(
-    always="eventually",
-    historically="once",
-    until="unless",
-    next="s_next",
-    prev="s_prev",
-    rise="fall",
-)
+_PAIRS: Final = {
+    "always": "eventually",
+    "historically": "once",
+    "until": "unless",
+    "next": "s_next",
+    "prev": "s_prev",
+    "rise": "fall",
+}
 
 
 def _implications(text: RequirementText) -> Iterator[Change]:
@@ -169,7 +165,7 @@ def _parts(text: RequirementText) -> Iterator[Change]:
             yield text.change((index, index), "", (index, index))
             continue
         left = text.left(index)
-        if text.begins_run(left, row):  # otherwise, the operator before drops it
+        if text.starts_run(left, row):  # otherwise, the previous operator drops it
             yield text.change((left, index), "", (left, index))
         if row.name != "implies":
             last = text.right(index)
@@ -179,11 +175,11 @@ def _parts(text: RequirementText) -> Iterator[Change]:
 def _constants(text: RequirementText) -> Iterator[Change]:
     bounding = text.spec.bounding
     for bound in text.bounds:
-        name = text.tokens[bound.at].text
+        name = text.tokens[bound.index].text
         if name in text.spec.constants:
             for other in text.spec.constants:
                 if other != name and other in bounding:
-                    yield text.change((bound.at,) * 2, other, (bound.first, bound.last))
+                    yield text.change((bound.index,) * 2, other, (bound.first, bound.last))
     for index in text.names():
         for other in text.spec.constants:
             if other != text.tokens[index].text and other not in bounding:
@@ -193,7 +189,7 @@ def _constants(text: RequirementText) -> Iterator[Change]:
 _ROWS: Final = (
     Mutation(
         "bound",
-        "a bound is a sample less or more; without a period, one of its last digit",
+        "a bound is one sample less or more; without a period, one unit of its last digit",
         "[0:5] -> [0:6]",
         _bounds(_by_a_step),
     ),
@@ -205,7 +201,7 @@ _ROWS: Final = (
     ),
     Mutation(
         "threshold",
-        "a number is one of its last digit less or more",
+        "a number is one unit of its last digit less or more",
         "v < 35 -> v < 36",
         _numbers(_by_a_digit),
     ),
@@ -217,44 +213,44 @@ _ROWS: Final = (
     ),
     Mutation(
         "strictness",
-        "the limit itself is allowed, or no longer",
+        "the limit itself becomes allowed or forbidden",
         "v < 35 -> v <= 35",
         _exchanged(_STRICT),
     ),
     Mutation(
         "direction",
-        "a comparison is the other way round, or of == and != the other",
+        "a comparison is reversed, or == and != are exchanged",
         "v < 35 -> v > 35",
         _exchanged(_DIRECTED),
     ),
     Mutation(
         "junction",
-        "all of the parts for one of them, or one for all",
+        "and becomes or, or becomes and",
         "and -> or",
         _exchanged({"and": "or", "or": "and"}),
     ),
     Mutation(
         "operator",
-        "always for eventually, historically for once, until for unless, rise for fall, next for "
-        "s_next, prev for s_prev, and back",
+        "always and eventually are exchanged; also historically and once, until and unless, rise "
+        "and fall, next and s_next, prev and s_prev",
         "always -> eventually",
-        _exchanged(_OPERATORS),
+        _exchanged({**_PAIRS, **{b: a for a, b in _PAIRS.items()}}),
     ),
     Mutation(
         "implication",
-        "a side of an implication is negated, or it goes both ways",
+        "a side of an implication is negated, or implies and iff are exchanged",
         "implies -> iff",
         _implications,
     ),
     Mutation(
         "part",
-        "a part of and, of or, the left side of an implication, or a not is left out",
+        "a part of an and or an or, the left side of an implication, or a not is left out",
         "and q -> nothing",
         _parts,
     ),
     Mutation(
         "constant",
-        "another constant of the text stands there",
+        "another constant of the text replaces a constant",
         "v < LIMIT -> v < FLOOR",
         _constants,
     ),

@@ -39,12 +39,12 @@ class Change:
     Attributes:
         line: The line of the change, from 1.
         column: Its column, from 1.
-        before: The text there, with enough context to be understood.
-        after: The same after the change; empty if nothing is left.
+        before: The text before the change, with some context.
+        after: The text after the change; empty if nothing is left.
         begin: The index of the first removed character.
         end: The index after the last removed character.
         new: The characters to insert.
-        constant: A constant with its new value, if its value is not in the text.
+        constant: A constant with its new value if its value is not in the text; otherwise None.
     """
 
     line: int
@@ -62,15 +62,13 @@ class Bound:
     """A bound of an interval.
 
     Attributes:
-        at: The index of its number or constant.
-        is_end: Whether it is the upper bound.
+        index: The index of its number or constant.
         unit: Its unit, or None.
         first: The index of the opening bracket of the interval.
         last: The index of the closing bracket.
     """
 
-    at: int
-    is_end: bool
+    index: int
     unit: str | None
     first: int
     last: int
@@ -80,7 +78,7 @@ class RequirementText:
     """The tokens of the formulas of a requirement, by index.
 
     Args:
-        spec: The requirement, whose text is read again.
+        spec: The requirement; its text is read again.
         period: Seconds between samples, or None if unknown.
     """
 
@@ -97,25 +95,25 @@ class RequirementText:
                 self._spans |= dict.fromkeys(range(span[0], span[1] + 1), span)
         self._partners = _partners(self.tokens)
         self.bounds = [bound for index in self._spans for bound in self._bounds(index)]
-        # The tokens of intervals.
+        # the tokens of intervals
         self._inside = {
             index for bound in self.bounds for index in range(bound.first, bound.last + 1)
         }
 
     def operators(self, *names: str) -> Iterator[int]:
-        """Yield the indices of operators with certain names, or of all operators."""
+        """Yield the indices of operators with certain names."""
         for index in self._spans:
             row = self.row(index)
-            if row is not None and (not names or row.name in names):
+            if row is not None and row.name in names:
                 yield index
 
-    def row(self, at: int) -> Operator | None:
+    def row(self, index: int) -> Operator | None:
         """Return the row of an operator, or None for another token."""
-        token = self.tokens[at]
+        token = self.tokens[index]
         notation = _NOTATIONS.get(token.type)
-        if token.type == StlParser.MINUS and at not in self._inside:
-            infix = self.tokens[at - 1].type in _OPERAND_ENDS and at - 1 not in self._inside
-            notation = "infix" if infix and self._spans[at][0] < at else "prefix"
+        if token.type == StlParser.MINUS and index not in self._inside:
+            infix = self.tokens[index - 1].type in _OPERAND_ENDS and index - 1 not in self._inside
+            notation = "infix" if infix and self._spans[index][0] < index else "prefix"
         return None if notation is None else OPERATORS.spellings[token.text, notation]
 
     def numbers(self) -> Iterator[int]:
@@ -135,24 +133,24 @@ class RequirementText:
         """Return the constants of the requirement, each with the first bound that it sets."""
         bounds: dict[str, Bound | None] = {}
         for bound in self.bounds:
-            token = self.tokens[bound.at]
+            token = self.tokens[bound.index]
             if token.type == StlParser.NAME:
                 bounds.setdefault(token.text, bound)
         return bounds | {
             name: None for index in self.names() if (name := self.tokens[index].text) not in bounds
         }
 
-    def left(self, at: int) -> int:
+    def left(self, index: int) -> int:
         """Return the index of the first token of the left operand of an infix operator."""
-        row = cast("Operator", self.row(at))
-        return self._first(at, row.precedence + (row.grouping == "flat"))
+        row = cast("Operator", self.row(index))
+        return self._first(index, row.precedence + (row.grouping == "flat"))
 
-    def right(self, at: int) -> int:
+    def right(self, index: int) -> int:
         """Return the index of the last token of the right operand of an infix operator."""
-        return self._last(at, cast("Operator", self.row(at)).precedence + 1)
+        return self._last(index, cast("Operator", self.row(index)).precedence + 1)
 
-    def begins_run(self, left: int, row: Operator) -> bool:
-        """Return whether there is no operator of the same row before a left operand."""
+    def starts_run(self, left: int, row: Operator) -> bool:
+        """Return whether a left operand is the first of a run of one operator."""
         before = left - 1
         return before < self._spans[left][0] or self.row(before) is not row
 
@@ -164,18 +162,18 @@ class RequirementText:
         """Return whether one pair of brackets encloses the tokens from first to last."""
         return self.tokens[first].type == StlParser.OPEN and self._partners[first] == last
 
-    def swapped(self, at: int, new: str) -> Change:
+    def swapped(self, index: int, new: str) -> Change:
         """Return the change of a token, shown with its predicate or interval."""
-        row = self.row(at)
-        first = last = at
+        row = self.row(index)
+        first = last = index
         if row is None or row.operands == "term":
-            first, last = self._first(at, _PREDICATE), self._last(at, _PREDICATE)
-        elif self._has_interval(at):
-            last = self._partners[at + 1]
-        return self.change((at, at), new, (first, last))
+            first, last = self._first(index, _PREDICATE), self._last(index, _PREDICATE)
+        elif self._has_interval(index):
+            last = self._partners[index + 1]
+        return self.change((index, index), new, (first, last))
 
     def change(self, changed: tuple[int, int], new: str, shown: tuple[int, int]) -> Change:
-        """Return the change of tokens, shown with a few tokens around them."""
+        """Return the change of tokens, with the tokens to show around them."""
         tokens = self.tokens
         begin, end = tokens[changed[0]].start, tokens[changed[1]].stop + 1
         low, high = tokens[shown[0]].start, tokens[shown[1]].stop + 1
@@ -201,62 +199,58 @@ class RequirementText:
         return Change(token.line, token.column + 1, *texts, begin, end, new, constant)
 
     def constant_text(self, name: str) -> str:
-        """Return the number of a constant as written; otherwise, the shortest text of its value."""
+        """Return the number of a constant as in the text; otherwise, its shortest text."""
         statement = self._declared.get(name)
         if name not in self.spec.overrides and statement is not None and statement.default:
             part = statement.default
             return self.text[part.start.start : part.stop.stop + 1].replace(" ", "")
         return str(self.spec.constants[name]).removesuffix(".0")
 
-    def _first(self, at: int, least: int) -> int:
-        """Return the start of the operand before an index; operators below ``least`` end it."""
-        begin = self._spans[at][0]
-        while at > begin:
-            before = self._partners.get(at - 1, at - 1)
-            if before >= at or self.tokens[before].type == StlParser.COMMA:
-                return at  # after an opening bracket
+    def _first(self, index: int, minimum: int) -> int:
+        """Return the start of the operand before an index; operators below ``minimum`` end it."""
+        begin = self._spans[index][0]
+        while index > begin:
+            before = self._partners.get(index - 1, index - 1)
+            if before >= index or self.tokens[before].type == StlParser.COMMA:
+                return index  # after an opening bracket
             if self.tokens[before].type == StlParser.OPEN_INTERVAL:
                 before -= 1
             row = self.row(before)
-            if row is not None and row.notation != "call" and row.precedence < least:
-                return at
-            at = before
-        return at
+            if row is not None and row.notation != "call" and row.precedence < minimum:
+                return index
+            index = before
+        return index
 
-    def _last(self, at: int, least: int) -> int:
-        """Return the end of the operand after an index; operators below ``least`` end it."""
-        end = self._spans[at][1]
-        while at < end:
-            after = self._partners.get(at + 1, at + 1)
-            if after <= at or self.tokens[after].type == StlParser.COMMA:
-                return at  # before a closing bracket
+    def _last(self, index: int, minimum: int) -> int:
+        """Return the end of the operand after an index; operators below ``minimum`` end it."""
+        end = self._spans[index][1]
+        while index < end:
+            after = self._partners.get(index + 1, index + 1)
+            if after <= index or self.tokens[after].type == StlParser.COMMA:
+                return index  # before a closing bracket
             row = self.row(after)
-            if row is not None and row.notation == "infix" and row.precedence < least:
-                return at
-            at = after
-        return at
+            if row is not None and row.notation == "infix" and row.precedence < minimum:
+                return index
+            index = after
+        return index
 
-    def _has_interval(self, at: int) -> bool:
-        is_operator = self.tokens[at].type in _NOTATIONS
-        return is_operator and self.tokens[at + 1].type == StlParser.OPEN_INTERVAL
+    def _has_interval(self, index: int) -> bool:
+        is_operator = self.tokens[index].type in _NOTATIONS
+        return is_operator and self.tokens[index + 1].type == StlParser.OPEN_INTERVAL
 
-    def _bounds(self, at: int) -> Iterator[Bound]:
+    def _bounds(self, first: int) -> Iterator[Bound]:
         """Yield the bounds of the interval that starts at an index."""
-        if self.tokens[at].type != StlParser.OPEN_INTERVAL:
+        if self.tokens[first].type != StlParser.OPEN_INTERVAL:
             return
-        last, is_end = self._partners[at], False
-        for index in range(at + 1, last):
-            kind = self.tokens[index].type
-            if kind in (StlParser.COLON, StlParser.COMMA):
-                is_end = True
-            elif kind in (StlParser.NUMBER, StlParser.NAME):
-                if self.tokens[index - 1].type in (StlParser.NUMBER, StlParser.NAME):
-                    continue  # a unit
-                yield Bound(index, is_end, self._unit(index, last), at, last)
+        last, values = self._partners[first], (StlParser.NUMBER, StlParser.NAME)
+        for index in range(first + 1, last):
+            # A name after a number or a constant is its unit.
+            if self.tokens[index].type in values and self.tokens[index - 1].type not in values:
+                yield Bound(index, self._unit(index, last), first, last)
 
-    def _unit(self, at: int, last: int) -> str | None:
+    def _unit(self, index: int, last: int) -> str | None:
         """Return the unit of a bound; otherwise, the unit of the end."""
-        for position in (at + 1, last - 1):
+        for position in (index + 1, last - 1):
             before = self.tokens[position - 1].type
             if self.tokens[position].type == StlParser.NAME and before in _OPERAND_ENDS:
                 return self.tokens[position].text
