@@ -279,6 +279,9 @@ def _may_rise_as_times(cells: NDArray[Any], rows: TraceRows) -> Booleans:
 _NEAR = Fraction(1, 20)
 """The part of the period by which a sample may lie off the even times."""
 
+_HOLE = 1.75
+"""From so many steps of other groups on, two rows may have a gap between them."""
+
 
 def seconds_of(table: Mapping[str, Any], name: str) -> NDArray[np.float64]:
     """Return a column of times as seconds from the earliest one."""
@@ -330,6 +333,8 @@ def periods_of(
     ideal = np.repeat(times[begins], lengths) + within * np.repeat(steps, lengths)
     off = np.maximum.reduceat(np.abs(times - ideal), begins)
     blur = 4 * np.spacing(np.maximum(np.abs(last), np.abs(times[begins])))
+    even_groups = (lengths > 2) & ordered & (off <= float(_NEAR) * steps + blur)
+    least = float(steps[even_groups].min()) if even_groups.any() else np.inf
     rows: list[Fraction | InputError | None] = []
     known: dict[tuple[float, float], Fraction] = {}
     for i, (step, count) in enumerate(zip(steps.tolist(), lengths.tolist(), strict=True)):
@@ -350,6 +355,14 @@ def periods_of(
                 InputError(
                     f"expected times at even distances, got samples up to {off[i]:.3g} s off a "
                     f"step of {step:.6g} s; resample the rows, or pass period= in place of time="
+                )
+            )
+        elif count == 2 and step >= _HOLE * least:
+            rows.append(
+                InputError(
+                    f"expected a step of {least:.6g} s as in other groups, got two rows "
+                    f"{step:.6g} s apart, which may be a step or a gap; leave the group out, or "
+                    "judge it alone"
                 )
             )
         else:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rtamt.columns import calendar_unit, median
 from rtamt_gym.recorded.columns import NEAR, UNITS, Columns
+from rtamt_gym.recorded.grid import HOLE
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import TimeAxis, in_seconds, same_as_before, simple, stated_unit
 from rtamt_gym.recorded.trace import PERIODS
@@ -213,6 +214,15 @@ class GroupAxes:
     def _exact_of(self) -> dict[int, int]:
         pairs = zip(self._many.tolist(), self._exact, strict=True)
         return {place: step for place, step in pairs if step is not None}
+
+    def far_apart(self, step: float) -> Booleans:
+        """Return which groups have two rows that are farther apart than a step in other groups.
+
+        Args:
+            step: The usual step of others in the unit of the column.
+        """
+        most = HOLE * step * self._unit / UNITS["s"]
+        return np.asarray((self._rows.lengths == 2) & (self.usual >= most))
 
     def starts_at(self, i: int) -> float:
         """Return the time of the first row of a group in seconds."""

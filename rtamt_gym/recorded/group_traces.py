@@ -36,7 +36,7 @@ from rtamt_gym.recorded.names import (
 from rtamt_gym.recorded.recording import Floats, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable, has_time_bounds
 from rtamt_gym.recorded.ruled import IF_EVENTS, check_bounds
-from rtamt_gym.recorded.sample_rows import wanted_samples
+from rtamt_gym.recorded.sample_rows import wanted_samples, wanted_times
 from rtamt_gym.recorded.times import TimeColumn, find_times
 from rtamt_gym.recorded.trace import Trace
 from rtamt_gym.tables import number
@@ -295,6 +295,11 @@ class GroupBlock:
             as_stated = layout.columns.missing == "raise"
             self._gaps = axes.gaps(float(stated) if as_stated else None)
             return
+        if (rows.lengths == 2).any():
+            wanted = wanted_times(Wanted(()), time, layout.columns)
+            step = self._traces.table.usual_step(wanted)
+            if step is not None:
+                self.plain &= ~axes.far_apart(step)
         self.periods, self._gaps = axes.periods(), axes.gaps(None)
         known = np.array([period is not None for period in self.periods])
         self.plain &= known | (rows.lengths == 1)

@@ -18,11 +18,14 @@ from rtamt.internal import groups_of
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.dates import RawTimes
+from rtamt_gym.recorded.group_axes import GroupRows
 from rtamt_gym.recorded.parts import TracePart, file_of, group_name, group_names, part_of
 from rtamt_gym.recorded.readers import FORMATS, format_of, open_recording
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts, check_one_writing
 from rtamt_gym.recorded.roles import names_totals
 from rtamt_gym.recorded.sorted_groups import SortedGroups
+from rtamt_gym.recorded.times import raw_steps
 from rtamt_gym.tables import counted
 
 _Keys = tuple[str, ...]
@@ -54,6 +57,7 @@ class GroupTable:
         self._whole: dict[str, Rows | None] = {}
         self._read_cells: dict[tuple[str, ...], _Cells] = {}
         self._traces: dict[str, _Keys] = {}
+        self._steps: dict[str, float | None] = {}
         self.blank_rows = 0
         with self._opened() as recording:
             self.source = recording.source
@@ -118,10 +122,9 @@ class GroupTable:
 
     def _check_totals(self, rows: Rows) -> None:
         """Check that the last row, alone in its group, is not called a row of totals."""
-        key = next(reversed(self.rows), ())
-        part = self.rows.get(key, ())
         if self._columns.one_trace or len(self.rows) == 1:
             return
+        key, part = next(reversed(self.rows.items()))
         if len(part) == 1 and part[0] == rows.count - 1 and any(map(names_totals, key)):
             raise InputError(
                 f"{rows.where(rows.count - 1)}: expected rows of a trace, but {', '.join(key)!r} "
@@ -169,6 +172,42 @@ class GroupTable:
                 self._whole[key] = recording.read(wanted)
         return self._whole[key]
 
+    def usual_step(self, wanted: Wanted) -> float | None:
+        """Return the smallest usual distance of times in groups of three rows or more, or None.
+
+        Args:
+            wanted: The columns of times.
+
+        Returns:
+            The distance in the unit of the column, in nanoseconds for dates.
+        """
+        if self._span is not None:
+            return _index(self._file, self._columns).usual_step(wanted, self._step_in_part)
+        wanted = replace(wanted, numbers=(), gaps=(), texts=(), cells=())
+        key = repr(wanted)
+        if key not in self._steps:
+            rows = self.read(wanted)
+            self._steps[key] = None if rows is None else self._usual_step(rows.times)
+        return self._steps[key]
+
+    def _step_in_part(self, span: tuple[int, int], wanted: Wanted) -> float | None:
+        """Return the smallest usual distance in a part of the file."""
+        table = GroupTable(self._file, self._columns, span)
+        rows = table.read(replace(wanted, numbers=(), gaps=(), texts=(), cells=()))
+        return None if rows is None else table._usual_step(rows.times)
+
+    def _usual_step(self, times: RawTimes | None) -> float | None:
+        places = [part for part in self.rows.values() if len(part) > 2]
+        if times is None or not places:
+            return None
+        lengths = np.array([len(part) for part in places], np.int64)
+        inner = np.ones(int(lengths.sum()), bool)
+        inner[np.cumsum(lengths) - 1] = False
+        steps = np.append(raw_steps(times[np.concatenate(places)]), 0.0)[inner]
+        rows = GroupRows(np.cumsum(lengths - 1) - (lengths - 1), lengths - 1)
+        medians = rows.medians(steps)[rows.least(steps) > 0]
+        return float(medians.min()) if len(medians) else None
+
     def cells(self, names: Sequence[str]) -> _Cells:
         """Return columns as they are, and the place of each row for messages."""
         names = tuple(dict.fromkeys(names))
@@ -209,6 +248,10 @@ class GroupRecording(Recording):
         rows = self._read(wanted)
         notes = self._table.blank_notes
         return replace(rows, notes=[*rows.notes, *notes]) if notes else rows
+
+    def usual_step(self, wanted: Wanted) -> float | None:
+        """Return the usual distance of times in other groups, if this one has two rows only."""
+        return self._table.usual_step(wanted) if len(self._rows) == 2 else None
 
     def _read(self, wanted: Wanted) -> Rows:
         more = {n: text for n, text in wanted.where.items() if n not in self._table.where}

@@ -155,6 +155,18 @@ class Recording:
         del name
         return None
 
+    def usual_step(self, wanted: Wanted) -> float | None:
+        """Return the usual distance of times next to which two rows may be a gap, or None.
+
+        Args:
+            wanted: The columns of times.
+
+        Returns:
+            The distance in the unit of the column, in nanoseconds for dates.
+        """
+        del wanted
+        return None
+
     def last_texts(self) -> Mapping[str, str]:
         """Return the cells of the last row of a text by their columns; empty if unknown."""
         return {}

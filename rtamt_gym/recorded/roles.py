@@ -24,6 +24,7 @@ from rtamt.columns import (
     median,
     missing_row,
     name_words,
+    names_objects,
     objects_by_turns,
     objects_in,
     own_times,
@@ -38,7 +39,7 @@ from rtamt_gym.recorded.cells import floats_in
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.dates import times_of_texts
 from rtamt_gym.recorded.names import misspellings, misspelt_value
-from rtamt_gym.recorded.recording import Recording, Rows, Wanted
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
 from rtamt_gym.recorded.times import TimeColumn, join_times, rises
 
 
@@ -174,6 +175,29 @@ class RowTable:
                     f"'{name}' names a row of totals. Remove it, or give --one-trace if it is a "
                     "sample."
                 )
+
+    def check_selection(self, rows: Rows) -> None:
+        """Check that ``--where`` leaves out no row between samples that time bounds count.
+
+        A column that tells objects apart may, because the rows of one object follow each other.
+        """
+        names = [n for n in self.columns.where if not names_objects(n, texts=True)]
+        if self.columns.by or not names:
+            return
+        chosen = np.ones(1, bool)
+        for name, values in self.recording.read(Wanted((), cells=names)).cells.items():
+            texts = np.array(cell_texts(values))
+            chosen = chosen & (texts == self.columns.where[name])
+        (places,) = np.nonzero(chosen)
+        steps = np.diff(places)
+        if len(places) != rows.count or not len(steps) or (steps == steps[0]).all():
+            return
+        at = int((steps > steps.min()).argmax()) + 1
+        raise InputError(
+            f"{rows.where(at)}: --where leaves out rows before this one, so time bounds that "
+            "count rows may reach too far. State the condition in the requirement, or give "
+            "--one-trace if the selected rows follow each other."
+        )
 
     def check_clocks(self, rows: Rows) -> None:
         """Check that variables with columns of times of their own have the times of the rows."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listed
-from rtamt_gym.recorded.columns import NEAR, Columns
+from rtamt_gym.recorded.columns import NEAR, UNITS, Columns
 from rtamt_gym.recorded.grid import (
     HOLE,
     Grid,
@@ -33,7 +33,9 @@ from rtamt_gym.recorded.times import (
     find_times,
     newest_first,
     one_record,
+    raw_steps,
     same_as_before,
+    simple,
 )
 from rtamt_gym.recorded.trace import PERIODS, PassedRows, Trace
 from rtamt_gym.results.extent import Gap
@@ -85,7 +87,8 @@ def read_trace(
     check_near(recording.source, recording.names, variables, columns)
     there = recorded_variables(recording.names, variables, columns)
     numbers = needed_columns(recording, there, columns, if_events)
-    rows = read_rows(recording, wanted_samples(numbers, time, columns, if_events))
+    wanted = wanted_samples(numbers, time, columns, if_events)
+    rows = read_rows(recording, wanted)
     rules = RowTable(recording, columns, read, time)
     if table:
         rules.check_objects(
@@ -105,13 +108,10 @@ def read_trace(
             why = f"there is no such column{near}"
             notes.append(take_default(recording.source, name, columns, why))
             defaults[name] = columns.starts[name]
-    times = None if time is None else TimeAxis.of(rows, time.name, columns)
-    if times is not None and period is None:
-        times.check_distances(rows)
-    if times is not None and columns.max_gap is not None:
-        columns = replace(columns, max_gap=columns.max_gap + Fraction(2 * times.precision))
-    if times is not None and newest_first(times.since):
-        times.check_order(rows.where)
+    times, step = None, ""
+    if time is not None:
+        times, step = _axis(recording, rows, wanted, columns, even=period is None)
+        columns = _with_room(columns, times)
     trace = Trace(
         recording.source,
         values,
@@ -119,14 +119,62 @@ def read_trace(
         times,
         rows.where,
         columns.jitter,
-        if_events,
+        if_events + step,
         notes,
         defaults=defaults,
     )
     if period is None:
         trace = _one_row_a_time(trace, columns)
     trace = _measured(trace, columns, None if period is None else float(period))
-    return _on_grid(_filled(trace, columns), columns, absent=defaults)
+    counted_rows = table and timed and time is None and not columns.one_trace
+    if counted_rows:
+        rules.check_selection(rows)
+    trace = _filled(trace, columns, counted_rows=counted_rows)
+    return _on_grid(trace, columns, absent=defaults)
+
+
+def _axis(
+    recording: Recording, rows: Rows, wanted: Wanted, columns: Columns, *, even: bool
+) -> tuple[TimeAxis, str]:
+    """Return the times of rows, and advice if the only two rows may have a gap between them.
+
+    Args:
+        recording: The file.
+        rows: The rows.
+        wanted: The columns that were read, with a column of times.
+        columns: How they are read.
+        even: Whether the distances of times matter.
+    """
+    times, advice = TimeAxis.of(rows, str(wanted.time), columns), ""
+    if even:
+        times.check_distances(rows)
+        if (step := _step_of_others(recording, rows, wanted, times)) is not None:
+            own = f"{float(times.since[1]):.12g}s"
+            times = replace(times, step=step)
+            advice = f", --period {own} for this trace alone if {own} is its step"
+    if newest_first(times.since):
+        times.check_order(rows.where)
+    return times, advice
+
+
+def _with_room(columns: Columns, times: TimeAxis) -> Columns:
+    """Return the options with room for the rounding of times in ``max_gap``."""
+    if columns.max_gap is None:
+        return columns
+    return replace(columns, max_gap=columns.max_gap + Fraction(2 * times.precision))
+
+
+def _step_of_others(
+    recording: Recording, rows: Rows, wanted: Wanted, times: TimeAxis
+) -> Fraction | None:
+    """Return the usual step of other traces of the table if the two rows are farther apart."""
+    if rows.count != 2 or rows.times is None:
+        return None
+    step = recording.usual_step(wanted)
+    if step is None or float(raw_steps(rows.times)[0]) < HOLE * step:
+        return None
+    seconds = step * times.unit / UNITS["s"]
+    return simple(seconds, 1e-9 * seconds)
 
 
 def _one_row_a_time(trace: Trace, columns: Columns) -> Trace:
@@ -183,8 +231,14 @@ def _measured(trace: Trace, columns: Columns, period: float | None) -> Trace:
     return replace(trace, notes=notes, gap=longest_gap(records, trace.start), grid=grid)
 
 
-def _filled(trace: Trace, columns: Columns) -> Trace:
-    """Return the trace after the treatment of empty cells, which are nan."""
+def _filled(trace: Trace, columns: Columns, *, counted_rows: bool = False) -> Trace:
+    """Return the trace after the treatment of empty cells, which are nan.
+
+    Args:
+        trace: The trace.
+        columns: How its columns are read.
+        counted_rows: Whether time bounds count its rows, between which none may be left out.
+    """
     empty = {name: np.isnan(values) for name, values in trace.columns.items()}
     counts = {name: int(here.sum()) for name, here in empty.items() if here.any()}
     if not counts:
@@ -227,6 +281,13 @@ def _filled(trace: Trace, columns: Columns) -> Trace:
     (rows,) = np.nonzero(~np.any([*empty.values()], axis=0))
     if not len(rows):
         raise InputError(f"{trace.source}: expected a row without an empty cell, got none")
+    if counted_rows and (np.diff(rows) > 1).any():
+        row = int(rows[(np.diff(rows) > 1).argmax() + 1])
+        raise InputError(
+            f"{trace.where(row)}: --missing drop leaves out the row before this one, so time "
+            "bounds that count rows may reach too far. Give --missing unknown, or --one-trace if "
+            "the rows that stay follow each other."
+        )
     left_out = trace.samples - len(rows)
     note = f"{left_out} row{'s' * (left_out > 1)} with an empty cell left out"
     selected = trace.selected(rows)

@@ -6,7 +6,7 @@ the row groups of the file that hold them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from rtamt.errors import no_such
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.parts import file_of, group_names
 from rtamt_gym.recorded.readers import open_recording
-from rtamt_gym.recorded.recording import RowFilter, Rows, cell_texts, check_one_writing
+from rtamt_gym.recorded.recording import RowFilter, Rows, Wanted, cell_texts, check_one_writing
 
 PART_ROWS: Final = 1 << 20
 """The rows after which a part of a file ends with its group."""
@@ -43,6 +43,7 @@ class SortedGroups:
         self._begins: dict[tuple[str, ...], int] = {}
         self._last: tuple[str, ...] | None = None
         self._end = 0
+        self._steps: dict[str, float | None] = {}
         with open_recording(file, columns) as recording:
             self._source, names = recording.source, recording.names
         for name in self._by:
@@ -120,6 +121,21 @@ class SortedGroups:
             chosen: The keys that choose this table in its file.
         """
         return group_names(file_of(self._file), self._by, self.values, chosen)
+
+    def usual_step(
+        self, wanted: Wanted, step_in: Callable[[tuple[int, int], Wanted], float | None]
+    ) -> float | None:
+        """Return the smallest usual distance of times in the groups of all parts, or None.
+
+        Args:
+            wanted: The columns of times.
+            step_in: Returns the distance in a part.
+        """
+        key = repr((wanted.time, wanted.part, wanted.where, wanted.date_order))
+        if key not in self._steps:
+            steps = [step_in(span, wanted) for span in dict.fromkeys(self._spans.values())]
+            self._steps[key] = min((step for step in steps if step is not None), default=None)
+        return self._steps[key]
 
     def span(self, keys: tuple[str, ...]) -> tuple[int, int] | None:
         """Return the rows of the part that holds a group; None if there is no such group."""

@@ -467,6 +467,15 @@ def _step(integers: NDArray[Any], unit: int) -> Fraction | None:
     return Fraction(first * unit, UNITS["s"]) if (np.diff(integers) == first).all() else None
 
 
+def raw_steps(times: RawTimes) -> Floats:
+    """Return the distances of times in the unit of their column, in nanoseconds for dates."""
+    kind = times.dtype.kind
+    if kind in "mM":
+        times = times.astype(f"{kind}8[ns]").astype(np.int64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.diff(times).astype(np.float64)
+
+
 def in_seconds(raw: RawTimes, unit: int) -> Floats:
     """Numbers of a unit in seconds, rounded once."""
     second = UNITS["s"]

@@ -182,11 +182,11 @@ def test_frames_of_groups(frame: Callable[[object], Any]) -> None:
 def test_each_group_has_its_period() -> None:
     spec = "always(a > 1 implies eventually[0:0.2 s](b > 0))"
     rows: dict[str, list[float]] = {
-        "o": [1, 1, 1, 1, 2, 2],
-        "t": [0, 0.1, 0.2, 0.3, 0, 0.2],
-        "a": [2, 0, 0, 0, 2, 0],
+        "o": [1, 1, 1, 1, 2, 2, 2],
+        "t": [0, 0.1, 0.2, 0.3, 0, 0.2, 0.4],
+        "a": [2, 0, 0, 0, 2, 0, 0],
     }
-    rows["b"] = [-1, -1, -1, 1, -1, 1]
+    rows["b"] = [-1, -1, -1, 1, -1, 1, -1]
     result = judge_many(spec, rows, by="o", time="t", end="complete")
     expected = [
         judge(spec, {n: rows[n][:4] for n in "ab"}, period=0.1, end="complete"),
@@ -520,3 +520,15 @@ def test_other_threads_run_meanwhile() -> None:
         sys.setswitchinterval(interval)
         thread.join()
     assert after > before
+
+
+def test_two_rows_with_a_step_or_a_gap() -> None:
+    times = [0.0, 5.0, 0.0, 1.0, 2.0, 0.0, 1.0]
+    rows = {"o": [1, 1, 2, 2, 2, 3, 3], "t": times, "a": [1.0] * 7}
+    spec = "always[0:5 s](a > 0)"
+    with pytest.raises(InputError, match="two rows 5 s apart, which may be a step or a gap"):
+        judge_many(spec, rows, by="o", time="t")
+    result = judge_many(spec, rows, by="o", time="t", end="complete", errors="keep")
+    assert [*result.errors] == [0]
+    alone = {name: column[:2] for name, column in rows.items()}
+    assert judge_many(spec, alone, by="o", time="t", end="complete").verdict.tolist() == [1]

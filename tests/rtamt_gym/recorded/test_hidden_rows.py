@@ -160,3 +160,56 @@ def test_wide_table_of_several_runs_is_refused(capsys: Output) -> None:
 def test_wide_table_with_a_second_name_of_objects(capsys: Output) -> None:
     table = RUNS.replace("run", "vehicle_id").replace(",2,E", ",1,E").replace(",1,F", ",2,F")
     assert judged(capsys, table, "--wide", "name", text="eventually(x.F < 0)")[0] == 0
+
+
+TWO = "time,id,x; 0,a,1; 5,a,1; {}"
+OTHERS = "; ".join(f"{i},b,1" for i in range(6))
+
+
+@pytest.mark.parametrize("text", ["always[0:5](x > 0)", "always(x > 0)"])
+def test_two_rows_with_a_step_or_a_gap(capsys: Output, text: str) -> None:
+    table = TWO.format(OTHERS)
+    code, output = judged(capsys, table, "--by", "id", text=text)
+    assert code == 2
+    assert "line 3: expected samples at even distances, got time 5 after 0, elsewhere 1 s" in output
+    assert "--period 5s for this trace alone if 5s is its step, --max-gap 1s" in output
+    assert judged(capsys, table, "--by", "id", "--max-gap", "1s", text=text)[0] == 3
+    assert main(["monitor", text, "--period", "5s", "--", "log.csv[id=a]"]) == 0
+
+
+@pytest.mark.parametrize(
+    "others", ["0,b,1; 5,b,1", "0,b,1; 1,b,1; 0,c,1; 1,c,1", "0,b,1; 5,b,1; 10,b,1", "1,b,1"]
+)
+def test_two_rows_without_a_shorter_step(capsys: Output, others: str) -> None:
+    assert judged(capsys, TWO.format(others), "--by", "id", text=INVARIANT)[0] == 0
+
+
+def test_dates_of_two_rows_with_a_step_or_a_gap(capsys: Output) -> None:
+    day = "2024-05-01T00:00:0"
+    table = f"time,id,x; {day}0,a,1; {day}5,a,1; " + "; ".join(f"{day}{i},b,1" for i in range(6))
+    assert judged(capsys, table, "--by", "id")[0] == 2
+
+
+def test_selection_between_counted_rows(capsys: Output) -> None:
+    table = "mode,x; on,1; on,1; off,-1; on,1; on,-1"
+    code, text = judged(capsys, table, "--where", "mode=on", text="always[0:2](x > 0)")
+    assert code == 2
+    assert "line 5: --where leaves out rows before this one" in text
+    options = ("--where", "mode=on", "--one-trace")
+    assert judged(capsys, table, *options, text="always[0:2](x > 0)")[0] == 0
+
+
+@pytest.mark.parametrize("table", ["car,x; a,1; b,-1; b,-1; a,1", "mode,x; a,1; b,-1; a,1; b,-1"])
+def test_selection_of_an_object_between_counted_rows(capsys: Output, table: str) -> None:
+    column = table.partition(",")[0]
+    assert judged(capsys, table, "--where", f"{column}=a", text="always[0:1](x > 0)")[0] == 0
+
+
+def test_dropped_row_between_counted_rows(capsys: Output) -> None:
+    table = "x,y; 1,1; ,1; 1,1; 1,1; -1,1"
+    goal = "eventually[0:3](x < 0)"
+    code, text = judged(capsys, table, "--missing", "drop", text=goal)
+    assert code == 2
+    assert "line 4: --missing drop leaves out the row before this one" in text
+    assert judged(capsys, table, "--missing", "drop", "--one-trace", text=goal)[0] == 0
+    assert judged(capsys, "x,y; ,1; 1,1; -1,1", "--missing", "drop", text=goal)[0] == 0
