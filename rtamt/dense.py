@@ -1,6 +1,6 @@
 """Monitors over dense time, whose inputs are events at any times; no period is needed.
 
-The names mean what the same names of `rtamt` mean for samples.
+Each name corresponds to the same name in `rtamt`, which is for samples.
 """
 
 from rtamt.inputs.events import Events

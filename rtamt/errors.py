@@ -6,8 +6,8 @@ To add an error message:
   lists the exact texts of the language, ``tests/rtamt/program/errors.txt`` the texts for periods,
   bounds and interfaces. Other tests assert the class and one key word, so that words can change.
 - Pass an argument as a piece, ``InputError("give ", Argument("period"))``: a Python caller reads
-  ``period=``, a command names its own option. Use `Advice` for a part that only helps callers who
-  have the option. `rtamt_gym.commands.errors` lists the options with another name.
+  ``period=``, and a command shows its own option. Use `Advice` for a part that only helps callers
+  who have the option. `rtamt_gym.commands.errors` lists the options with another name.
 - Quote text from files, such as the name of a column, with `shown`. `Message` does so for all
   errors; readers, tables, JUnit, Markdown and pages call it for everything else that they print.
 """
@@ -52,14 +52,14 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument that an error speaks of, by its name in Python.
+    """An argument in the text of an error.
 
     Its text is Python code, ``name=`` or ``name=value``, or its words.
 
     Attributes:
-        name: The name.
-        value: The value that it has or should have; ``...`` if the error speaks of none.
-        words: The text for Python callers instead, such as another function to call.
+        name: The name of the argument in Python.
+        value: The actual or the expected value; ``...`` without a value.
+        words: Another text for Python callers, such as a function to call; empty: the code.
 
     Example:
         >>> print(Argument("period"), Argument("end", "cut"))
@@ -75,12 +75,13 @@ class Argument:
 
 
 class Message(str):
-    """The text of an error, which knows the arguments that it speaks of.
+    """The text of an error, with the arguments in it.
 
-    It is the text for Python callers; a program with its own options words it differently.
+    It is the text for Python callers; `worded` returns the text for a program with other options.
 
     Args:
-        pieces: Texts, arguments, messages, and errors for their messages, as they are read.
+        pieces: Texts, arguments, messages and errors, in reading order. An error stands for its
+            message.
 
     Example:
         >>> message = Message("variable 'x' is nan", Advice("; pass ", Argument("nan", "hold")))
@@ -109,7 +110,7 @@ class Message(str):
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """The names of the arguments that it speaks of, each once."""
+        """The names of the arguments in the text, once each."""
         names: dict[str, None] = {}
         for piece in self.pieces:
             if isinstance(piece, Argument):
@@ -119,11 +120,11 @@ class Message(str):
         return tuple(names)
 
     def worded(self, option: Callable[[Argument], str | None]) -> str:
-        """The text for a program that has options of its own.
+        """Return the text for a program with its own options.
 
         Args:
-            option: The words for an argument, or None if it has no option; then an `Advice` with
-                this argument is left out.
+            option: Returns the option for an argument, or None without an option. The text omits
+                an `Advice` with an argument that has no option.
         """
         texts = []
         for piece in self.pieces:
@@ -140,18 +141,18 @@ class Message(str):
 
 
 class Advice(Message):
-    """A part of a message for those alone who can give its arguments."""
+    """A part of a message that only helps callers who can pass its arguments."""
 
     __slots__ = ()
 
     def worded(self, option: Callable[[Argument], str | None]) -> str:
-        """Return the text, or nothing if an argument has no option."""
-        spoken = (piece for piece in self.pieces if isinstance(piece, Argument))
-        return super().worded(option) if all(map(option, spoken)) else ""
+        """Return the text; empty if an argument has no option."""
+        arguments = (piece for piece in self.pieces if isinstance(piece, Argument))
+        return super().worded(option) if all(map(option, arguments)) else ""
 
 
 def hint_line(hint: str) -> Message:
-    """Return the last line of an error; nothing without a hint, or if the caller has no option."""
+    """Return the last line of an error; empty without a hint."""
     if isinstance(hint, Advice):
         return Advice("\n  hint: ", *hint.pieces)
     return Message("\n  hint: ", hint) if hint else Message()
@@ -170,13 +171,13 @@ class RtamtError(Exception):
 
     @property
     def message(self) -> Message:
-        """The text, which knows the arguments that it speaks of."""
+        """The text, with the arguments in it."""
         text = self.args[0]
         return text if isinstance(text, Message) else Message(text)
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """The names of the arguments that the text speaks of, each once."""
+        """The names of the arguments in the text, once each."""
         return self.message.arguments
 
     def at(self, place: str) -> RtamtError:
@@ -185,9 +186,9 @@ class RtamtError(Exception):
 
 
 class SpecificationError(RtamtError, ValueError):
-    """A specification that has no meaning, or that a monitor cannot run.
+    """A specification without a meaning, or that a monitor cannot run.
 
-    Examples are a bound that is not a multiple of the period, and a future without end in
+    Examples are a bound that is not a multiple of the period, and an unbounded future operator in
     `Monitor`.
     """
 
@@ -195,7 +196,7 @@ class SpecificationError(RtamtError, ValueError):
 class ParseError(SpecificationError):
     """Text that is not a specification.
 
-    The message reads ``STL:LINE:COLUMN: what is wrong``, then the line, a caret, and a hint.
+    The message is ``STL:LINE:COLUMN: REASON``, then the line, a caret, and a hint.
 
     Attributes:
         reason: The message without its place.
@@ -203,15 +204,15 @@ class ParseError(SpecificationError):
         column: Column in the line, from 1.
         text: The whole text.
         hint: How to correct the text, or an empty string.
-        place: Where the text has no meaning, such as ``trace 3``, or an empty string.
+        place: The part of the input with this text, such as ``trace 3``, or an empty string.
     """
 
     def __init__(
         self, reason: str, text: str, line: int, column: int, hint: str = "", place: str = ""
     ) -> None:
         source = text.split("\n")[line - 1].rstrip("\r")
-        # Tabs stay tabs, so that the caret stands below its column; of a long line only the part
-        # around the caret is shown.
+        # Tabs stay tabs, so that the caret is below its column. A long line is cut around the
+        # caret.
         start = max(0, column - 1 - _CONTEXT)
         context = shown_lines(source[start : column - 1 + _CONTEXT])
         before = shown_lines(source[start : column - 1])
@@ -240,22 +241,22 @@ _CONTEXT = 60
 
 
 class InputError(RtamtError, ValueError):
-    """Signals that a monitor cannot take: nan, a missing or unknown variable, a wrong shape."""
+    """Input that a monitor cannot read: nan, a missing or unknown variable, a wrong shape."""
 
 
 class MissingFileError(InputError, FileNotFoundError):
     """A file of a specification that does not exist.
 
     Attributes:
-        filename: The path, as it was given.
+        filename: The path, as the caller passed it.
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
         from pathlib import Path  # 5 ms of every import of the package
 
-        given = Path(path)
-        # without the common ends of the names
-        close = closest(given.stem, sorted(other.stem for other in given.parent.glob("*.stl")))
+        absent = Path(path)
+        # The common suffix would make all names similar.
+        close = closest(absent.stem, sorted(other.stem for other in absent.parent.glob("*.stl")))
         near = f"; did you mean '{close}.stl'?" if close else ""
         super().__init__(f"cannot open {fspath(path)}: No such file or directory{near}")
         self.filename = fspath(path)
@@ -281,7 +282,7 @@ class StateError(RtamtError, RuntimeError):
 
 
 def alternatives(names: Iterable[str]) -> str:
-    """The names that may be given: ``'a', 'b' or 'c'``."""
+    """Return names as a text: ``'a', 'b' or 'c'``."""
     *others, last = map(repr, names)
     return f"{', '.join(others)} or {last}"
 
@@ -294,8 +295,7 @@ def is_one_of(value: object, names: Iterable[str]) -> bool:
 def brief(value: object, most: int = 60) -> str:
     """Return a value for an error: its repr in one line, cut to a length, or its type.
 
-    An integer of 5,000 digits has no repr, and an object of the caller's may raise anything in its
-    own.
+    An integer of 5,000 digits has no repr, and the repr of a caller's object may raise any error.
     """
     try:
         text = " ".join(repr(value).split())
@@ -305,10 +305,10 @@ def brief(value: object, most: int = 60) -> str:
 
 
 def shown(text: str) -> str:
-    r"""A text of somebody else as it may be printed, in one line.
+    r"""Return a foreign text that is safe to print, in one line.
 
-    Control characters, marks of direction, halves of surrogates and ends of lines are written as
-    Python escapes them; so is the begin of what CI systems take for a command in a log.
+    Python escapes replace control characters, direction marks, single surrogates and line ends.
+    They also replace the first character of texts that CI systems read as commands in a log.
 
     Example:
         >>> print(shown("speed [km/h]"), shown("a\x1b[31mb\n::error::c"), shown("\udcff.csv"))
@@ -322,7 +322,7 @@ def shown(text: str) -> str:
 
 
 def shown_lines(text: str) -> str:
-    r"""A text of several lines as it may be printed: `shown`, but for ends of lines and tabs.
+    r"""Return a foreign text of several lines that is safe to print; line ends and tabs stay.
 
     Example:
         >>> print(shown_lines("expected text\n  got \x07"))
@@ -335,7 +335,7 @@ def shown_lines(text: str) -> str:
 
 
 _COMMAND = re.compile(r"(?<!\S)(?=::|##\[|##vso\[)(.)")
-"""Where GitHub or Azure would read a command, if a line begins there or is broken there."""
+"""The start of a command for GitHub or Azure, at the start of a line or after a blank."""
 
 
 def _escaped(character: str) -> str:
@@ -343,32 +343,32 @@ def _escaped(character: str) -> str:
     return character.encode("unicode_escape").decode() if hidden else character
 
 
-def _escaped_begin(found: re.Match[str]) -> str:
-    return f"\\x{ord(found[0]):02x}"
+def _escaped_begin(match: re.Match[str]) -> str:
+    return f"\\x{ord(match[0]):02x}"
 
 
 def _safe(piece: object) -> object:
-    """A piece of a message, safe to print whatever text of a file or of a caller it repeats."""
+    """Return a piece of a message that is safe to print: it may quote a file or a caller."""
     return shown_lines(piece) if type(piece) is str else piece
 
 
 def name_text(name: object) -> str:
-    """The text of a name, which may be anything that a mapping takes: a column may be a number."""
+    """Return the text of a name, which may be any key of a mapping: a column may be a number."""
     return name if isinstance(name, str) else brief(name)
 
 
 def closest(name: str, names: Iterable[object], cutoff: float = 0.6) -> str | None:
-    """Return the most similar name, or None if there is none or the name is long.
+    """Return the most similar name; None without a similar name, or for a long name.
 
-    A name that differs in upper and lower case alone is the most similar one.
+    A name that differs only in upper and lower case is the most similar.
 
     Args:
         name: The name.
-        names: The known names. Names of columns may be numbers, or anything else that a mapping
-            takes, which are similar to nothing.
-        cutoff: How similar it has to be, from 0 to 1.
+        names: The known names. Names of columns may be numbers or other keys of a mapping; only
+            texts are compared.
+        cutoff: The minimum similarity, from 0 to 1.
     """
-    if len(name) > _CONTEXT:  # the search takes the square of the length
+    if len(name) > _CONTEXT:  # the time grows with the square of the length
         return None
     known = [n for n in names if isinstance(n, str) and len(n) <= _CONTEXT]
     folded = name.casefold()
@@ -381,15 +381,15 @@ def closest(name: str, names: Iterable[object], cutoff: float = 0.6) -> str | No
 
 
 _MANY = 1000
-"""The most names of which each is compared with another letter by letter."""
+"""The maximum number of names to compare letter by letter."""
 
 
 _ALIKE = 0.8
-"""How similar two names are of which one is taken for a slip of the other."""
+"""The minimum similarity of a name and its typo."""
 
 
 def near_name(variable: str, names: Iterable[str]) -> str | None:
-    """Return the name that equals a variable's but for case, blanks, a unit or a typo, or None.
+    """Return the name that equals a variable apart from case, blanks, a unit or a typo, or None.
 
     Example:
         >>> near_name("speed", ["time", "Speed [km/h]"]), near_name("limit", ["limti"])
@@ -414,7 +414,7 @@ def _plain(name: str) -> str:
 
 
 def alike(name: str, names: Iterable[str], count: int) -> list[str]:
-    """The names that share most pairs of neighbouring letters with a name, the most similar first.
+    """Return the names that share most pairs of adjacent letters with a name, best first.
 
     Example:
         >>> alike("speed", ["time", "speed2", "spend", "Speed"], 3)
@@ -435,7 +435,7 @@ def _pairs(name: str) -> set[str]:
 
 
 def nearest(name: object, names: Iterable[object]) -> str:
-    """Return a hint with the most similar name; empty without one, or if it is not a text.
+    """Return a hint with the most similar name; empty without a similar name, or for other types.
 
     Example:
         >>> nearest("levle", ["level", "inflow", 3]), nearest("x", ["level"]), nearest(3, ["level"])
@@ -445,11 +445,11 @@ def nearest(name: object, names: Iterable[object]) -> str:
     return f"; did you mean {close!r}?" if close else ""
 
 
-def no_such(what: str, name: str, names: Iterable[object]) -> str:
-    """Return the text of an error for a name that is not among the known ones.
+def no_such(kind: str, name: str, names: Iterable[object]) -> str:
+    """Return the text of an error for an unknown name.
 
     Args:
-        what: The word for the named objects, such as ``"column"``.
+        kind: The word for the named objects, such as ``"column"``.
         name: The name.
         names: The known names. Names of columns may be anything that a mapping takes.
 
@@ -459,13 +459,13 @@ def no_such(what: str, name: str, names: Iterable[object]) -> str:
     """
     known = [*names]
     if not known:
-        return f"No {what} '{name}'. There are no {what}s."
-    listed = ", ".join(f"'{name_text(each)}'" for each in known[:_LISTED])
+        return f"No {kind} '{name}'. There are no {kind}s."
+    listed = ", ".join(f"'{name_text(other)}'" for other in known[:_LISTED])
     more = f" and {len(known) - _LISTED} more" if len(known) > _LISTED else ""
     close = closest(name, known)
     meant = f" Did you mean '{close}'?" if close else ""
-    return f"No {what} '{name}'. The {what}s are {listed}{more}.{meant}"
+    return f"No {kind} '{name}'. The {kind}s are {listed}{more}.{meant}"
 
 
 _LISTED = 20
-"""The most names in an error."""
+"""The maximum number of names in an error."""

@@ -1,7 +1,7 @@
 """Public names of the previous version that have a new name.
 
-The tables are the only list of old names. Every old name works in this version, returns what the
-new name returns and gives a `DeprecationWarning`. The next version deletes this module.
+The tables are the only list of old names. In this version, an old name equals the new name and
+gives a `DeprecationWarning`. The next version deletes this module.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import Any, Final, ParamSpec, TypeVar
 
 __all__ = [
     "ATTRIBUTES",
-    "BEHIND",
     "FUNCTIONS",
     "KEYWORDS",
     "NAMES",
     "OPTIONS",
+    "TARGETS",
     "OldName",
-    "named",
     "new_options",
+    "object_named",
     "old_keywords",
     "old_name",
 ]
@@ -115,12 +115,12 @@ FUNCTIONS: Final[Mapping[str, str]] = {
 }
 """The functions that became methods, which take the specification as an argument."""
 
-BEHIND: Final[Mapping[str, str]] = {
+TARGETS: Final[Mapping[str, str]] = {
     **FUNCTIONS,
     "rtamt.evaluate": "rtamt.monitors.evaluation.evaluate_many",
 }
-"""What an old name returns where that is not its new name: the functions that became methods, and
-`evaluate_many`, which takes columns of shape (n, 1) for a batch."""
+"""New name to the object that its old name returns if they differ: functions that became methods,
+and `evaluate_many`, which takes columns of shape (n, 1) for a batch."""
 
 ATTRIBUTES: Final[Mapping[str, Mapping[str, str]]] = {
     "rtamt.Explanation": {"circumstances": "contributions"},
@@ -197,20 +197,20 @@ OPTIONS: Final[Mapping[str, str]] = {
 
 
 def old_name(package: str, name: str) -> object:
-    """Return what a renamed name of a package stands for, with a warning."""
+    """Return the object of an old name of a package, with a warning."""
     new = NAMES[package][name]
     _warn(f"{package}.{name}", f"{new}()" if new in FUNCTIONS else new, stacklevel=4)
-    return named(BEHIND.get(new, new))
+    return object_named(TARGETS.get(new, new))
 
 
-def named(path: str) -> object:
+def object_named(path: str) -> object:
     """Return the object of a full name, such as ``"rtamt.dense.Monitor"``."""
     module, _, name = path.rpartition(".")
     return getattr(import_module(module), name)
 
 
 class OldName:
-    """A renamed attribute or method of a class: returns the new one, with a warning.
+    """The old name of an attribute or method; it returns the new one with a warning.
 
     Args:
         new: The new name.
@@ -258,7 +258,7 @@ def _new_option(word: str) -> str:
     if option not in OPTIONS:
         return word
     with warnings.catch_warnings():
-        warnings.simplefilter("always", DeprecationWarning)  # who runs a command sees no other
+        warnings.simplefilter("always", DeprecationWarning)  # commands hide it by default
         _warn(option, OPTIONS[option], stacklevel=2)
     return f"{OPTIONS[option]}{equals}{value}"
 

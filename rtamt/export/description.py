@@ -19,10 +19,10 @@ initialization with an error. A parameter of -0.0 is 0.0, as in a text.
 
 Source: Functional Mock-up Interface 2.0.4 and 3.0.2, Modelica Association.
 
-To add a variable: its name and value reference here, and the value for the reference in
+To add a variable, add its name and value reference here, and the value for the reference in
 ``rtamt/native/fmu``.
 
-To add a version of FMI: the texts here, a file next to ``rtamt/native/fmu/fmi3.cpp`` that calls
+To add a version of FMI, add the texts here, a file next to ``rtamt/native/fmu/fmi3.cpp`` that calls
 ``Unit``, and a pattern in ``exported.map``. ``tests/support/fmu_calls.py`` calls the exported
 functions.
 """
@@ -76,7 +76,7 @@ class UnitVariable(NamedTuple):
         causality: Its role in FMI; a local variable is a constant that cannot be set.
         start: Its start value; None if it is calculated.
         meaning: Its description in the model description.
-        range: The minimum and maximum that it is declared with, or None.
+        range: Its declared minimum and maximum, or None.
     """
 
     name: str
@@ -103,14 +103,14 @@ def variables_of(
         columns: The columns of inputs in recorded tables.
 
     Raises:
-        SpecificationError: If the specification has a name that is in `RESERVED`.
+        SpecificationError: If the specification uses a name of `RESERVED`.
     """
     variables = [*_own(file), *_of_text(file, formulas, ranges, columns)]
     for variable in variables[len(RESERVED) - 1 :]:
         if variable.name in RESERVED:
             msg = (
-                f"an FMU of a monitor has a variable '{variable.name}' of its own; "
-                f"give the '{variable.name}' of the specification another name"
+                f"'{variable.name}' is a variable of every exported monitor; "
+                f"rename the '{variable.name}' of the specification"
             )
             raise SpecificationError(msg)
     return variables
@@ -122,8 +122,8 @@ def _own(file: ProgramFile) -> Iterator[UnitVariable]:
         robustness = "at the last time for which it is settled"
     meanings: Mapping[str, tuple[VariableType, str]] = {
         "robustness": ("real", f"the robustness {robustness}"),
-        "lower": ("real", "the least robustness over all continuations and ends"),
-        "upper": ("real", "the greatest robustness over all continuations and ends"),
+        "lower": ("real", "the minimum robustness over all continuations and ends"),
+        "upper": ("real", "the maximum robustness over all continuations and ends"),
         "verdict": ("integer", "-1 violated, 0 undecided, 1 satisfied"),
     }
     for name, (kind, meaning) in meanings.items():
@@ -245,23 +245,23 @@ def _variables_3(root: Element, description: Description) -> None:
         variability="continuous",
         unit="s",
     )
-    for each in description.variables:
-        attributes = {**_attributes(each), **_limits(each), **_start(each)}
-        SubElement(parent, _TYPES[3][each.kind], attributes)
+    for variable in description.variables:
+        attributes = {**_attributes(variable), **_limits(variable), **_start(variable)}
+        SubElement(parent, _TYPES[3][variable.kind], attributes)
     structure = SubElement(root, "ModelStructure")
     places = {str(variable.reference): variable for variable in description.variables}
     for name, dependencies in _dependencies(places).items():
-        for position, each in places.items():
-            if each.causality == "output":
+        for position, variable in places.items():
+            if variable.causality == "output":
                 SubElement(structure, name, valueReference=position, dependencies=dependencies)
 
 
 def _dependencies(places: Mapping[str, UnitVariable]) -> dict[str, str]:
     """Return the variables that each output depends on, during the run and before it.
 
-    An output at the end of a step depends on inputs at its start, so on no input at that time.
-    Before the first step it depends on the constants of the text. So importers can close a loop
-    through the monitor, and initialize it.
+    An output at the end of a step depends on inputs at the start of the step, not on inputs at that
+    time. Before the first step it depends on the constants of the text. This lets importers close a
+    loop through the monitor, and initialize it.
     """
     constants = [
         position

@@ -130,7 +130,7 @@ def sampled_programs(
 def _episodes(
     program: Program, late: Mapping[str, int | None]
 ) -> tuple[list[int], list[int | None]]:
-    """Return the registers of named formulas that need an episode, as no monitor can wait for them.
+    """Return the registers of named formulas that need an episode because a monitor cannot wait.
 
     Args:
         program: The program of the specification, which is episode 0.
@@ -194,8 +194,8 @@ def dense_programs(
         clock=clock,
         readings=len(readings[0]),
         episodes=[
-            RegionFile(each.reach, encoded_terms(placed.program), encoded_regions(placed))
-            for i, (each, variants) in enumerate(zip(results, readings, strict=True))
+            RegionFile(result.reach, encoded_terms(placed.program), encoded_regions(placed))
+            for i, (result, variants) in enumerate(zip(results, readings, strict=True))
             for placed in map(place, variants if i == 0 else variants[-1:])
         ],
         monitor=None
@@ -253,9 +253,9 @@ def export_fmu(
     named formulas are nan. Inputs are discrete, so that importers do not interpolate them. A
     constant in a bound of an interval can be read, not set, and unused constants are left out.
 
-    Over dense time (``dense``) steps may have any size, and each gives every variable an event at
-    its start. The outputs are those of `rtamt.dense.EpisodeMonitor` after these events; a named
-    formula is the last value that `rtamt.dense.Monitor` has settled, or the value of
+    Over dense time (``dense``) steps may have any size, and each step starts with an event of every
+    variable. The outputs equal `rtamt.dense.EpisodeMonitor` after these events; a named formula is
+    the last value that `rtamt.dense.Monitor` has settled, or the value of
     `rtamt.dense.EpisodeMonitor` if `rtamt.dense.Monitor` cannot wait.
 
     The unit has the library for the platform of the export, Linux on x86-64. The same arguments
@@ -278,8 +278,8 @@ def export_fmu(
     Raises:
         SpecificationError: As for `EpisodeMonitor` and `rtamt.dense.EpisodeMonitor`, or for a name
             that the monitor itself uses, such as ``lower``.
-        InputError: If an argument has a wrong value, the path does not end in ``.fmu``, there is
-            neither a period nor ``dense``, or there is no library for this platform.
+        InputError: If an argument has a wrong value, the path does not end in ``.fmu``, both
+            ``period`` and ``dense`` are missing, or this platform has no library.
         OSError: If the file cannot be written.
 
     Example:
@@ -303,7 +303,7 @@ def export_fmu(
             raise InputError("expected period= or dense=True, which takes events at any time")
         if align is not None:
             raise InputError(
-                Argument("align"), " rounds bounds to samples; expected none with dense time"
+                Argument("align"), " rounds bounds to samples, which dense time does not have"
             )
         options: Options = {"semantics": semantics, "inputs": inputs, "outputs": outputs}
         programs = dense_programs(export_fmu, known, resolution, options)
@@ -329,7 +329,7 @@ def unit(programs: Programs, fmi: Fmi, *, stop: bool) -> bytes:
 
     Raises:
         SpecificationError: If the specification has a name that the monitor itself uses.
-        InputError: If there is no library for this platform, or it was not built.
+        InputError: If this platform has no library, or it was not built.
     """
     spec = programs.program.specification
     file = programs.file(token=_UNNAMED, stop=stop)
@@ -358,7 +358,7 @@ def unit(programs: Programs, fmi: Fmi, *, stop: bool) -> bytes:
 
 
 def _zipped(files: Mapping[str, bytes]) -> bytes:
-    """Return an archive without times, users or anything else that differs between exports."""
+    """Return an archive without times and users, so that equal exports are equal bytes."""
     data = BytesIO()
     with zipfile.ZipFile(data, "w") as archive:
         for name, content in files.items():
@@ -380,7 +380,7 @@ def library() -> Library:
     """Return the library for this platform.
 
     Raises:
-        InputError: If there is no library for this platform, or it was not built.
+        InputError: If this platform has no library, or it was not built.
     """
     here = (sys.platform, platform.machine())
     if here not in _PLATFORMS:

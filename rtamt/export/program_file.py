@@ -1,9 +1,9 @@
 """The file ``resources/program.rtamt`` of a functional mock-up unit, which its library runs.
 
-The library (`rtamt/native/fmu/`) is the same in every unit. This file has the differences: the
-programs, as `rtamt.program.encoding` encodes them, the names of the value references, and the
+The library (`rtamt/native/fmu/`) is the same in every unit; this file has the differences: the
+programs as encoded by `rtamt.program.encoding`, the names of the value references, and the
 computation of constants from parameters. It is text with one record per line and single spaces
-between fields. A missing field is ``-``, a flag is 0 or 1, and numbers are written with ``repr``.
+between fields. A missing field is ``-``, a flag is 0 or 1, and a number has its ``repr``.
 
 =========================================  =========================================================
 ``rtamt-program 3``                        first line: the version of the format
@@ -12,8 +12,8 @@ between fields. A missing field is ``-``, a flag is 0 or 1, and numbers are writ
 ``ticks SCALE TICKS UNITS``                over dense time: ticks in a second, in the form of
                                            `EncodedDense.clock`
 ``input NAME START``                       a variable, in the order of `Program.variables`
-``formula NAME EPISODE``                   a named formula: the episode, counted from 0, whose
-                                           robustness it is; without one the next observed register
+``formula NAME EPISODE``                   a named formula: the episode that computes it, counted
+                                           from 0; ``-``: the next observed register
 ``parameter NAME START``                   a constant that may be set
 ``fixed NAME VALUE``                       a constant that can only be read
 ``stop 0`` or ``stop 1``                   the start value of ``stop_on_violation``
@@ -21,21 +21,21 @@ between fields. A missing field is ``-``, a flag is 0 or 1, and numbers are writ
 ``episodes READINGS``                      before them: how many episodes are of the specification;
                                            two with neutral predicates, which are -0.0 in the first
                                            and 0.0 in the second (`rtamt.machines.episode.machine`)
-``episode``                                an `EncodedEpisode` begins: the specification's, then one
+``episode``                                an `EncodedEpisode` starts: the specification's, then one
                                            for each named formula that no monitor can wait for
 ``sample-row`` and the fields of a row     `DiscreteRow`: terms of an episode, rows of a monitor
 ``formula-row`` and the fields of a row    `FormulaRow`
 ``initial R ...``, ``streams R ...``       registers of the episode
-``monitor TERMS``                          an `Encoded` program of named formulas begins; it has all
-                                           terms, so that it refuses what an episode refuses
+``monitor TERMS``                          an `Encoded` program of named formulas starts; it has all
+                                           terms, so that it refuses the same samples as an episode
 ``observed R LATENCY``                     the register of a named formula; over dense time without
                                            the latency
 ``regions REACH``                          in place of ``episode`` over dense time: an
-                                           `EncodedRegions` begins, and by how many ticks it looks
+                                           `EncodedRegions` starts, with the ticks that it looks
                                            away; ``sample-row``, ``initial``, ``streams`` as there
 ``region-row`` and the fields of a row     `FormulaRow`
 ``unknowns R ...``                         streams that never settle
-``dense TERMS``                            in place of ``monitor``: an `EncodedDense` begins
+``dense TERMS``                            in place of ``monitor``: an `EncodedDense` starts
 ``dense-row`` and the fields of a row      `DenseRow`
 ``end HASH``                               last line: FNV-1a, 64 bits, of all bytes before the line,
                                            in 16 hexadecimal digits
@@ -49,22 +49,22 @@ ends; a function of one operand has it twice. They come from `Traced` numbers of
 
 The library runs the file as follows:
 
-- Samples are taken at the times start + k * period, the first at the start. ``doStep(t, h)`` takes
-  the samples in [t, t + h), which read the inputs that are set then: h = period takes one, at t; a
-  multiple takes several with inputs held; other steps take one when its time comes.
-  The inputs before the first step are therefore the first sample. After n steps of a period the
-  outputs are those of `EpisodeMonitor` after n samples; a named formula is the value of `Monitor`,
-  or of `EpisodeMonitor` if `Monitor` cannot wait. Before the first step the outputs are those of a
-  new monitor: robustness and named formulas are nan.
-- Over dense time ``doStep(t, h)`` gives every variable an event at t; the outputs are what
-  `rtamt.dense.EpisodeMonitor` returns then; a named formula is the last value that
-  `rtamt.dense.Monitor` has settled, or the value of `rtamt.dense.EpisodeMonitor` if
-  `rtamt.dense.Monitor` cannot wait.
-- With ``stop_on_violation`` a step after which the verdict is -1 ends the simulation: FMI 2 gives
-  fmi2Discard and fmi2Terminated, whose fmi2LastSuccessfulTime is t + h; FMI 3 terminateSimulation.
-- Parameters may be set until initialization ends, inputs always (not after terminate).
+- Samples are at the times start + k * period, the first at the start. ``doStep(t, h)`` adds the
+  samples in [t, t + h) with the current inputs: a step of one period adds one sample, at t; a
+  multiple adds several with the same inputs; another step adds one when its time comes. The inputs
+  before the first step are therefore the first sample. After n steps of a period the outputs equal
+  `EpisodeMonitor` after n samples; a named formula is the value of `Monitor`, or of
+  `EpisodeMonitor` if `Monitor` cannot wait. Before the first step the outputs equal a new monitor:
+  robustness and named formulas are nan.
+- Over dense time ``doStep(t, h)`` adds an event of every variable at t; the outputs equal
+  `rtamt.dense.EpisodeMonitor`; a named formula is the last value that `rtamt.dense.Monitor` has
+  settled, or the value of `rtamt.dense.EpisodeMonitor` if `rtamt.dense.Monitor` cannot wait.
+- With ``stop_on_violation`` the simulation ends after a step that makes the verdict -1: FMI 2
+  returns fmi2Discard, with fmi2Terminated and t + h as fmi2LastSuccessfulTime; FMI 3 sets
+  terminateSimulation.
+- Parameters can be set until initialization ends, inputs at any time before terminate.
 
-To add a kind of record: a line of this table, `program_text`, and the reader in
+To add a kind of record, change this table, `program_text` and the reader in
 ``rtamt/native/fmu/program.cpp``. ``tests/bench/fmu.py`` measures a step.
 """
 
@@ -100,7 +100,7 @@ class SampledFile:
         period: Numerator and denominator of the seconds between samples.
         readings: The number of episodes of the specification: one, or two with neutral predicates,
             which are -0.0 in the first.
-        episodes: Their programs, then the programs of named formulas for which no monitor can wait.
+        episodes: Their programs, then the programs of named formulas that no monitor can wait for.
         monitor: The program of the other named formulas; None without named formulas. It has all
             terms of the episodes, so that it refuses every sample that an episode refuses.
         observed: Register and latency of each of the other named formulas.
@@ -119,7 +119,7 @@ class RegionFile(NamedTuple):
     """A program over the regions of dense time.
 
     Attributes:
-        reach: The number of ticks between a time and the times on which its value depends.
+        reach: The maximum distance in ticks of the times that a value depends on.
         terms: The terms.
         regions: The formulas.
     """
@@ -136,7 +136,7 @@ class DenseFile:
     Attributes:
         clock: Ticks per second.
         readings: The number of episodes of the specification.
-        episodes: Their programs, then the programs of named formulas for which no monitor can wait.
+        episodes: Their programs, then the programs of named formulas that no monitor can wait for.
         monitor: The program of the other named formulas.
         observed: The register of each of the other named formulas.
         sources: The number of the episode of every named formula, where the episodes of the

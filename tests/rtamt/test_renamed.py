@@ -11,13 +11,13 @@ import rtamt
 from rtamt import compat, mutants
 from rtamt.renamed import (
     ATTRIBUTES,
-    BEHIND,
     FUNCTIONS,
     KEYWORDS,
     NAMES,
     OPTIONS,
-    named,
+    TARGETS,
     new_options,
+    object_named,
 )
 
 NAME_ROWS = [
@@ -36,7 +36,7 @@ ATTRIBUTE_ROWS = [
 def test_old_name(package: str, old: str, new: str) -> None:
     with pytest.warns(DeprecationWarning, match=f"^{package}.{old} is now {new}") as caught:
         value = getattr(import_module(package), old)
-    assert value is named(BEHIND.get(new, new))
+    assert value is object_named(TARGETS.get(new, new))
     assert caught[0].filename == __file__
     assert old not in dir(import_module(package))
 
@@ -48,7 +48,7 @@ def test_function_became_method(path: str) -> None:
 
 @pytest.mark.parametrize(("path", "old", "new"), ATTRIBUTE_ROWS)
 def test_old_attribute(path: str, old: str, new: str) -> None:
-    kind: type = named(path)  # type: ignore[assignment]  # the tables list classes
+    kind: type = object_named(path)  # type: ignore[assignment]  # the tables list classes
     thing: object = kind
     if not hasattr(kind, new):  # an attribute of instances
         thing = object.__new__(kind)

@@ -36,7 +36,7 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
             TIMED,
             {"align": "outward", "dense": True},
             InputError,
-            "align= rounds bounds to samples; expected none with dense time",
+            "align= rounds bounds to samples, which dense time does not have",
         ),
         (TIMED, {"period": 1, "fmi": 1}, InputError, "expected fmi=2 or fmi=3, got 1"),
         (
@@ -55,8 +55,8 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
             {"period": 1},
             SpecificationError,
             (
-                "an FMU of a monitor has a variable 'lower' of its own; "
-                "give the 'lower' of the specification another name"
+                "'lower' is a variable of every exported monitor; "
+                "rename the 'lower' of the specification"
             ),
         ),
         (
@@ -64,8 +64,8 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
             {"dense": True},
             SpecificationError,
             (
-                "an FMU of a monitor has a variable 'upper' of its own; "
-                "give the 'upper' of the specification another name"
+                "'upper' is a variable of every exported monitor; "
+                "rename the 'upper' of the specification"
             ),
         ),
         (

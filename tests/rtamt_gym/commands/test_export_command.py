@@ -116,7 +116,7 @@ def test_one_of_several_requirements_is_chosen(capsys: Output) -> None:
         ),
         (
             ["one.stl", "-o", "m.fmu", "--dense", "--align", "inward"],
-            "--align rounds bounds to samples; expected none with dense time",
+            "--align rounds bounds to samples, which dense time does not have",
         ),
         (
             ["one.stl", "-o", "no/m.fmu", "--period", "1"],
@@ -133,8 +133,8 @@ def test_one_of_several_requirements_is_chosen(capsys: Output) -> None:
         (
             ["lower = x > 0; always(lower)", "-o", "m.fmu", "--period", "1"],
             (
-                "an FMU of a monitor has a variable 'lower' of its own; "
-                "give the 'lower' of the specification another name"
+                "'lower' is a variable of every exported monitor; "
+                "rename the 'lower' of the specification"
             ),
         ),
     ],
