@@ -120,6 +120,8 @@ def _recordings(
     from rtamt_gym.evaluation.recording_tables import comparison_warnings, recordings_lines
     from rtamt_gym.evaluation.recordings import compare_recordings
 
+    if options.a.samefile(options.b):
+        raise InputError(f"expected two results to compare, got the file {options.b} twice")
     a, b = RecordingSet.of(options.a, side_a), RecordingSet.of(options.b, side_b)
     comparison = compare_recordings(
         a,

@@ -419,6 +419,11 @@ def _notes(
         yield "recordings are paired by their names below {} and {}".format(
             *map(shown, pairs.folders)
         )
+    if all(one == two for one, two in pairs.pairs.values()):
+        equal = all(one.outcomes == two.outcomes for one, two in rows.values())
+        yield "A and B have recordings of the same paths" + (
+            " and the same outcomes, so they may be the same recordings" * equal
+        )
     if different:
         yield f"variables are read differently: {', '.join(different)}"
     periods = {

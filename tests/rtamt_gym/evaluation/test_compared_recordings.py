@@ -581,3 +581,22 @@ def test_never_triggered_in_both(judge: Judge, compare: Compare) -> None:
     code, _, text = compare("--require-all")
     assert code == 0
     assert "never triggered in A and B: limit" in text
+
+
+def test_one_file_on_both_sides(judge: Judge, capsys: Output) -> None:
+    judge("a", {"1.csv": [0, 0]})
+    assert main(["compare", "a.json", "./a.json"]) == 2
+    assert "expected two results to compare, got the file a.json twice" in capsys.readouterr().err
+
+
+def test_same_recordings_on_both_sides(judge: Judge, compare: Compare) -> None:
+    judge("a", {"1.csv": [0, 0]})
+    Path("b.json").write_text(Path("a.json").read_text())
+    same = "A and B have recordings of the same paths"
+    assert f"{same} and the same outcomes, so they may be" in " ".join(compare()[2].split())
+    (Path("a") / "1.csv").write_text("time,x\n0,0\n1,2\n")
+    judge("a", {"1.csv": [0, 2]})
+    code, comparison, _ = compare()
+    assert code == 0
+    assert comparison.notes[0] == "a/1.csv is compared with a/1.csv"
+    assert same in comparison.notes
