@@ -255,6 +255,17 @@ object or two. Write the number in one way.
             )
 
 
+def whole_number(text: str) -> str:
+    """Return a whole number without a point, and other texts as they are.
+
+    Example:
+        >>> whole_number("7.0"), whole_number("7"), whole_number("7.5")
+        ('7', '7', '7.5')
+    """
+    whole = _WHOLE.fullmatch(text)
+    return text if whole is None else whole["number"]
+
+
 _WHOLE: Final = re.compile(r"(?P<number>-?\d+)\.0*")
 
 

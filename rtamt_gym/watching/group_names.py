@@ -10,6 +10,7 @@ from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.parts import group_name
+from rtamt_gym.recorded.recording import whole_number
 from rtamt_gym.watching.rows import ColumnCells, RowBlock, RowFault, cell_text
 
 _KINDS: Final[Mapping[type, str]] = {
@@ -39,10 +40,18 @@ class GroupNames:
         self._by = by
         self._kinds: dict[str, str] = {}
         self._names: dict[tuple[str, ...], str] = {}
+        self._texts: dict[str, set[str]] = {}
+        self._numbers: dict[tuple[str, str], str] = {}
+        """The first text of each number in each column."""
 
-    def check(self, source: str, names: Sequence[str]) -> None:
-        """Check that the stream has the columns."""
+    def check(self, source: str, names: Sequence[str], times: Sequence[str]) -> None:
+        """Check that a stream has the columns, and that they are not its times."""
         for column in self._by:
+            if column in times:
+                raise InputError(
+                    f"{source}: expected a column of objects for --by, got '{column}', the times "
+                    "of the rows"
+                )
             if column not in names:
                 raise InputError(
                     f"{source}: no column '{column}', which --by names; the columns are "
@@ -66,6 +75,7 @@ class GroupNames:
             if "" in texts[-1]:
                 row = texts[-1].index("")
                 faults.append(RowFault(row, f"column '{column}': expected a group, got none"))
+            faults += self._two_writings(column, texts[-1])
         if faults:
             raise min(faults, key=lambda fault: fault.row)
         if len(texts) == 1:
@@ -81,6 +91,27 @@ class GroupNames:
                 return None
             texts.append(cell_text(cell).strip())
         return self._name(tuple(texts)) if texts and all(texts) else None
+
+    def _two_writings(self, column: str, texts: Sequence[str]) -> list[RowFault]:
+        """Return the fault of a row that writes a number otherwise than a row before it."""
+        known = self._texts.setdefault(column, set())
+        for text in dict.fromkeys(texts):
+            if text in known:
+                continue
+            whole = whole_number(text)
+            other = self._numbers.get((column, whole), text)
+            if other != text and whole in (other, text):
+                return [
+                    RowFault(
+                        texts.index(text),
+                        f"column '{column}': got '{text}' after '{other}', which may be one object "
+                        "or two. Write the number in one way.",
+                        skippable=False,
+                    )
+                ]
+            self._numbers[column, whole] = other
+            known.add(text)
+        return []
 
     def _name(self, texts: tuple[str, ...]) -> str:
         if len(texts) == 1:

@@ -21,7 +21,7 @@ from rtamt.columns import (
 )
 from rtamt_gym.recorded.cells import floats_in
 from rtamt_gym.recorded.dates import RawTimes
-from rtamt_gym.recorded.roles import are_even, has_footer
+from rtamt_gym.recorded.roles import are_even, has_footer, names_totals, only_last_totals
 from rtamt_gym.watching.clock import plain_times
 from rtamt_gym.watching.rows import ColumnCells, RowFault, cell_text
 
@@ -54,7 +54,14 @@ class Guard(Protocol):
 
 
 def guards_of(
-    name: str, read: Collection[str], *, texts: bool, timed: bool, first: bool, uneven: bool = False
+    name: str,
+    read: Collection[str],
+    *,
+    texts: bool,
+    timed: bool,
+    first: bool,
+    uneven: bool = False,
+    totals: bool = False,
 ) -> list[Guard]:
     """Return the checks of a column that no requirement reads.
 
@@ -65,10 +72,12 @@ def guards_of(
         timed: Whether the stream has times; without them, numbers of rows may start again.
         first: Whether it is the first column.
         uneven: Whether times may be at uneven distances.
+        totals: Whether its last cell may be the name of a row of totals.
     """
     if flagged_row(name):
         return [FlagGuard(name, timed=timed)]
-    guards: list[Guard] = [ObjectGuard(name, read, texts=texts)]
+    guards: list[Guard] = [TotalsGuard(name)] if totals else []
+    guards.append(ObjectGuard(name, read, texts=texts))
     if not timed:
         return [*guards, CountGuard(name, first=first)]
     if texts:
@@ -180,6 +189,46 @@ class CountGuard:
         return _another_trace(self.name) if self._falls and self._restart(count) is not None else ""
 
 
+def totals_fault(name: str, text: str) -> str:
+    """Return the fault of a last row that a cell calls a row of totals."""
+    return (
+        f"expected a sample, but {text!r} in '{name}' of the last row names a row of totals. "
+        "Remove it, or give --one-trace if it is a sample."
+    )
+
+
+class TotalsGuard:
+    """Notices a last row that a column of texts calls a row of totals.
+
+    Args:
+        name: The column.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._last, self._words = "", set[str]()
+        self._numbers = True
+        """Whether all cells but the last are numbers or empty."""
+
+    def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
+        """Take in the cells of a block."""
+        del times
+        others = {self._last, *map(cell_text, cells[:-1])}
+        self._last = cell_text(cells[-1]).strip()
+        others = {text.strip() for text in others} - {"", "nan"}
+        self._words |= {text for text in others if names_totals(text)}
+        self._numbers = self._numbers and floats_in([*others]) is not None
+
+    def finish(self, *, early: bool, beyond: int = 0) -> str:
+        """Return the fault that the rows so far show; empty without one."""
+        del beyond
+        last = self._last
+        if early or not names_totals(last) or last in self._words:
+            return ""
+        others = [] if self._numbers else ["a text"]
+        return totals_fault(self.name, last) if only_last_totals(["", *others, last]) else ""
+
+
 def _several_values(row: int, name: str, value: str) -> RowFault:
     return RowFault(
         row,
@@ -215,8 +264,9 @@ class ObjectGuard:
         del times
         if not self._named or len(self._values) > _KEYS:
             return
-        different = set(map(cell_text, cells))
-        if len(different) == 1 and different <= self._values.keys():
+        different = {cell_text(cell).strip() for cell in cells}
+        known = len(different) == 1 and different <= self._values.keys()
+        if known and (self._repeats or len(self._values) == 1):
             self._repeats = True
             return
         for row, cell in enumerate(cells):

@@ -73,6 +73,8 @@ class SampledGroup:
         self.stop_line = 0
         """The line of the row at which ``--stop`` ended the stream."""
         self._kept: list[Floats] = []
+        self._newest: tuple[float, bool] | None = None
+        """The time of the newest row, and whether it has an empty cell, if rows are left out."""
         self._missing = Counter[str]()
         """The number of empty cells of each variable."""
         rules.undecided += len(rules.specs)
@@ -99,6 +101,17 @@ class SampledGroup:
         Raises:
             RowFault: At a row that cannot be judged; all rows before it are.
         """
+        fault = None
+        if raw is not None and self._columns.missing == "drop" and not self._stated:
+            fault = self._fault_of_dropped(values, raw)
+        count = len(values) if fault is None else fault.row
+        self._feed_rows(values[:count], None if raw is None else raw[:count], lines[:count])
+        if fault is not None and not self.stopped:
+            raise fault
+
+    def _feed_rows(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
+        if not len(values):
+            return
         values, kept = self._filled(values, lines)
         if kept is not None:
             raw, lines = None if raw is None else raw[kept], [lines[i] for i in kept.tolist()]
@@ -247,6 +260,23 @@ class SampledGroup:
                     f"{number(new)}{self._rules.objects_hint(self.group)}",
                     skippable=False,
                 )
+
+    def _fault_of_dropped(self, values: Floats, raw: RawTimes) -> RowFault | None:
+        """Return the fault of a row that is left out next to another row at its time, or None.
+
+        A file has the values of both in one sample.
+        """
+        empty = map(any, np.isnan(values).tolist())
+        for row, (time, gap) in enumerate(zip(plain_times(raw).tolist(), empty, strict=True)):
+            before, self._newest = self._newest, (time, gap)
+            if before is not None and before[0] == time and (gap or before[1]):
+                return RowFault(
+                    row,
+                    f"expected the values of one time in one row, got two rows at {raw[row]}, of "
+                    "which one has an empty cell. Write one row, or give --dense.",
+                    skippable=False,
+                )
+        return None
 
     def _filled(self, values: Floats, lines: Sequence[int]) -> tuple[Floats, np.ndarray | None]:
         """Return the rows after the treatment of empty cells, and their places if some are left."""

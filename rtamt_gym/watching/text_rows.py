@@ -37,6 +37,7 @@ class TextRows:
         self.units: dict[str, str] = {}
         """The cells of the row of units by column; empty without one."""
         self.units_line = 0
+        self._last = ""
         self.notes: list[str] = []
         """The notes on the lines above the rows."""
 
@@ -92,6 +93,10 @@ class TextRows:
             skippable=False,
         )
 
+    def last_cells(self) -> dict[str, str]:
+        """Return the cells of the last row by column."""
+        return dict(zip(self.names, self._row(self._last) or [], strict=False))
+
     def choose(self, names: Sequence[str]) -> None:
         """Set the columns of all further blocks."""
         position = {name: index for index, name in reversed([*enumerate(self.names)])}
@@ -143,6 +148,7 @@ class TextRows:
         return [], first
 
     def _divided(self, texts: list[str], first: int) -> Iterator[RowBlock | BadLine]:
+        self._last = next(filter(str.strip, reversed(texts)), self._last)
         separator, width = self._separator, self._width
         plain = separator != " " and width == len(self.names)
         if plain and not any('"' in text for text in texts):

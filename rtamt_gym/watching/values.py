@@ -6,6 +6,7 @@ cell with one reading decides, and a cell with two readings before it is an erro
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Any, NamedTuple
@@ -14,7 +15,7 @@ import numpy as np
 
 import rtamt
 from rtamt import InputError
-from rtamt.columns import may_tell_objects
+from rtamt.columns import may_tell_objects, own_times
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.recorded.cells import (
     NOT_KNOWN,
@@ -37,11 +38,11 @@ from rtamt_gym.recorded.names import (
     take_default,
 )
 from rtamt_gym.recorded.recording import Floats, Recording
-from rtamt_gym.recorded.roles import has_time_bounds
+from rtamt_gym.recorded.roles import has_time_bounds, names_totals
 from rtamt_gym.recorded.text_numbers import COMMA_NOTE, ColumnMarks, grouped_note, stated_mark_note
 from rtamt_gym.recorded.times import TimeColumn, find_times, join_times
 from rtamt_gym.watching.group_names import GroupNames
-from rtamt_gym.watching.one_trace import Guard, guards_of
+from rtamt_gym.watching.one_trace import Guard, guards_of, totals_fault
 from rtamt_gym.watching.rows import ColumnCells, RowBlock, RowFault, cell_text
 
 
@@ -66,6 +67,7 @@ class _Guarded(NamedTuple):
     timed: bool
     first: bool
     uneven: bool
+    totals: bool = False
 
 
 class _Head(Recording):
@@ -120,6 +122,7 @@ class StreamColumns:
         self._marks: dict[str, ColumnMarks] = {}
         self._read: set[str] = set()
         self._guarded: dict[str, _Guarded] = {}
+        self._unread: Sequence[str] = ()
         self._guards: dict[str | None, list[Guard]] = {}
         self._near: dict[tuple[str, str], bool] = {}
         """Columns of variables and others of nearly their names; whether a row has both."""
@@ -127,8 +130,14 @@ class StreamColumns:
         self.needed: set[str] = set()
         """The columns of variables, times and groups."""
 
-    def choose(self, names: Sequence[str], block: RowBlock) -> list[str]:
-        """Find the columns to read, by the names and the first row; return their names."""
+    def choose(self, names: Sequence[str], block: RowBlock, *, totals: bool = False) -> list[str]:
+        """Find the columns to read, by the names and the first row; return their names.
+
+        Args:
+            names: The names of all columns.
+            block: The first rows.
+            totals: Whether the last row may be a row of totals, as in tables of text.
+        """
         columns, variables = self._columns, self.variables
         head = _Head(self._source, names, block)
         read = self._read = {columns.column(name) for name in variables}
@@ -160,25 +169,45 @@ class StreamColumns:
             if name not in self.there:
                 why = "there is no such column"
                 self.notes.append(take_default(self._source, name, columns, why))
-        self._groups.check(self._source, names)
         times = [] if self.time is None else self.time.columns
+        self._groups.check(self._source, names, times)
+        self._check_clocks(names)
         used = self.needed = {*needed, *times, *self._by}
-        timed = self._timed = self.time is not None
-        uneven = self._uneven = timed and (self._dense or self._period)
+        self._timed = self.time is not None
+        self._uneven = self._timed and (self._dense or self._period)
         unread = [name for name in names if name not in used]
         self._near = dict.fromkeys(misspellings(columns, self.there, unread), False)
         if not columns.one_trace:
-            self._guarded = {
-                name: _Guarded(name in head.texts, timed, name == names[0], uneven)
-                for name in dict.fromkeys(names)
-                if name not in used
-                and (
-                    may_tell_objects(name, read, timed=timed, first=name == names[0])
-                    or (uneven and name not in head.dates)
-                )
-            }
+            self._choose_guarded(head, unread, totals=totals and not self._by)
         near = [name for _, name in self._near]
         return [*dict.fromkeys([*needed, *times, *self._by, *self._guarded, *near])]
+
+    def _choose_guarded(self, head: _Head, unread: Sequence[str], *, totals: bool) -> None:
+        """Choose the columns that may show several traces, or a row of totals."""
+        texts = [*head.texts, *head.blank] if totals else []
+        self._unread = unread if totals else []
+        for name in dict.fromkeys(unread):
+            first = name == head.names[0]
+            may_tell = may_tell_objects(name, self._read, timed=self._timed, first=first)
+            if may_tell or name in texts or (self._uneven and name not in head.dates):
+                self._guarded[name] = _Guarded(
+                    name in head.texts, self._timed, first, self._uneven, name in texts
+                )
+
+    def _check_clocks(self, names: Sequence[str]) -> None:
+        """Check that no variable has a column of times of its own."""
+        if self._columns.time is not None or (self.time is not None and self.time.part is not None):
+            return
+        owned = {name: own_times(name, names) for name in names if name in self._read}
+        clocks = {own: name for name, own in owned.items() if own not in (None, *self._read)}
+        main = next(iter(clocks), None) if self.time is None else self.time.name
+        for own, name in clocks.items():
+            if own != main:
+                raise InputError(
+                    f"{self._source}: expected one column of times, but '{name}' may have its own, "
+                    f"'{own}', next to '{main}'. Give --time {shlex.quote(str(main))} if each row "
+                    "is one instant, or evaluate the recording with rtamt monitor."
+                )
 
     def take_field(self, name: str, value: object) -> tuple[str, bool]:
         """Take a field that the first line of a stream does not have.
@@ -293,6 +322,29 @@ class StreamColumns:
     def group_at(self, block: RowBlock, row: int) -> str | None:
         """Return the group of a bad row; None without groups, or if its cell is not a name."""
         return self._groups.at(block, row)
+
+    def totals_in(self, cells: Mapping[str, str]) -> str:
+        """Return the fault of a last row of totals in a column of numbers; empty without one.
+
+        Args:
+            cells: The cells of the last row.
+        """
+        for name in self._unread:
+            text = cells.get(name, "").strip()
+            guard = self._guarded.get(name)
+            if names_totals(text) and not (guard is not None and guard.totals):
+                return totals_fault(name, text)
+        return ""
+
+    def group_of_totals(self, group: str) -> str:
+        """Return the fault of a last row, alone in its group, whose name is of a row of totals."""
+        parts = [part.rpartition("=")[2] for part in group.split(",")]
+        if self._columns.one_trace or not any(map(names_totals, parts)):
+            return ""
+        return (
+            f"expected rows of a trace, but {group!r} in '{', '.join(self._by)}' names a row of "
+            "totals. Remove it, or give --one-trace if it is a trace."
+        )
 
     def end_trace(self, group: str | None, *, early: bool = False, beyond: int = 0) -> str:
         """Return the fault that the rows of a trace show; empty if they were one trace.

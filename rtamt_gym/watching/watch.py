@@ -208,7 +208,8 @@ class StreamWatch:
     def _choose(self, block: RowBlock) -> None:
         reader = self._reader
         assert reader is not None, "it made the block"  # noqa: S101 - for mypy
-        chosen = self._cells.choose(reader.names, block)
+        totals = isinstance(reader, TextRows)
+        chosen = self._cells.choose(reader.names, block, totals=totals)
         if isinstance(reader, JsonRows):
             reader.choose(chosen, self._cells.needed, self._cells.take_field)
         else:
@@ -412,12 +413,23 @@ class StreamWatch:
         self._reader.finish()
         if not self.rows and not self.traces:
             raise InputError(f"{self._source}: expected at least one row, got none")
-        fault = "" if self.stopped else self._cells.end_trace(None)
+        fault = "" if self.stopped else self._fault_of_end()
         if fault:
             raise InputError(f"{self._source}: {fault}")
         if not self.stopped:
             self.failures += self._lost.failures(self._source)
             self._words |= {"failed"} if self.failures else set()
+
+    def _fault_of_end(self) -> str:
+        """Return the fault that the end of the input shows; empty without one."""
+        if isinstance(self._reader, TextRows) and not self.bad and self._chosen:
+            fault = self._cells.totals_in(self._reader.last_cells())
+            last = self._touched
+            if last is not None and last.group and last.samples < 2 and len(self.traces) > 1:
+                fault = fault or self._cells.group_of_totals(last.group)
+            if fault:
+                return fault
+        return self._cells.end_trace(None)
 
     def finish(self, *, early: bool) -> None:
         """End all traces and emit their final lines.

@@ -524,7 +524,8 @@ def test_texts_with_colons_are_values(capsys: Output, tmp_path: Path) -> None:
     ("names", "code", "groups"),
     [
         (["7", "7.0", "7"], 0, ["7"]),
-        (['"7"', '"7.0"', '"07"'], 0, ["7", "7.0", "07"]),
+        (['"7"', '"7.5"', '"07"'], 0, ["7", "7.5", "07"]),
+        (['"7"', '"7.0"', '"7"'], 2, ["7"]),
         (["7", '"7"', "7"], 2, ["7"]),
         (["true", '"true"', "true"], 2, ["true"]),
     ],
@@ -537,4 +538,4 @@ def test_names_of_groups_are_of_one_kind(
     got, lines, errors = watched(capsys, path, "".join(rows), "always(x > 0)", "--by", "id")
     assert (got, [line["group"] for line in lines if line["final"]]) == (code, groups)
     assert main(["monitor", "always(x > 0)", str(path), "--by", "id"]) == code
-    assert ("line 2: column 'id': expected a" in errors) == (code == 2)
+    assert ("line 2: column 'id': " in errors) == (code == 2)

@@ -198,3 +198,17 @@ def test_two_values_at_one_time_are_not_skipped(
     path.write_text("time,speed\n0,1\n1,1\n1,9\n2,1\n")
     assert main(["watch", SPEC, str(path), "--skip-bad", *kind]) == 2
     assert "expected one value of 'speed' at one time, got 1 and 9" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("cells", [["9,", ",1"], [",1", "9,"], ["9,1", ",1"], [",1", "9,1"]])
+def test_rows_of_one_time_are_not_left_out(
+    cells: Sequence[str], capsys: Output, tmp_path: Path
+) -> None:
+    """A file has the values of both rows in one sample, which violates the requirement."""
+    path, options = tmp_path / "rows.csv", ["--missing", "drop"]
+    path.write_text(f"time,speed,y\n0,1,1\n1,{cells[0]}\n1,{cells[1]}\n2,1,1\n")
+    spec = "always(speed < 5 and y < 5)"
+    assert main(["monitor", spec, str(path), *options]) == 1
+    assert main(["watch", spec, str(path), *options]) == 2
+    assert "line 4: expected the values of one time in one row" in capsys.readouterr().err
+    assert main(["watch", spec, str(path), "--dense"]) == 1

@@ -179,3 +179,92 @@ def test_objects_are_looked_for_at_a_stop(
         watch.finish(early=True)
         assert bool(watch.failures) == refused, last
         assert (watch.exit_code() == 2) == refused
+
+
+@pytest.mark.parametrize("size", [1, 10_000])
+@pytest.mark.parametrize("options", [[], ["--dense"], ["--by", "car"]])
+@pytest.mark.parametrize("name", ["vehicle_id", "unit", "plate"])
+@pytest.mark.parametrize("order", [(3, 7, 3), (3, 7, 3, 7, 3, 7), (3, 3, 7, 7), (3, 3, 3), (3, 7)])
+def test_objects_are_noticed_row_by_row(
+    order: Sequence[int], name: str, options: list[str], size: int, tmp_path: Path
+) -> None:
+    """Lines of a pipe come one by one, and rows of groups as they alternate."""
+    letter = "P" if name == "plate" else ""
+    rows = [[i, "a", f"{letter}{value}", 1] for i, value in enumerate(order)]
+    text = table(f"time,car,{name},x", rows)
+    path = tmp_path / "trace.csv"
+    path.write_text(text)
+    refused = main(["monitor", SPEC, str(path), *options]) == 2
+    reading = EvaluationOptions(dense="--dense" in options)
+    by = ("car",) if "--by" in options else ()
+    settings = WatchOptions({"it": rtamt.parse(SPEC)}, reading, Columns(), by=by)
+    watch = StreamWatch(settings, "stream", lambda _: None)
+    raw = text.encode()
+    try:
+        for at in range(0, len(raw), size):
+            watch.add(raw[at : at + size])
+        watch.end_of_input()
+        watch.finish(early=False)
+    except InputError:
+        assert refused
+    else:
+        assert (watch.exit_code() == 2) == refused
+
+
+def test_variables_with_times_of_their_own(capsys: Output, tmp_path: Path) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text(table("x_time,x,y_time,y", [[i, 1, 10 * i, 1] for i in range(5)]))
+    spec = "always(x > 0 and y > 0)"
+    assert main(["monitor", spec, str(path)]) == main(["watch", spec, str(path)]) == 2
+    assert "'y' may have its own, 'y_time', next to 'x_time'" in capsys.readouterr().err
+    assert main(["watch", spec, str(path), "--time", "x_time"]) == 0
+    assert main(["watch", "always(x > 0)", str(path)]) == 0
+
+
+def test_times_are_not_groups(capsys: Output, tmp_path: Path) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text("time,x\n0,1\n1,1\n")
+    assert main(["watch", SPEC, str(path), "--by", "time"]) == 2
+    assert "expected a column of objects for --by, got 'time'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("size", [1, 9, 10_000])
+@pytest.mark.parametrize(
+    ("texts", "totals"),
+    [
+        (["Rome", "Paris", "Rome", "Total"], True),
+        (["", "", "", "max"], True),
+        (["1", "2", "3", "mean"], True),
+        (["low", "high", "low", "max"], False),
+        (["Total", "a", "b", "Total"], False),
+        (["Total", "mean", "a", "b"], False),
+    ],
+)
+def test_a_row_of_totals_is_refused_as_in_a_file(
+    texts: Sequence[str],
+    totals: bool,  # noqa: FBT001
+    size: int,
+    tmp_path: Path,
+) -> None:
+    text = table("time,town,x", [[i, town, 1] for i, town in enumerate(texts)])
+    path = tmp_path / "trace.csv"
+    path.write_text(text)
+    assert main(["monitor", SPEC, str(path)]) == (2 if totals else 0)
+    assert bool(refusal(text, size)) == totals
+    assert main(["watch", SPEC, str(path), "--one-trace"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("names", "refused"),
+    [(["7", "7.0"], True), (["7.0", "7"], True), (["7", "07"], False), (["a", "Total"], True)],
+)
+def test_groups_are_refused_as_in_a_file(
+    names: Sequence[str],
+    refused: bool,  # noqa: FBT001
+    tmp_path: Path,
+) -> None:
+    rows = [[i, names[0], 1] for i in range(3)] + [[3, names[1], 1]]
+    path = tmp_path / "trace.csv"
+    path.write_text(table("time,car,x", rows))
+    for command in ("monitor", "watch"):
+        assert main([command, SPEC, str(path), "--by", "car"]) == (2 if refused else 0)
