@@ -1,8 +1,8 @@
 """Signal temporal logic for simulations: Gymnasium environments under `rtamt` monitors.
 
-Names are imported when first used: the command line monitors recorded traces without Gymnasium.
-Without an optional package, ``from rtamt_gym import *`` gives the names that do not need it, and to
-import one that does is an error that says which extra installs the package.
+Names are imported at their first use: the command line monitors recorded traces without Gymnasium.
+Without an optional package, ``from rtamt_gym import *`` imports the names that do not need it, and
+the import of any other name is an error with the extra that installs the package.
 """
 
 from importlib import import_module
@@ -144,7 +144,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
 
 
 def _is_there(name: str) -> bool:
-    """Whether the packages that a name needs are installed."""
+    """Return whether the packages that a name needs are installed."""
     try:
         __getattr__(name)
     except ModuleNotFoundError as error:

@@ -1,9 +1,8 @@
 """The command line, `rtamt COMMAND`.
 
-A command returns its exit code. On bad input the code is 2, with one message on stderr; on an error
-that nobody expected too, below its traceback. An error never exits with 1, which is an answer: a
-violation, a verdict that is not the expected one. Commands import Gymnasium, MuJoCo and matplotlib
-when they need them.
+A command returns its exit code. On bad input, the code is 2, with one message on stderr; on an
+unexpected error too, after its traceback. An error never exits with 1, which means a violation or
+another verdict than expected. Commands import Gymnasium, MuJoCo and matplotlib when they need them.
 """
 
 from __future__ import annotations
@@ -32,19 +31,19 @@ __all__ = ["main"]
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
-    given = sys.argv[1:] if argv is None else argv
-    if sys.stdout is None:  # as of a program without a console
-        return _run(given)
+    words = sys.argv[1:] if argv is None else argv
+    if sys.stdout is None:  # in a program without a console
+        return _run(words)
     output = _Output(sys.stdout)
     with redirect_stdout(cast("TextIO", output)):
-        code = _run(given)
+        code = _run(words)
     return _BROKEN_PIPE if output.closed_by_reader else code
 
 
-def _run(given: Sequence[str]) -> int:
+def _run(words: Sequence[str]) -> int:
     options = None
     try:
-        options = _options(given)
+        options = _options(words)
         code: int = options.run(options)
         print(end="", flush=True)
     except SystemExit as end:
@@ -54,10 +53,10 @@ def _run(given: Sequence[str]) -> int:
         return _refuse(f"the program was ended by what it ran: SystemExit({end.code!r})")
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:  # of standard error, or of code that the command runs
+    except BrokenPipeError:  # from standard error, or from code that the command runs
         return _BROKEN_PIPE
     except Exception as error:  # noqa: BLE001 - Python's own exit code would be 1
-        command = _command(given)
+        command = _command(words)
         message = refusal(error, options_of(command), command)
         if message is None:
             above = shown_lines("".join(traceback.format_exception(error)))
@@ -67,11 +66,11 @@ def _run(given: Sequence[str]) -> int:
 
 
 _BROKEN_PIPE: Final = 141
-"""The exit code where the reader of our output has ended, as `head` does."""
+"""The exit code if the reader of our output has ended, such as `head`."""
 
 
 class _Output:
-    """Standard output, whose reader may end: then the rest is dropped, and files are written still.
+    """Standard output that drops further text after its reader has ended; files are still written.
 
     Attributes:
         closed_by_reader: Whether its reader has ended.
@@ -126,7 +125,7 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
     command = _command(argv)
     if command == "monitor":
         if "numpy" not in sys.modules:
-            # It multiplies no matrices, and its workers start faster from one thread.
+            # The command multiplies no matrices, and its workers start faster from one thread.
             os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         from rtamt_gym.commands.monitor import discard_old_outcomes
 
@@ -170,7 +169,7 @@ _SAME: Final = {
     "--spec": "--requirement",
     "--requirement": "--spec",
 }
-"""Options that other commands have under another name."""
+"""Options with another name in other commands."""
 
 
 def _instead(rest: Sequence[str], command: str) -> str:
@@ -219,15 +218,15 @@ def _choice_hint(message: str) -> str:
 
 
 class _Version(argparse.Action):
-    """Print the version; only then are the machines imported, for the name of the back-end."""
+    """Print the version; only then import the machines, for the name of the back-end."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         print(f"rtamt {rtamt.__version__} ({rtamt.BACKEND})")
         parser.exit()
 
 
-def _parser(given: str) -> argparse.ArgumentParser:
-    """The parser of the command line, with the arguments of the command that is given."""
+def _parser(chosen: str) -> argparse.ArgumentParser:
+    """Return the parser of the command line, with the arguments of the chosen command."""
     parser = _Parser(
         prog="rtamt",
         description="Monitors simulations and recorded traces under Signal Temporal Logic.",
@@ -244,7 +243,7 @@ def _parser(given: str) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, line in COMMANDS.items():
         command = commands.add_parser(name, help=line, allow_abbrev=False)
-        if name == given:
+        if name == chosen:
             module = import_module(f"rtamt_gym.commands.{name}")
             module.add_arguments(command)
             command.set_defaults(run=module.run)

@@ -22,7 +22,7 @@ from rtamt_gym.systems.registry import make, register
 from rtamt_gym.systems.system import Policy
 
 Driver = Callable[[gym.Env[Any, Any]], Policy]
-"""Makes the policy of an episode; it may read the state of the environment."""
+"""Returns the policy of an episode; it may read the state of the environment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +32,10 @@ class Demo:
     Attributes:
         env_id: The id of the environment.
         specs: The specifications by name.
-        signals: What their variables read.
+        signals: The signals of their variables.
         duration: The time limit in seconds.
         drivers: The drivers by name; each has an episode, and all start from the same seed.
-        shown: The driver whose episode is drawn.
+        shown: The name of the driver for the picture.
     """
 
     env_id: str
@@ -47,7 +47,7 @@ class Demo:
 
 
 def _balance(leave: float = 4.0, gains: tuple[float, ...] = (1.0, 12.0, 1.0, 2.0)) -> Driver:
-    """Linear feedback that balances the pole; from 2 s to ``leave`` it stands 0.5 m aside."""
+    """Return linear feedback that balances the pole, 0.5 m aside from 2 s to ``leave``."""
 
     def drive(_env: gym.Env[Any, Any]) -> Policy:
         steps = itertools.count()
@@ -80,10 +80,9 @@ PENDULUM = Demo(
 
 
 def _front_gap(env: gym.Env[Any, Any]) -> float:
-    """Metres to the vehicle ahead in the same lane, at most 100.
+    """Return the metres to the vehicle ahead in the same lane, at most 100.
 
-    They are read from the simulation, because highway-env's observations are normalised and
-    relative by default.
+    The observations of highway-env are normalised and relative by default.
     """
     simulation: Any = env.unwrapped
     own = simulation.vehicle

@@ -26,7 +26,7 @@ def check_format(path: Path) -> None:
     """Check that a file has the extension of a picture.
 
     Raises:
-        InputError: If it is not; names the usual ones.
+        InputError: If it has another extension; the error names the usual ones.
     """
     if path.suffix.lower().removeprefix(".") not in FigureCanvasAgg.get_supported_filetypes():
         raise InputError(f"cannot draw {path}: expected a name that ends in .png, .svg or .pdf")
@@ -49,10 +49,10 @@ def tidy(ax: Axes, name: str) -> None:
 def robustness_panel(
     ax: Axes, name: str, formula: str, width: int, curves: Sequence[NDArray[np.float64]]
 ) -> list[NDArray[np.float64]]:
-    """Name a panel, write a formula above it in lines of a width, and draw a line at zero.
+    """Draw the name, the formula and the zero line of a panel of robustness.
 
-    Returns the curves clipped to the range of the panel, so that infinite values end at its edges.
-    The range holds their finite values and zero, with room above and below.
+    The range of the panel contains zero and all finite values. Returns the curves clipped to this
+    range, so that infinite values end at the edges.
     """
     tidy(ax, name)
     text = "\n".join(textwrap.wrap(formula, width, max_lines=2, placeholder=" ..."))
@@ -66,6 +66,6 @@ def robustness_panel(
 
 
 def show_verdict(ax: Axes, verdict: Verdict, text: str) -> None:
-    """Write the words about a verdict in its colour below a panel."""
+    """Write a text about a verdict in its colour below a panel."""
     colour = VERDICT_COLOURS.get(verdict, OPEN)
     ax.set_xlabel(text, color=colour, fontsize=9, loc="right", fontweight="bold")

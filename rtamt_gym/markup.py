@@ -1,6 +1,6 @@
-"""Tables and curves as HTML for notebooks: small, without files, scripts or styles of a page.
+"""Tables and curves as HTML for notebooks, without files, scripts or styles.
 
-Colours are those of the notebook (``currentColor``), so that they suit a light and a dark one.
+They have the colour of the notebook (``currentColor``), which suits light and dark notebooks.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from rtamt import Verdict
 from rtamt.errors import shown
 
 Markup = NewType("Markup", str)
-"""HTML, in which all texts of others are escaped."""
+"""HTML with all foreign texts escaped."""
 
 _POINTS: Final = 100
-"""The most stretches of a curve that are told apart; of each its least and greatest are drawn."""
+"""The maximum number of parts of a curve; each is drawn by its minimum and maximum."""
 
 _WIDTH: Final = 120
 _HEIGHT: Final = 24
 
 
 def plain(text: object) -> Markup:
-    """A text of somebody else.
+    """Return a foreign text, escaped.
 
     Example:
         >>> plain("x < 3 & y")
@@ -36,7 +36,7 @@ def plain(text: object) -> Markup:
 
 
 def code(text: object) -> Markup:
-    """A formula or a name.
+    """Return a formula or a name as code.
 
     Example:
         >>> code("x < 3")
@@ -45,8 +45,8 @@ def code(text: object) -> Markup:
     return Markup(f"<code>{plain(text)}</code>")
 
 
-def verdict(of: Verdict, text: str) -> Markup:
-    """A verdict in its colour, and what its text adds to its name.
+def verdict(value: Verdict, text: str) -> Markup:
+    """Return a verdict in its colour, and the remark after its name in a text.
 
     Example:
         >>> verdict(Verdict.VIOLATED, "VIOLATED by how it ended").endswith(
@@ -54,11 +54,11 @@ def verdict(of: Verdict, text: str) -> Markup:
         ... )
         True
     """
-    return Markup(of._repr_html_() + plain(text.removeprefix(of.name)))
+    return Markup(value._repr_html_() + plain(text.removeprefix(value.name)))
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Markup]]) -> Markup:
-    """A table with a line of heads.
+    """Return a table with a line of heads.
 
     Example:
         >>> table(["name"], [[plain("a")], [code("b")]])
@@ -70,13 +70,13 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Markup]]) -> Markup:
 
 
 def curve(values: ArrayLike, label: str) -> Markup:
-    """A curve over samples, with a line at 0 where its values lie on both sides of it.
+    """Return a curve over samples, with a line at 0 if values lie on both sides.
 
-    Infinite values and nan interrupt it.
+    Infinite values and nan interrupt the curve.
 
     Args:
         values: The values, evenly spaced.
-        label: What it is, for those who hear it.
+        label: A description for screen readers.
     """
     heights = np.asarray(values, dtype=np.float64)
     finite = np.isfinite(heights)
@@ -91,14 +91,14 @@ def curve(values: ArrayLike, label: str) -> Markup:
     path, pen = [], "M"
     for begin in range(0, len(heights), step):
         part = down[begin : begin + step]
-        kept = part[finite[begin : begin + step]]
-        if len(kept) < len(part):
+        known = part[finite[begin : begin + step]]
+        if len(known) < len(part):
             pen = "M"
-        if not len(kept):
+        if not len(known):
             continue
         x = _WIDTH * begin / max(1, len(heights) - 1)
-        ends = [kept[0]] if step == 1 else [kept.min(), kept.max()]
-        for y in ends if kept[0] <= kept[-1] else ends[::-1]:
+        ends = [known[0]] if step == 1 else [known.min(), known.max()]
+        for y in ends if known[0] <= known[-1] else ends[::-1]:
             path.append(f"{pen}{x:.4g} {y:.3g}")
             pen = "L"
     zero = ""
@@ -113,7 +113,7 @@ def curve(values: ArrayLike, label: str) -> Markup:
 
 
 def bar(share: float, low: float, high: float, label: str) -> Markup:
-    """A share from 0 to 1 and its interval, on a line from 0 to 1."""
+    """Return a share and its interval on a line from 0 to 1."""
     left, right = _WIDTH * low, _WIDTH * high
     return _picture(
         f'<path d="M0 12H{_WIDTH}" stroke="currentColor" opacity=".25"/>'

@@ -1,37 +1,37 @@
 """From robustness to reward: pure functions of floats, and of arrays with one for each environment.
 
 Let r be the environment's reward, x the robustness of the episode before the step, clipped to
-[-clip, clip], and x' that after the step:
+[-clip, clip], and x' the same after the step:
 
 | mode | reward | keeps |
 |---|---|---|
 | ``add`` | r + weight * x' | |
 | ``replace`` | x' | |
 | ``potential`` | r + weight * (gamma * x' - x), x' = 0 after a termination | the optimal policy |
-| ``terminal`` | r, and weight * x' more in the last step, terminated or truncated | |
+| ``terminal`` | r, plus weight * x' in the last step, terminated or truncated | |
 | ``progress`` | r + weight * (m' - m), m the middle of the bounds | |
 | ``hierarchical`` | the value of the first negative level, below | the order of the levels |
 | ``verdict`` | 0 | |
 
 In every mode, `settle` pays a bonus once all specifications are certainly satisfied, and a penalty
-once any is certainly violated. Each is paid once an episode, at the step of the decision, or at the
-last step if only the end decides. ``potential`` then keeps the policy that is optimal for r with
-bonus and penalty, not the policy for r alone.
+once any is certainly violated. Each is paid once per episode, at the step of the decision, or at
+the last step if only the end decides. ``potential`` then keeps the policy that is optimal for r
+with bonus and penalty, not for r alone.
 
 ``progress`` pays the gain of the bounds of the robustness, each clipped. Its sum over an episode is
 weight times their middle at the end minus their middle at the reset, which no action changes. At
-the end the middle has the sign of the verdict; if only the end decides, it is the robustness, as
-``terminal`` pays it. But each gain is paid at the step that earned it.
+the end, the middle has the sign of the verdict; if only the end decides, it is the robustness, as
+in ``terminal``. But each gain is paid at the step that earned it.
 
-``potential`` keeps x' at a truncation: that episode could have gone on, and the learner bootstraps
-with the value of its last state. After a termination, by the environment or by the monitor, there
-is no further value, so the potential must be 0 (Ng, Harada and Russell, "Policy invariance under
-reward transformations", ICML 1999). ``gamma`` must be the learner's discount.
+``potential`` keeps x' at a truncation, because the episode could have gone on and the learner
+bootstraps with the value of its last state. After a termination, by the environment or by the
+monitor, nothing follows and the potential must be 0 (Ng, Harada and Russell, "Policy invariance
+under reward transformations", ICML 1999). ``gamma`` must be the learner's discount.
 
 The other modes change the optimal policy on purpose. While x is negative for many steps (a goal not
-yet reached), ``add``, ``replace`` and ``hierarchical`` pay a negative amount each step, and an
-episode that fails early may earn more than one that succeeds late; ``terminal``, ``progress`` and
-``potential`` do not depend on the number of steps in this way.
+yet reached), ``add``, ``replace`` and ``hierarchical`` pay a negative amount each step. An early
+failure may then earn more than a late success; ``terminal``, ``progress`` and ``potential`` do not
+depend on the number of steps in this way.
 
 Functions that take several specifications take a sequence with an element for each: floats, or
 arrays of shape (environments,), of NumPy, of JAX or of torch. Flags (``ended``, ``terminated``) are
@@ -61,28 +61,28 @@ from rtamt_gym.checks.arguments import check_amount, check_choice, check_known, 
 
 
 def library_of(array: Any) -> Any:  # noqa: ANN401 - of any library
-    """The functions of the library that an array is of, which is loaded: `numpy` or one like it."""
+    """Return the library of an array, which is loaded: NumPy, JAX or torch."""
     if isinstance(array, np.ndarray):
         return np
     names = getattr(array, "__array_namespace__", None)  # torch lacks it
     return sys.modules["torch"] if names is None else names()
 
 
-def check_mapping(name: str, given: object, such: Mapping[str, str]) -> None:
-    """Raise InputTypeError if a value is not a mapping; ``such`` is a valid example."""
-    if not isinstance(given, Mapping):
+def check_mapping(name: str, value: object, example: Mapping[str, str]) -> None:
+    """Raise InputError if a value is not a mapping."""
+    if not isinstance(value, Mapping):
         raise InputError(
-            f"expected {name}= as a mapping from specifications, got {given!r}; such as "
-            f"{name}={_written(such)}"
+            f"expected {name}= as a mapping from specifications, such as "
+            f"{name}={_code(example)}, got {value!r}"
         )
 
 
 def levels_of(
     names: Sequence[str], mode: str, ranks: Sequence[str], priorities: Mapping[str, str] | None
 ) -> tuple[tuple[int, ...], ...]:
-    """The places of the specifications of each rank, the first rank first; no level is empty.
+    """Return the places of the specifications in each level; no level is empty.
 
-    All modes but ``"hierarchical"`` have one level.
+    Each rank is a level, the first rank first. Modes other than ``"hierarchical"`` have one level.
 
     Raises:
         InputError: If priorities and mode do not fit, a priority is not a rank, or the names differ
@@ -92,19 +92,20 @@ def levels_of(
         if priorities is not None:
             raise InputError(f"priorities= belongs to mode='hierarchical', got mode={mode!r}")
         return (tuple(range(len(names))),)
-    such = [*ranks, *[ranks[-1]] * len(names)]
-    example = {name: f'"{rank}"' for name, rank in zip(names, such, strict=False)}
+    enough = [*ranks, *[ranks[-1]] * len(names)]
+    example = {name: f'"{rank}"' for name, rank in zip(names, enough, strict=False)}
     if priorities is None:
         raise InputError(
-            "expected priorities= with mode='hierarchical', got None; pass the purpose of every "
-            f"specification, such as priorities={_written(example)}"
+            "expected priorities= with mode='hierarchical', got None; pass the priority of each "
+            f"specification, such as priorities={_code(example)}"
         )
     check_mapping("priorities", priorities, example)
     check_known("priorities", priorities, names)
     for name in names:
         if name not in priorities:
             raise InputError(
-                f'specification {name!r} has no priority; give one: "{name}": "comfort"'
+                f"specification {name!r} has no priority; add it to priorities=, such as "
+                f'"{name}": "{ranks[-1]}"'
             )
         check_choice(f"priorities[{name!r}]", priorities[name], ranks)
     levels = (
@@ -113,8 +114,8 @@ def levels_of(
     return tuple(level for level in levels if level)
 
 
-def _written(entries: Mapping[str, str]) -> str:
-    """A dictionary as one writes it: of names, and of values in the words of Python."""
+def _code(entries: Mapping[str, str]) -> str:
+    """Return a dictionary as Python code; the values are code already."""
     return "{" + ", ".join(f'"{name}": {value}' for name, value in entries.items()) + "}"
 
 
@@ -143,7 +144,7 @@ def clip(x: Numeric, bound: float) -> Numeric:
 
 
 def scaled(values: Sequence[Numeric], weights: Sequence[float], bound: float) -> list[Numeric]:
-    """The values of the specifications, each times its weight and clipped.
+    """Return the values of the specifications, each times its weight and clipped.
 
     Example:
         >>> scaled([0.2, -3.0, float("inf")], weights=[10.0, 0.1, 1.0], bound=1.0)
@@ -158,11 +159,11 @@ def scaled(values: Sequence[Numeric], weights: Sequence[float], bound: float) ->
 
 
 def least(values: Sequence[Numeric], temperature: float | None = None) -> Numeric:
-    """The minimum; with a temperature T the smooth one, ``-T * log(sum(exp(-value / T)))``.
+    """Return the minimum; with a temperature T, ``-T * log(sum(exp(-value / T)))``.
 
-    The smooth minimum of n values lies between ``min - T * log(n)`` and ``min``: where it is
-    positive, all values are. It depends on all values, on the smallest most; for one value it is
-    that value. It is smooth over specifications only: minima and maxima within a formula are exact.
+    This smooth minimum of n values lies between ``min - T * log(n)`` and ``min``: if it is
+    positive, all values are. It depends on all values, mostly on the smallest; for one value it is
+    that value. It is smooth over specifications only: minima and maxima in a formula stay exact.
 
     Args:
         values: Finite numbers, one or more.
@@ -188,7 +189,7 @@ def least(values: Sequence[Numeric], temperature: float | None = None) -> Numeri
 def _least_of_entries(values: Sequence[Any], temperature: float | None) -> Any:  # noqa: ANN401
     library = library_of(values[0])
     lowest = functools.reduce(library.minimum, values)
-    # A minimum gives either zero. Only NumPy can look first whether there is one, which is cheap.
+    # A minimum may have either sign of zero. Only NumPy can check cheaply whether there is a zero.
     if len(values) > 1 and not (library is np and lowest.all()):
         negative = functools.reduce(library.logical_or, map(library.signbit, values))
         lowest = library.where((lowest == 0.0) & negative, -0.0, lowest)
@@ -202,14 +203,14 @@ def _least_of_entries(values: Sequence[Any], temperature: float | None) -> Any: 
 def hierarchical(levels: Sequence[Numeric], bound: float) -> Numeric:
     """Return the first negative level, or the last, raised by ``bound`` for every level before it.
 
-    With all levels in [-bound, bound] the ranges do not overlap: a violated level returns at most
-    as much as any violation of later levels only, for all margins. The value is negative exactly if
-    a level is, -0.0 included, and never falls when a level rises. The margin of a satisfied level
-    counts for the last level only.
+    With all levels in [-bound, bound], the ranges do not overlap: a violated level never returns
+    more than a violation of later levels only. The value is negative exactly if a level is, -0.0
+    included, and never falls when a level rises. The margin of a satisfied level counts for the
+    last level only.
 
     Args:
         levels: Robustness of each level, the most important first.
-        bound: The bound to which the levels are clipped.
+        bound: The clip of the levels.
 
     Example:
         >>> hierarchical([-0.5, 1.0, 1.0], 1.0), hierarchical([0.5, -0.5, 1.0], 1.0)
@@ -277,7 +278,7 @@ def potential(
 
 
 def terminal(reward: Numeric, after: Numeric, ended: Numeric, weight: float) -> Numeric:
-    """``reward``, and where the episode ended ``weight * after`` more.
+    """``reward``, plus ``weight * after`` where the episode ended.
 
     Example:
         >>> terminal(1.0, -0.5, ended=False, weight=2.0)
@@ -289,7 +290,7 @@ def terminal(reward: Numeric, after: Numeric, ended: Numeric, weight: float) -> 
 
 
 def progress(reward: Numeric, before: Numeric, after: Numeric, weight: float) -> Numeric:
-    """``reward + weight * (after - before)``, of the middles of the bounds.
+    """``reward + weight * (after - before)``, for the middles of the bounds.
 
     Example:
         >>> progress(1.0, -0.5, 0.25, weight=2.0)
@@ -320,10 +321,10 @@ def outcome(lower: Numeric, upper: Numeric) -> Numeric:
 
 
 def settle(before: Numeric, after: Numeric, bonus: float, penalty: float) -> Numeric:
-    """The bonus where an `outcome` has become 1, less the penalty where it has become -1.
+    """Return the bonus where an `outcome` became 1, minus the penalty where it became -1.
 
-    An outcome that is not 0 never changes. At a reset it counts as 0, whatever the first sample
-    says: what that decides is settled by the first step.
+    An outcome other than 0 never changes. At a reset it counts as 0, so that the first step settles
+    a decision of the first sample.
 
     Example:
         >>> settle(0.0, 1.0, bonus=5.0, penalty=2.0), settle(0.0, -1.0, bonus=5.0, penalty=2.0)
@@ -336,7 +337,7 @@ def settle(before: Numeric, after: Numeric, bonus: float, penalty: float) -> Num
 
 
 class ShapingNumbers(TypedDict, total=False):
-    """The keyword arguments of `Shaping.of` but for the mode."""
+    """The keyword arguments of `Shaping.of`, except the mode."""
 
     weight: float
     clip: float
@@ -350,7 +351,7 @@ class ShapingNumbers(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True)
 class Shaping:
-    """A mode and its numbers, for specifications in a known order; made by `of`.
+    """A mode and its numbers for specifications in a fixed order; `of` returns one.
 
     Attributes:
         mode: How robustness becomes reward.
@@ -400,7 +401,7 @@ class Shaping:
         bonus: float = 0.0,
         penalty: float = 0.0,
     ) -> Shaping:
-        """The shaping for the specifications named; `StlReward` documents the arguments.
+        """Return the shaping of specifications; `StlReward` documents the arguments.
 
         Raises:
             InputError: If an argument is not among its choices, out of its range, or names an
@@ -459,15 +460,15 @@ class Shaping:
         return self.weights[0] if one and len(set(self.weights)) == 1 else None
 
     def middle(self, lower: Sequence[Numeric], upper: Sequence[Numeric]) -> Numeric:
-        """The middle of the bounds of the robustness, each clipped, which ``progress`` pays for."""
+        """Return the middle of the clipped bounds of the robustness, which ``progress`` pays."""
         return 0.5 * (self.robustness(lower) + self.robustness(upper))
 
     def deciding(self, values: Sequence[Numeric]) -> Numeric:
-        """The robustness that decides `robustness`, as it is before it is clipped.
+        """Return the value that decides `robustness`, before clipping.
 
         It is the minimum over the specifications, each times its weight; in the mode
         ``hierarchical`` the minimum over the level that pays. If it is beyond the clip, no small
-        change of a specification of that level changes the reward.
+        change of a specification in that level changes the reward.
         """
         weighted = [factor * value for factor, value in zip(self.weights, values, strict=True)]
         lows = [least([weighted[i] for i in level]) for level in self.levels]
@@ -483,7 +484,7 @@ class Shaping:
     def reward(
         self, reward: Numeric, before: Numeric, after: Numeric, terminated: Numeric, ended: Numeric
     ) -> Numeric:
-        """The shaped reward of a step.
+        """Return the shaped reward of a step.
 
         Args:
             reward: The reward of the environment.

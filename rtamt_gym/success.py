@@ -1,10 +1,10 @@
-"""Success that holds: when a task counts as done, as formulas with names.
+"""Success that holds: formulas for when a task counts as done.
 
-A benchmark says at every step whether its task is done: a flag in ``info``. Its rate of success is
-how often the flag was true at any step, which counts a block that was pushed across its goal. The
-functions here make other requirements of the same flag, or of the quantity behind it.
+The ``info`` of a benchmark has a flag at every step: whether the task is done. Its rate of success
+is the share of episodes with a true flag at any step, even if a block only slid across its goal.
+The functions here return stricter requirements on the flag, or on the quantity that sets it.
 
-What a state is, at an instant:
+A state holds at an instant:
 
 | state | it holds where |
 |---|---|
@@ -15,7 +15,7 @@ What a state is, at an instant:
 | `at_rest` | a speed is small |
 | `released` | the gripper is away from the object |
 
-States are joined by ``&``. What an episode owes of a state:
+``&`` joins states. A reading makes a requirement on an episode of a state:
 
 | reading | it is satisfied if the state |
 |---|---|
@@ -25,8 +25,8 @@ States are joined by ``&``. What an episode owes of a state:
 | ``"kept"`` | has held for that time without a gap when the episode ends |
 
 Windows look back, so that no end of an episode cuts them: ``at_termination`` and ``at_truncation``
-do not change the verdict, unless they are ``"open"`` or ``"failure"``. The formulas are those of
-`rtamt.patterns.success`.
+do not change the verdict, unless they are ``"open"`` or ``"failure"``. `rtamt.patterns.success`
+returns the formulas.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ __all__ = [
 ]
 
 SuccessReading = Literal["any", "last", "held", "kept"]
-"""What an episode owes of a state, by name; the strictest is the last."""
+"""The readings of a state; the last is the strictest."""
 
 READINGS: Final = get_args(SuccessReading)
 """The names of the readings."""
@@ -84,9 +84,9 @@ def within(quantity: str, target: float, tolerance: float) -> Formula:
     """Return a state that holds where a quantity is within a tolerance of its target.
 
     Args:
-        quantity: The variable, in a unit of its own.
-        target: Where it is to be, in this unit.
-        tolerance: How far it may be away, in this unit.
+        quantity: The variable, in any unit.
+        target: The target, in the same unit.
+        tolerance: The maximum distance from the target, in the same unit.
 
     Raises:
         InputError: If the tolerance is not positive.
@@ -105,12 +105,12 @@ def one_sided(
     """Return a state that holds where a quantity has reached or passed its target.
 
     Args:
-        quantity: The variable, in a unit of its own.
-        at_least: The target of a quantity that grows, such as the angle of a door.
+        quantity: The variable, in any unit.
+        at_least: The target of a quantity that rises, such as the angle of a door.
         at_most: The target of a quantity that falls, such as the height of a button.
 
     Raises:
-        InputError: If none of the targets is given, or both.
+        InputError: If both targets or neither are passed.
 
     Example:
         >>> str(one_sided("angle", at_least=1.2)), str(one_sided("height", at_most=0.02))
@@ -130,16 +130,16 @@ def one_sided(
 def hysteresis(quantity: str, *, enter: float, leave: float) -> Formula:
     """Return a state that holds from one threshold until the quantity is back past another.
 
-    ``enter`` below ``leave`` is a quantity that is to be small, such as a distance; above, one
-    that is to be great.
+    If ``enter`` is below ``leave``, the quantity should be small, such as a distance; if it is
+    above, the quantity should be large.
 
     Args:
-        quantity: The variable, in a unit of its own.
-        enter: What it must reach to begin.
-        leave: What it must pass to end; the state holds at this number still.
+        quantity: The variable, in any unit.
+        enter: The threshold that starts the state.
+        leave: The threshold beyond which the state ends; at this number it still holds.
 
     Raises:
-        InputError: If both are the same number: `one_sided` has no gap.
+        InputError: If both are the same number: use `one_sided`.
 
     Example:
         >>> str(hysteresis("distance", enter=0.05, leave=0.07))
@@ -160,11 +160,11 @@ def at_rest(speed: str, *, below: float) -> Formula:
     """Return a state that holds where the magnitude of a speed is small.
 
     Args:
-        speed: The variable, in a unit of its own.
-        below: How fast it may be, in this unit.
+        speed: The variable, in any unit.
+        below: The speed limit, in the same unit.
 
     Raises:
-        InputError: If that is not positive.
+        InputError: If the limit is not positive.
 
     Example:
         >>> str(at_rest("speed", below=0.01))
@@ -177,11 +177,11 @@ def released(distance: str, *, at_least: float) -> Formula:
     """Return a state that holds where the gripper is away from the object.
 
     Args:
-        distance: The variable, the way from gripper to object in a unit of its own.
-        at_least: How far that is at least, in this unit.
+        distance: The variable, the distance of gripper and object in any unit.
+        at_least: The minimum distance, in the same unit.
 
     Raises:
-        InputError: If that is not positive.
+        InputError: If the minimum is not positive.
 
     Example:
         >>> str(within("height", 0.2, 0.02) & released("reach", at_least=0.05))
@@ -191,33 +191,33 @@ def released(distance: str, *, at_least: float) -> Formula:
 
 
 def reading(name: SuccessReading, state: Formula | str = "success", hold: Hold = 0.5) -> Formula:
-    """The requirement that an episode owes a state, under one of the readings.
+    """Return the requirement of a reading on a state.
 
-    ``"kept"`` implies ``"held"`` and ``"last"``, and each of these ``"any"``. An episode that is
-    shorter than the time is neither held nor kept. A time is held from a sample to the sample that
-    lies so much later, both included: 0.5 s of samples every 0.1 s are six.
+    ``"kept"`` implies ``"held"`` and ``"last"``, and each of these implies ``"any"``. An episode
+    shorter than ``hold`` satisfies neither ``"held"`` nor ``"kept"``. The time includes the samples
+    at both ends: 0.5 s of samples every 0.1 s are six samples.
 
     Args:
         name: The reading.
         state: The state, or the name of a `flag`.
-        hold: How long ``"held"`` and ``"kept"`` ask for, in seconds or as text with a unit.
+        hold: The time of ``"held"`` and ``"kept"``, in seconds or as text with a unit.
 
     Raises:
-        InputError: If there is no such reading.
+        InputError: If the name is not a reading.
         SpecificationError: If ``hold`` is not positive.
         InputTypeError: If the state is neither a formula nor a name.
 
     Example:
-        >>> for each in READINGS:
-        ...     print(reading(each, "ok", "500ms"))
+        >>> for name in READINGS:
+        ...     print(reading(name, "ok", "500ms"))
         eventually(ok >= 0.5)
         eventually always(ok >= 0.5)
         eventually(ok >= 0.5 since[500:500ms] ok >= 0.5)
         eventually always(ok >= 0.5 since[500:500ms] ok >= 0.5)
-        >>> kept = rtamt.EpisodeMonitor(reading("kept", "ok", 2), period=1)
+        >>> monitor = rtamt.EpisodeMonitor(reading("kept", "ok", 2), period=1)
         >>> for ok in (0, 1, 1, 1):
-        ...     _ = kept.update(ok)
-        >>> kept.finish(), kept.verdict.name
+        ...     _ = monitor.update(ok)
+        >>> monitor.finish(), monitor.verdict.name
         (0.5, 'SATISFIED')
     """
     check_choice("name", name, READINGS)
@@ -233,7 +233,7 @@ def reading(name: SuccessReading, state: Formula | str = "success", hold: Hold =
 
 
 def readings(state: Formula | str = "success", hold: Hold = 0.5) -> Mapping[str, Formula]:
-    """All readings of a state by their names, as `rtamt_gym.StlMonitor` takes specifications.
+    """Return all readings of a state by name, as specifications for `rtamt_gym.StlMonitor`.
 
     Args:
         state: As for `reading`.

@@ -16,7 +16,7 @@ from rtamt.errors import shown, shown_lines
 
 
 def counted(count: int, what: str) -> str:
-    """Return a count with its noun, which has a plural in s.
+    """Return a count with its noun; the plural ends in s.
 
     Example:
         >>> counted(1, "trace"), counted(0, "trace")
@@ -26,7 +26,7 @@ def counted(count: int, what: str) -> str:
 
 
 def number(value: float) -> str:
-    """Write a number in six digits at most.
+    """Return a number in at most six digits.
 
     Example:
         >>> number(2.0), number(-1 / 3), number(float("inf"))
@@ -36,7 +36,7 @@ def number(value: float) -> str:
 
 
 def p_text(p: float) -> str:
-    """A p-value in words: two digits that count, not below 0.001.
+    """Return a p-value in words, with two significant digits, not below 0.001.
 
     Example:
         >>> p_text(0.0213), p_text(0.00001), p_text(0.73), p_text(1.0)
@@ -46,7 +46,7 @@ def p_text(p: float) -> str:
 
 
 def short(value: float, digits: int = 3) -> str:
-    """A number in a few digits.
+    """Return a number in a few digits.
 
     Example:
         >>> short(0.21345), short(-12.0), short(-0.0), short(float("inf")), short(0.21345, 2)
@@ -56,7 +56,7 @@ def short(value: float, digits: int = 3) -> str:
 
 
 def time_text(time: float, step: float | None) -> str:
-    """Write a time in seconds, with enough digits to distinguish it from the time a step later.
+    """Return a time in seconds, with enough digits to distinguish it from the time a step later.
 
     Without a step, the time is the number of a sample.
 
@@ -71,7 +71,7 @@ def time_text(time: float, step: float | None) -> str:
 
 
 def sample_text(sample: int, period: Fraction | None, start: float = 0.0) -> str:
-    """Write the time of a sample in seconds, or its number if there is no period.
+    """Return the time of a sample in seconds, or its number if there is no period.
 
     Example:
         >>> sample_text(3, Fraction(1, 2)), sample_text(3, None)
@@ -88,7 +88,7 @@ def wrapped(text: str) -> list[str]:
 
 
 def shorten(text: str, width: int) -> str:
-    """Cut a text to a width, with three dots in place of what is cut off.
+    """Cut a text to a width, with three dots at the end.
 
     Example:
         >>> shorten("always(x > 0)", 9)
@@ -98,7 +98,7 @@ def shorten(text: str, width: int) -> str:
 
 
 class Coloured(str):
-    """A text in a colour, which a table has on a terminal that shows colours.
+    """A text in a colour, for tables on a terminal with colours.
 
     Attributes:
         style: ``"red"``, ``"yellow"``, ``"green"``, ``"bold"``, or empty.
@@ -109,10 +109,10 @@ class Coloured(str):
     style: str
 
     def __new__(cls, text: str, style: str = "") -> Self:
-        """The text, coloured."""
-        made = super().__new__(cls, text)
-        made.style = style
-        return made
+        """Return the text with a style."""
+        coloured = super().__new__(cls, text)
+        coloured.style = style
+        return coloured
 
 
 _CODES: Final = {"red": 31, "yellow": 33, "green": 32, "bold": 1}
@@ -120,11 +120,11 @@ _CODES: Final = {"red": 31, "yellow": 33, "green": 32, "bold": 1}
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """How wide lines are, and whether they have colours.
+    """The width of lines, and whether they have colours.
 
     Attributes:
-        width: The most columns of a line.
-        colours: Whether texts are coloured, as the codes of ANSI say it.
+        width: The maximum number of columns of a line.
+        colours: Whether to colour texts, with ANSI codes.
     """
 
     width: int = 80
@@ -132,26 +132,26 @@ class Terminal:
 
     @classmethod
     def present(cls) -> Self:
-        """The standard output's: 80 columns without colours, unless it is a terminal."""
+        """Return the terminal of standard output: 80 columns without colours if it is a file."""
         if not sys.stdout.isatty():
             return cls()
         plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb"
         return cls(get_terminal_size().columns, not plain)
 
     def cut(self, text: str, style: str = "") -> str:
-        """A line that is cut at the width."""
+        """Return a line that is cut at the width."""
         return self.painted(shorten(shown(text), self.width), style)
 
     def wrapped(self, text: str, style: str = "") -> list[str]:
-        """Lines of a text that is wrapped at the width."""
+        """Return a text in lines of the width."""
         return [self.painted(line, style) for line in wrap(shown_lines(text), self.width)]
 
     def painted(self, text: str, style: str) -> str:
-        """A text in a colour, if there are colours."""
+        """Return a text in a colour, if the terminal has colours."""
         return f"\x1b[{_CODES[style]}m{text}\x1b[0m" if self.colours and style else text
 
     def table(self, rows: Sequence[Sequence[str]], align: str) -> list[str]:
-        """The lines of `table`, with a heading in bold, names cut to fit, and coloured cells."""
+        """Return the lines of `table`, with a bold heading, names that fit, and coloured cells."""
         head, *others = table(rows, align, self.width, self)
         return [self.painted(head, "bold"), *others]
 
@@ -162,14 +162,14 @@ def table(
     width: int | None = None,
     terminal: Terminal | None = None,
 ) -> list[str]:
-    r"""Arrange cells in columns, two blanks apart; a column with empty cells alone is left out.
+    r"""Arrange cells in columns, two blanks apart; omit a column that is empty below its name.
 
     Args:
         rows: The cells; the first row holds the names of the columns.
         align: ``<`` or ``>`` for every column.
-        width: The most columns of a line, for which the cells of the first column are cut, though
-            not below 8; None: as wide as the cells are.
-        terminal: Where `Coloured` cells have their colours.
+        width: The maximum width of a line, to which the cells of the first column are cut, but not
+            below 8; None: no maximum.
+        terminal: The terminal of `Coloured` cells; None: without colours.
 
     Example:
         >>> cells = [("ep", "spec", "steps"), ("", "upright", "50")]
@@ -198,7 +198,7 @@ def table(
 
 
 def _shown(cell: str) -> str:
-    """A cell as it may be printed, in its colour."""
+    """Return a cell without control characters, in its colour."""
     text = shown(cell)
     return cell if text == cell else Coloured(text, getattr(cell, "style", ""))
 

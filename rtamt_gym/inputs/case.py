@@ -27,8 +27,8 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import exact
 
 WaveformInterpolation = Literal["hold", "linear", "pchip"]
-"""How a waveform goes from one control point to the next: it keeps the value, or it runs along a
-straight line, or along a cubic that is monotone between the points."""
+"""How a waveform continues after a control point: it holds the value, or follows a straight line or
+a monotone cubic to the next point."""
 
 LEAST_POINTS: Final[Mapping[str, int]] = {"hold": 1, "linear": 2, "pchip": 2}
 """The minimum number of control points of an interpolation."""
@@ -37,10 +37,10 @@ Floats = NDArray[np.float64]
 
 
 class _Piece(NamedTuple):
-    """A piece of a waveform from one control point to the next: a cubic of the share gone.
+    """A cubic piece of a waveform from one control point to the next.
 
-    Its value at the share x is ``start + x (c1 + x (c2 + x c3))``, kept between low and high, which
-    rounding might leave.
+    Its value at the share x of its length is ``start + x (c1 + x (c2 + x c3))``, clipped to low and
+    high because of rounding.
     """
 
     length: float
@@ -54,20 +54,19 @@ class _Piece(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Waveform:
-    """A function of time through control points; before the first and after the last it is flat.
+    """A function of time through control points; constant before the first and after the last.
 
-    Times and values are numbers in the units of who reads them. A time that is a float stands for
-    the fraction that it is next to, as periods do: 0.1 + 0.2 is 0.3.
+    A time that is a float stands for the nearest simple fraction, as periods do: 0.1 + 0.2 is 0.3.
 
     Attributes:
         times: The times of the control points, in seconds, increasing.
-        values: The values at these times.
-        interpolation: ``"hold"``: a value is kept until the next time; ``"linear"``: straight lines
-            join the points; ``"pchip"``: cubics join them, with continuous slopes and monotone from
-            each point to the next, so that no value lies outside of those given.
+        values: The values at these times, in the unit of the input.
+        interpolation: ``"hold"``: a value holds until the next time; ``"linear"``: straight lines
+            join the points; ``"pchip"``: cubics join them, with continuous slopes and monotone
+            between neighbouring points, so that no value is outside the range of ``values``.
 
     Raises:
-        InputError: If times and values are not of one number, the times do not increase, a number
+        InputError: If the numbers of times and values differ, the times do not increase, a number
             is not finite, or there are too few points: ``"linear"`` and ``"pchip"`` need two.
         InputTypeError: If times or values are not numbers.
 
@@ -112,10 +111,10 @@ class Waveform:
         if not all(math.isfinite(number) for piece in pieces for number in piece[:5]):
             raise InputError("expected values with finite differences")
         for name, value in (("times", times), ("values", values), ("_pieces", pieces)):
-            object.__setattr__(self, name, value)  # it is frozen for everyone else
+            object.__setattr__(self, name, value)  # the class is frozen
 
     def __call__(self, time: float) -> float:
-        """The value at a time in seconds."""
+        """Return the value at a time in seconds."""
         times = self.times
         time = min(max(time, times[0]), times[-1])
         index = bisect_right(times, time) - 1
@@ -134,7 +133,7 @@ class Waveform:
         return values
 
     def from_steps(self, period: float | Fraction, count: int) -> Floats:
-        """The values that the first steps of a simulation get, an array of ``count`` numbers.
+        """Return the values for the first ``count`` steps of a simulation, shape ``(count,)``.
 
         Step i runs from ``i * period`` to ``(i + 1) * period``. With ``"hold"`` it gets the value
         at its start, with ``"linear"`` and ``"pchip"`` the value at its end.
@@ -152,11 +151,11 @@ class Waveform:
         return self.at(_instants(period, self._lead, count))
 
     def stepper(self, period: float | Fraction) -> Callable[[int], float]:
-        """The function from the index of a step to the value that the step gets, see `of_steps`."""
+        """Return the function from the index of a step to its value, as `from_steps` defines it."""
         numerator, denominator = exact(period).as_integer_ratio()
         lead = self._lead
-        # Whole numbers divide to the nearest float: a step begins at the time of a control point
-        # or beside it, never a rounding off.
+        # A quotient of whole numbers is the nearest float, so that the start of a step never misses
+        # the time of a control point by rounding.
         return lambda step: self((step + lead) * numerator / denominator)
 
     @property
@@ -167,17 +166,17 @@ class Waveform:
 
 @lru_cache(maxsize=32)
 def _instants(period: Fraction, lead: int, count: int) -> Floats:
-    """The times that the first steps look at; the environments of a batch share them."""
+    """Return the times at which the first steps read; the environments of a batch share them."""
     times: Floats = np.arange(lead, count + lead) * period.numerator / period.denominator
     times.setflags(write=False)
     return times
 
 
-def _numbers(what: str, given: object) -> list[float]:
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise InputTypeError(f"expected {what} as several numbers, got {given!r}")
+def _numbers(what: str, values: object) -> list[float]:
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise InputTypeError(f"expected {what} as several numbers, got {values!r}")
     numbers = []
-    for value in given:
+    for value in values:
         if isinstance(value, bool) or not isinstance(value, Real):
             raise InputTypeError(f"expected {what} as numbers, got {value!r} among them")
         if not math.isfinite(value):
@@ -223,7 +222,7 @@ def _pchip(times: _Points, values: _Points) -> list[_Piece]:
 
 
 def _slope(h1: float, chord1: float, h2: float, chord2: float) -> float:
-    """The slope between two pieces: a harmonic mean of their chords, 0 where these turn."""
+    """Return the slope between two pieces: a harmonic mean of the chords, 0 at a turning point."""
     if chord1 == 0 or chord2 == 0 or (chord1 < 0) != (chord2 < 0):
         return 0.0
     w1, w2 = 2 * h2 + h1, h2 + 2 * h1
@@ -231,7 +230,7 @@ def _slope(h1: float, chord1: float, h2: float, chord2: float) -> float:
 
 
 def _end_slope(h1: float, chord1: float, h2: float, chord2: float) -> float:
-    """The slope at an end, of a parabola through three points, so limited that none overshoots."""
+    """Return the slope of a parabola through three points at its end, limited to be monotone."""
     slope = ((2 * h1 + h2) * chord1 - h1 * chord2) / (h1 + h2)
     if chord1 == 0 or slope == 0 or (slope < 0) != (chord1 < 0):
         return 0.0
@@ -245,18 +244,18 @@ _PIECES: dict[str, Callable[[Any, Any], list[_Piece]]] = {
     "linear": _linear,
     "pchip": _pchip,
 }
-"""What makes the pieces of an interpolation from times and values."""
+"""The function of each interpolation that makes its pieces from times and values."""
 
 
 class Case(Mapping[str, float | Waveform]):
     """The inputs of one simulation: a number or a waveform for each name; immutable.
 
     Args:
-        entries: Numbers, infinite ones too, and waveforms by name.
+        entries: Numbers, which may be infinite, and waveforms by name.
 
     Raises:
         InputError: If a number is nan.
-        InputTypeError: If a name is not a text, or an entry neither a number nor a `Waveform`.
+        InputTypeError: If a name is not a text, or an entry is neither a number nor a `Waveform`.
 
     Example:
         >>> case = Case({"mass": 1.5, "throttle": Waveform([0, 5], [80, 20])})
@@ -294,7 +293,7 @@ class Case(Mapping[str, float | Waveform]):
         return f"Case({self._entries!r})"
 
     def columns(self) -> dict[str, float]:
-        """The case as a row of a table: its numbers, and the values at its control points.
+        """Return the case as a row of a table: its numbers, and the values at its control points.
 
         The columns have the same names as in the `Space` of the case.
         """
@@ -307,16 +306,16 @@ class Case(Mapping[str, float | Waveform]):
         return columns
 
     def to_json(self) -> str:
-        """The case as text in JSON; infinite numbers are the texts ``"inf"`` and ``"-inf"``."""
+        """Return the case as JSON; infinite numbers are the texts ``"inf"`` and ``"-inf"``."""
         return json.dumps({name: _written(value) for name, value in self._entries.items()})
 
     @classmethod
     def from_json(cls, text: str) -> Case:
-        """Read the text that `to_json` has written.
+        """Read the output of `to_json`.
 
         Raises:
-            InputError: If it is not JSON, or not a case.
-            InputTypeError: If it is not a text; as for a case.
+            InputError: If the text is not JSON, or not a case.
+            InputTypeError: If it is not a text, or an entry has a wrong type.
         """
         if not isinstance(text, str):
             raise InputTypeError(f"expected a case as text in JSON, got {text!r}")

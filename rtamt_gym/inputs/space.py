@@ -21,33 +21,33 @@ from rtamt_gym.inputs.case import LEAST_POINTS, Case, Waveform, WaveformInterpol
 
 
 class Entry:
-    """Ranges of inputs for a search: `Signal` and `Parameter`; a `Space` has several."""
+    """The range of an input for a search: a `Signal` or a `Parameter`."""
 
     __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Signal(Entry):
-    """An input over time: a waveform with control points, each anywhere between two values.
+    """An input over time: a waveform with control points between two values.
 
-    The control points divide the duration evenly. With ``"hold"`` each begins a piece that keeps
-    its value; with ``"linear"`` and ``"pchip"`` the first is at time 0 and the last at the end.
+    The control points divide the duration evenly. With ``"hold"``, each starts a piece of constant
+    value; with ``"linear"`` and ``"pchip"``, the first is at time 0 and the last at the end.
 
     Attributes:
         name: The name of the input: an action of an environment, an input of an FMU, ``ctrl[0]`` of
             a MuJoCo model, a keyword argument of a function.
-        low: The least value.
-        high: The greatest value.
+        low: The minimum value.
+        high: The maximum value.
         points: The number of control points.
-        interpolation: ``"hold"``, ``"linear"``, or ``"pchip"``, a cubic that is monotone between
-            the points, so that it stays between ``low`` and ``high``.
-        duration: Seconds from the first control point to the end; afterwards the last value is
-            held. None: the duration of the space that the signal is in.
+        interpolation: ``"hold"`` (default), ``"linear"``, or ``"pchip"``, a cubic that is monotone
+            between the points, so that it stays between ``low`` and ``high``.
+        duration: Seconds from the first control point to the end; then the last value holds. None:
+            the duration of the space of the signal.
 
     Raises:
-        InputError: If ``low`` and ``high`` are not finite or in this order, or there are too few
-            control points: ``"linear"`` and ``"pchip"`` need two.
-        InputTypeError: If an argument is not of the types above.
+        InputError: If ``low`` or ``high`` is not finite, ``low`` is above ``high``, or there are
+            too few control points: ``"linear"`` and ``"pchip"`` need two.
+        InputTypeError: If an argument has a wrong type.
 
     Example:
         >>> Signal("throttle", 0, 100, points=7).columns
@@ -79,25 +79,25 @@ class Signal(Entry):
 
 @dataclass(frozen=True, slots=True)
 class Parameter(Entry):
-    """A number that stays as it is over a simulation: a constant, an initial state, a fault time.
+    """A number that is constant in a simulation: a constant, an initial state, a fault time.
 
     Attributes:
         name: The name of the number: a parameter of a scenario or an FMU, ``qpos[0]`` of a MuJoCo
             model, an attribute ``env.gravity``, a keyword argument of a function.
         low: The minimum value; with ``values`` their minimum.
         high: The maximum value; with ``values`` their maximum.
-        default: The value where none is chosen; it may lie outside of the range, such as a fault
-            time of ``math.inf``, which means never. None: the system's own value.
+        default: The value without a choice; it may be outside the range, such as a fault time of
+            ``math.inf``, which means never. None: the system's own value.
         values: The values to choose from, in place of ``low`` and ``high``.
         log: Whether a search spreads the logarithm of the number evenly.
         unit: The unit, for tables and pictures.
         about: A description in a few words.
 
     Raises:
-        InputError: If ``low`` and ``high`` are not finite or in this order, ``values`` are empty or
-            repeat a value, both or neither are passed, or ``log`` comes with ``values`` or a
-            ``low`` that is not above 0.
-        InputTypeError: If an argument is not of the types above.
+        InputError: If ``low`` or ``high`` is not finite, ``low`` is above ``high``, ``values`` is
+            empty or repeats a value, both or neither are passed, or ``log`` is used with ``values``
+            or a ``low`` that is not above 0.
+        InputTypeError: If an argument has a wrong type.
 
     Example:
         >>> Parameter("mass", 1, 2).columns
@@ -136,9 +136,9 @@ class Parameter(Entry):
         if self.log:
             raise InputError(f"{phrase}: log=True is for low and high, got values= as well")
         values = _values(phrase, self.values)
-        given, ends = (self.low, self.high), (min(values), max(values))
-        if not all(math.isnan(_real(phrase, "low and high", value)) for value in given) and (
-            given != ends  # dataclasses.replace gives the ends that were computed before
+        passed, ends = (self.low, self.high), (min(values), max(values))
+        if not all(math.isnan(_real(phrase, "low and high", value)) for value in passed) and (
+            passed != ends  # dataclasses.replace passes the ends that were computed before
         ):
             raise InputError(f"{phrase}: expected low and high, or values=, got both")
         _set(self, "values", values)
@@ -147,7 +147,7 @@ class Parameter(Entry):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The name alone: one number describes a parameter."""
+        """The name, because one number describes a parameter."""
         return (self.name,)
 
 
@@ -169,11 +169,11 @@ def _check_name(kind: str, name: object) -> None:
         raise InputTypeError(f"expected the name of a {kind}, a text, got {name!r}")
 
 
-def _set(of: object, field: str, value: object) -> None:
-    object.__setattr__(of, field, value)  # it is frozen for everyone else
+def _set(entry: object, field: str, value: object) -> None:
+    object.__setattr__(entry, field, value)  # the class is frozen
 
 
-def _set_range(of: Signal | Parameter, what: str, low: object, high: object) -> None:
+def _set_range(entry: Signal | Parameter, what: str, low: object, high: object) -> None:
     """Turn low and high into floats; raise InputError if they are not a range."""
     least, most = _real(what, "low", low), _real(what, "high", high)
     for name, value in (("low", least), ("high", most)):
@@ -185,8 +185,8 @@ def _set_range(of: Signal | Parameter, what: str, low: object, high: object) -> 
         )
     if not math.isfinite(most - least):
         raise InputError(f"{what}: the range from {least:g} to {most:g} is too wide for a float")
-    _set(of, "low", least)
-    _set(of, "high", most)
+    _set(entry, "low", least)
+    _set(entry, "high", most)
 
 
 def _real(what: str, name: str, value: object) -> float:
@@ -196,7 +196,7 @@ def _real(what: str, name: str, value: object) -> float:
 
 
 def _number(what: str, name: str, value: object) -> float:
-    """A number that may be infinite."""
+    """Return a number that may be infinite."""
     number = _real(what, name, value)
     if math.isnan(number):
         raise InputError(f"{what}: expected {name}= as a number, got nan")
@@ -216,15 +216,15 @@ def _values(what: str, values: Any) -> tuple[float, ...]:  # noqa: ANN401 - chec
 
 
 SpaceLike = Union["Space", Mapping[str, Entry], Sequence[Entry]]
-"""What a `Space` is made of: several signals and parameters, also by name."""
+"""A `Space`, or its signals and parameters in a sequence or by name."""
 
 
 class Space:
     """The cases that a search chooses from: one for each point of a unit cube.
 
-    Each control point of a signal and each parameter is a coordinate. From 0 to 1 it runs evenly
-    from low to high, over the logarithms where a parameter has ``log``; of several values each gets
-    a part of the same length.
+    Each control point of a signal and each parameter is a coordinate. From 0 to 1, it runs evenly
+    from low to high, or over the logarithms for a parameter with ``log``. Each of several values
+    has an interval of the same length.
 
     Args:
         entries: The signals and parameters, or a mapping from their names to them.
@@ -233,10 +233,10 @@ class Space:
     Attributes:
         entries: The signals and parameters, by name.
         duration: The duration of signals without their own, or None.
-        columns: The names of the coordinates, in their order.
+        columns: The names of the coordinates, in order.
 
     Raises:
-        InputError: If two of them have one name, or a mapping gives another name than they do.
+        InputError: If two entries have the same name, or a mapping gives an entry another name.
         InputTypeError: If an entry is neither a `Signal` nor a `Parameter`.
 
     Example:
@@ -286,11 +286,11 @@ class Space:
         return len(self.columns)
 
     def case(self, point: ArrayLike) -> Case:
-        """The case of a point of the unit cube, an array of shape (dimension,).
+        """Return the case of a point of the unit cube, an array of shape (dimension,).
 
         Raises:
-            InputError: If the point is not of the unit cube, or a signal has no duration.
-            InputTypeError: If it is not made of numbers.
+            InputError: If the point is outside the unit cube, or a signal has no duration.
+            InputTypeError: If the point does not consist of numbers.
         """
         left = iter(self._checked(point).tolist())
         case: dict[str, float | Waveform] = {}
@@ -299,15 +299,15 @@ class Space:
                 values = [_between(entry, next(left)) for _ in range(entry.points)]
                 case[entry.name] = Waveform(self._times(entry), values, entry.interpolation)
             else:
-                case[entry.name] = _chosen(entry, next(left))
+                case[entry.name] = _number_at(entry, next(left))
         return Case(case)
 
     def point(self, case: Mapping[str, float | Waveform]) -> NDArray[np.float64]:
-        """Return the point of a case, up to rounding; for several values, the middle of a part.
+        """Return the point of a case, up to rounding; of several values, an interval middle.
 
         Raises:
-            InputError: If the case has other names than the space, a number that is out of its
-                range, or a waveform of other control points.
+            InputError: If the case has other names than the space, a number out of its range, or a
+                waveform with other control points.
         """
         for name in [*self.entries, *case]:
             if name not in case or name not in self.entries:
@@ -335,23 +335,23 @@ class Space:
                 raise InputError(f"expected {column!r} of a point from 0 to 1, got {number:g}")
         return numbers
 
-    def _coordinates(self, each: Signal | Parameter, entry: float | Waveform) -> list[float]:
-        if not isinstance(each, Signal):
-            if isinstance(entry, Waveform):
-                raise InputError(f"expected {each.name!r} of a case as a number, got {entry!r}")
-            return [_coordinate(each, entry)]
-        times = self._times(each)
-        if not isinstance(entry, Waveform) or (
-            (entry.times, entry.interpolation) != (times, each.interpolation)
+    def _coordinates(self, entry: Signal | Parameter, value: float | Waveform) -> list[float]:
+        if not isinstance(entry, Signal):
+            if isinstance(value, Waveform):
+                raise InputError(f"expected {entry.name!r} of a case as a number, got {value!r}")
+            return [_coordinate(entry, value)]
+        times = self._times(entry)
+        if not isinstance(value, Waveform) or (
+            (value.times, value.interpolation) != (times, entry.interpolation)
         ):
             raise InputError(
-                f"expected {each.name!r} of a case as a waveform of interpolation "
-                f"{each.interpolation!r} and times {times}, got {entry!r}"
+                f"expected {entry.name!r} of a case as a waveform of interpolation "
+                f"{entry.interpolation!r} and times {times}, got {value!r}"
             )
-        return [_share(each, value) for value in entry.values]
+        return [_share(entry, number) for number in value.values]
 
     def _times(self, signal: Signal) -> tuple[float, ...]:
-        """The times of the control points of a signal."""
+        """Return the times of the control points of a signal."""
         duration = signal.duration or self.duration
         if duration is None:
             raise InputError(
@@ -368,7 +368,7 @@ class Space:
 
 @lru_cache(maxsize=32)
 def _evenly(duration: float, parts: int, points: int) -> tuple[float, ...]:
-    """The first times of a duration in parts; all cases of a signal share them."""
+    """Return the first times of a duration in parts; all cases of a signal share them."""
     return tuple(float(exact(duration) * i / parts) for i in range(points))
 
 
@@ -382,55 +382,56 @@ def _by_name(entries: Any) -> dict[str, Signal | Parameter]:  # noqa: ANN401 - c
         entries.items() if isinstance(entries, Mapping) else [(None, entry) for entry in entries]
     )
     result: dict[str, Signal | Parameter] = {}
-    for name, each in named:
-        if not isinstance(each, Signal | Parameter):
+    for name, entry in named:
+        if not isinstance(entry, Signal | Parameter):
             raise InputTypeError(
-                f"expected signals and parameters, got {each!r} among them; write "
+                f"expected signals and parameters, got {entry!r} among them; write "
                 "Signal('throttle', 0, 100, points=7) or Parameter('mass', 1, 2)"
             )
-        if name is not None and name != each.name:
-            raise InputError(f"expected {each.name!r} by its own name, got it as {name!r}")
-        if each.name in result:
-            raise InputError(f"expected entries of different names, got {each.name!r} twice")
-        result[each.name] = each
+        if name is not None and name != entry.name:
+            raise InputError(f"expected {entry.name!r} by its own name, got it as {name!r}")
+        if entry.name in result:
+            raise InputError(f"expected entries of different names, got {entry.name!r} twice")
+        result[entry.name] = entry
     if not result:
         raise InputError("expected at least one signal or parameter, got none")
     return result
 
 
-def _between(of: Signal | Parameter, share: float) -> float:
-    """The number that lies at a share of the way from low to high."""
-    return min(of.low + share * (of.high - of.low), of.high)
+def _between(entry: Signal | Parameter, share: float) -> float:
+    """Return the number at a share of the way from low to high."""
+    return min(entry.low + share * (entry.high - entry.low), entry.high)
 
 
-def _share(of: Signal | Parameter, number: float) -> float:
+def _share(entry: Signal | Parameter, number: float) -> float:
     """Return the position of a number between low and high, from 0 to 1."""
-    if not of.low <= number <= of.high:
+    low, high = entry.low, entry.high
+    if not low <= number <= high:
         raise InputError(
-            f"expected {of.name!r} of a case from {of.low:g} to {of.high:g}, got {number:g}"
+            f"expected {entry.name!r} of a case from {low:g} to {high:g}, got {number:g}"
         )
-    return (number - of.low) / (of.high - of.low) if of.low < of.high else 0.0
+    return (number - low) / (high - low) if low < high else 0.0
 
 
-def _chosen(of: Parameter, share: float) -> float:
-    """The number of a parameter at a coordinate."""
-    if of.values is not None:
-        count = len(of.values)
-        return of.values[min(int(share * count), count - 1)]
-    if not of.log or share in {0.0, 1.0}:  # the logarithm would round the ends
-        return _between(of, share)
-    return min(max(of.low * math.pow(of.high / of.low, share), of.low), of.high)
+def _number_at(entry: Parameter, share: float) -> float:
+    """Return the number of a parameter at a coordinate."""
+    if entry.values is not None:
+        count = len(entry.values)
+        return entry.values[min(int(share * count), count - 1)]
+    if not entry.log or share in {0.0, 1.0}:  # the logarithm would round the ends
+        return _between(entry, share)
+    return min(max(entry.low * math.pow(entry.high / entry.low, share), entry.low), entry.high)
 
 
-def _coordinate(of: Parameter, number: float) -> float:
+def _coordinate(entry: Parameter, number: float) -> float:
     """Return the coordinate of a number of a parameter."""
-    if of.values is not None:
-        if number not in of.values:
+    if entry.values is not None:
+        if number not in entry.values:
             raise InputError(
-                f"expected {of.name!r} of a case among {listing(of.values)}, got {number:g}"
+                f"expected {entry.name!r} of a case among {listing(entry.values)}, got {number:g}"
             )
-        return (of.values.index(number) + 0.5) / len(of.values)
-    share = _share(of, number)
-    if of.log and of.low < number < of.high:
-        return math.log(number / of.low) / math.log(of.high / of.low)
+        return (entry.values.index(number) + 0.5) / len(entry.values)
+    share = _share(entry, number)
+    if entry.log and entry.low < number < entry.high:
+        return math.log(number / entry.low) / math.log(entry.high / entry.low)
     return share

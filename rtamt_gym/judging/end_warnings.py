@@ -9,17 +9,16 @@ from rtamt_gym.checks.callers import caller_level
 
 
 class OpenEndWarning(UserWarning):
-    """An environment ended an episode, and so decided an open specification.
+    """An environment ended an episode and thereby decided an open specification.
 
     Attributes:
         name: The specification that counts as satisfied.
     """
 
     _TEXT = (
-        "the environment ended an episode while specification {!r} was open, and counts "
-        "it as satisfied: a terminated episode is taken for all there is. Say what its end "
-        'means: at_termination="complete" for this, "failure" where an environment ends what '
-        'has failed, such as a fall, or "cut" where an episode could have gone on'
+        "the environment ended an episode while specification {!r} was open, which counts as "
+        'satisfied. Set at_termination="complete" to confirm this, "failure" if the environment '
+        'ends failed episodes, such as a fall, or "cut" if the episode could have gone on'
     )
 
     def __init__(self, name: str) -> None:
@@ -28,17 +27,17 @@ class OpenEndWarning(UserWarning):
 
 
 class CutWindowWarning(OpenEndWarning):
-    """An environment ended an episode inside a bounded window, and so decided a specification.
+    """An environment ended an episode inside a bounded window and thereby decided a specification.
 
-    ``eventually(always[0:0.5](done > 0))`` is satisfied by the first sample that is done, if the
-    environment ends the episode there and the end counts as complete.
+    ``eventually(always[0:0.5](done > 0))`` is satisfied by the first sample with ``done > 0`` if
+    the environment ends the episode there and the end counts as complete.
     """
 
     _TEXT = (
-        "the environment ended an episode inside a bounded window of specification {!r}, and "
-        "counts it as satisfied: what the window had not seen is taken for nothing. Say what the "
-        'end means: at_termination="cut" leaves it open, "failure" violates it, "complete" is '
-        "for this; an environment that goes on after its success shows what the window needs"
+        "the environment ended an episode inside a bounded window of specification {!r}, which "
+        "counts as satisfied without the rest of the window. Set "
+        'at_termination="cut" to leave it open, "failure" to violate it, or "complete" to confirm '
+        "this. An environment that goes on after a success records the rest of the window"
     )
 
 
@@ -62,7 +61,7 @@ def assumed(satisfied: Sequence[str], windows: Collection[str]) -> tuple[str, bo
         windows: The specifications with a bounded window that reached past the end.
 
     Returns:
-        The name, and whether a window of it did; None if there is nothing to warn of.
+        The name, and whether its window reached past the end; None if there is nothing to warn of.
     """
     cut = [name for name in satisfied if name in windows]
     return next(((name, bool(cut)) for name in cut or satisfied), None)

@@ -60,7 +60,7 @@ def first_sample_error(what: str, spec: Specification, way: object) -> Specifica
             "no other formula uses it, so that it is a requirement by itself: use it in another, "
             + way_out
         )
-    return SpecificationError(f"{what} speaks of the first sample only; {way_out}", way)
+    return SpecificationError(f"{what} is about the first sample only; {way_out}", way)
 
 
 def _refuse_loose_operand(spec: Specification, node: Formula) -> None:

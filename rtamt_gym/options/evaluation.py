@@ -494,8 +494,9 @@ def _known_names(
     everywhere = frozenset().union(*known.values())
     for name in names:
         if isinstance(name, str) and name not in everywhere:
-            hint = nearest(name, everywhere) or f"; they read {listing(sorted(everywhere))}"
-            raise InputError(f"{name!r} in {argument} is a variable of no specification{hint}")
+            known_names = f"; the specifications read {listing(sorted(everywhere))}"
+            hint = nearest(name, everywhere) or known_names
+            raise InputError(f"{name!r} in {argument} is not a variable of a specification{hint}")
     return tuple(name for name in names if name in known[spec] or not isinstance(name, str))
 
 

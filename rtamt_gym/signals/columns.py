@@ -354,7 +354,7 @@ class _EachRead:
         if numbers.shape == (len(values),) and numbers.dtype.kind in "biuf":
             return numbers
         way_out = (
-            "; a function is given the rtamt_gym.Step of one environment, such as lambda step: "
+            "; a function takes the rtamt_gym.Step of one environment, such as lambda step: "
             "step.obs[0]"
         )
         try:

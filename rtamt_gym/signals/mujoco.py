@@ -127,7 +127,7 @@ def _named(what: str, selector: Selector, kind: str, wanted: str, holder: Any) -
 def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:
     if selector.field not in {"", "force"} or selector.path:
         raise InputError(
-            f"{what}: {selector} reads nothing of a contact; write "
+            f"{what}: {selector} cannot be read from a contact; write "
             f"{Selector('contact', selector.names)}, which is 1 or 0, or "
             f"{Selector('contact', selector.names, 'force')}"
         )

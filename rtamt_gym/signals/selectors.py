@@ -89,7 +89,7 @@ def parse_selector(
         if agent not in agents:
             scan.refuse(f"one of the agents {', '.join(map(_written, agents))}, and ':'")
         scan.next(_NAME)
-        scan.expect(":", "':' behind the agent")
+        scan.expect(":", "':' after the agent")
     source = scan.peek()
     if source not in sources:
         scan.refuse(f"one of {', '.join(sources)}")

@@ -476,7 +476,7 @@ def _is_scalar(value: object) -> bool:
     return isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "biuf"
 
 
-_FUNCTION_HINT = "; a callable is given a rtamt_gym.Step, such as lambda step: step.obs[0]"
+_FUNCTION_HINT = "; a callable takes a rtamt_gym.Step, such as lambda step: step.obs[0]"
 
 
 def parse_signals(
@@ -519,9 +519,9 @@ def parse_signals(
             example = f"{next(iter(agents))}: {example}" if agents else example
             existing = f"; the signals are {listing(known)}" if known else ""
             way_out = nearest(name, [*others, *(own or {})]) or Message(
-                "; give one: ",
-                Argument("signals", {name: example}, words=f'"{name}": "{example}"'),
-                f", or if it is a constant declare it: const float {name} = VALUE",
+                "; pass ",
+                Argument("signals", {name: example}, words=f'signals={{"{name}": "{example}"}}'),
+                f", or declare a constant: const float {name} = VALUE",
             )
             raise InputError(f"variable {name!r} has no signal{existing}", way_out)
     silent = [name for name in names if name not in signals]

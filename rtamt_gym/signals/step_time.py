@@ -110,11 +110,11 @@ class StepTime:
             self.left -= 1
             return
         lasts = elapsed / self.samples
-        source = f"{self._env.unwrapped} says" if self._was_read else "period= says"
+        source = f"{self._env.unwrapped} states" if self._was_read else "period= states"
         error = StateError(
             f"expected samples {self._period:g} s apart, as {source}, got {lasts:g} s by "
-            f"{self._clock.what}: bounds last {lasts / self._period:g} times what they say; where "
-            "a wrapper inside makes several steps in one, give ",
+            f"{self._clock.what}: bounds last {lasts / self._period:g} times as long as specified; "
+            "if an inner wrapper makes several steps in one, pass ",
             Argument("period", round(lasts, 9)),
             ", or put the monitor inside of it",
         )

@@ -1,11 +1,11 @@
 """Starters: a specification, a test and a job of CI for each tutorial.
 
-A folder holds the files of a starter. Names end in ``.txt`` where tools would take the file for one
-of ours; the written file does not.
+A folder holds the files of a starter. Names end in ``.txt`` if tools would take the file for a file
+of this project; the written file has no such ending.
 
 To add a tutorial: a page in ``docs/tutorials``, a folder of the same name here with a
 specification, a test and ``job.yml``, and a row of `STARTERS`. ``tests/project/test_tutorials.py``
-plays the page in an empty folder. Commands must print what the page shows below them; a block after
+plays the page in an empty folder: commands must print the output on the page, a block after
 "`NAME`:" is that file, and a block ``diff`` changes it.
 """
 
@@ -16,7 +16,7 @@ from pathlib import Path
 from rtamt import InputError
 
 JOB = ".github/workflows/requirements.yml"
-"""Where a starter's ``job.yml`` is written."""
+"""The path of a starter's ``job.yml`` in the written folder."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ STARTERS: Mapping[str, Starter] = {
         "rtamt monitor follows.stl --period 100ms -- recordings",
     ),
 }
-"""The starters by name, which is the name of the page of the tutorial too."""
+"""The starters by the name of the page of their tutorial."""
 
 
 def starter_files(name: str) -> dict[str, str]:

@@ -178,7 +178,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         (
             "monitor speed<30 trace.csv",
             (
-                "the specification speaks of the first sample only; "
+                "the specification is about the first sample only; "
                 "write always(speed < 30) or --view step"
             ),
         ),
@@ -196,8 +196,8 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         (
             "run CartPole-v1 --spec always(x<1)",
             (
-                "variable 'x' has no signal; give one: --signal \"x=obs[INDEX]\""
-                ", or if it is a constant declare it: const float x = VALUE"
+                "variable 'x' has no signal; pass --signal \"x=obs[INDEX]\""
+                ", or declare a constant: const float x = VALUE"
             ),
         ),
         (
@@ -238,7 +238,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         (
             "run CartPole-v1 --spec x<1 --signal x=obs[0]",
             (
-                "specification 'spec' speaks of the first sample only; "
+                "specification 'spec' is about the first sample only; "
                 "write always(x < 1) or --view step"
             ),
         ),

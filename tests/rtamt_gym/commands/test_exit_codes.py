@@ -169,7 +169,7 @@ def test_a_wide_formula_is_no_wider_in_an_error(command: list[str], capsys: Outp
     assert main(command) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith(
-        "speaks of the first sample only; write always(abs(x - 0) > 0.25 and abs(x - 1) > 0.25 "
+        "is about the first sample only; write always(abs(x - 0) > 0.25 and abs(x - 1) > 0.25 "
         "and abs(x - 2) > ...) or --view step"
     )
 

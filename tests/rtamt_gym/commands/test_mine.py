@@ -190,7 +190,7 @@ def test_no_value_is_code_2_with_the_trace_that_has_none(capsys: Output) -> None
         (
             ["speed < ?v", "--range", "v=0:9", "--", "runs"],
             (
-                "the specification speaks of the first sample only; write always(speed < 0) or "
+                "the specification is about the first sample only; write always(speed < 0) or "
                 "--view step"
             ),
         ),

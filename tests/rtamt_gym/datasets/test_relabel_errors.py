@@ -118,8 +118,8 @@ def test_missing_signal_error() -> None:
         "  qpos[0]\n  ^\n  hint: write obs[2], obs['key'][0], action[0], reward or info['key']"
     )
     assert message([episode()], signals={"y": "obs[0]"}) == (
-        "variable 'x' has no signal; the signals are 'y'; give one: \"x\": \"obs[INDEX]\""
-        ", or if it is a constant declare it: const float x = VALUE"
+        "variable 'x' has no signal; the signals are 'y'; pass signals={\"x\": \"obs[INDEX]\"}"
+        ", or declare a constant: const float x = VALUE"
     )
     assert message([episode()], signals={"x": lambda step: step.obs[9]}).startswith(
         "signal 'x': test_missing_signal_error.<locals>."

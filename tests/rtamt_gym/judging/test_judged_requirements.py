@@ -178,7 +178,7 @@ def test_an_environment_made_again_has_the_same_requirements() -> None:
         (
             "lean = abs(angle); upright = always(abs(angle) < 0.1); near = always(abs(x) < 1)",
             (
-                "specification 'lean' speaks of the first sample only; no other formula uses it, "
+                "specification 'lean' is about the first sample only; no other formula uses it, "
                 "so that it is a requirement by itself: use it in another, write "
                 "always(abs(angle)) or view='step'"
             ),
@@ -186,7 +186,7 @@ def test_an_environment_made_again_has_the_same_requirements() -> None:
         (
             "upright = always(abs(angle) < 0.1); abs(x) < 1",
             (
-                "specification 'spec' speaks of the first sample only; no other formula uses it, "
+                "specification 'spec' is about the first sample only; no other formula uses it, "
                 "so that it is a requirement by itself: use it in another, write "
                 "always(abs(x) < 1) or view='step'"
             ),
@@ -194,7 +194,7 @@ def test_an_environment_made_again_has_the_same_requirements() -> None:
         (
             "lean = abs(angle) + x; lean < 0.1",
             (
-                "specification 'spec' speaks of the first sample only; write "
+                "specification 'spec' is about the first sample only; write "
                 "always(abs(angle) + x < 0.1) or view='step'"
             ),
         ),

@@ -24,7 +24,7 @@ X = {"x": "qpos[0]"}
             {"specs": "x < 1"},
             SpecificationError,
             (
-                "specification 'spec' speaks of the first sample only; "
+                "specification 'spec' is about the first sample only; "
                 "write always(x < 1) or view='step'"
             ),
         ),
@@ -42,8 +42,8 @@ X = {"x": "qpos[0]"}
             {"signals": {}},
             InputError,
             (
-                'variable \'x\' has no signal; give one: "x": "qpos[INDEX]"'
-                ", or if it is a constant declare it: const float x = VALUE"
+                'variable \'x\' has no signal; pass signals={"x": "qpos[INDEX]"}'
+                ", or declare a constant: const float x = VALUE"
             ),
         ),
         (

@@ -125,7 +125,7 @@ def test_monitors_report_wrong_semantics_and_names() -> None:
     specs = {name: rtamt.parse("always(x < 1)") for name in "ab"}
     reading = EvaluationOptions(semantics="bolean", inputs=["z"])  # type: ignore[arg-type]  # misspelled
     assert reading.from_monitors({"a": specs["a"]})["a"]["inputs"] == ("z",)
-    with pytest.raises(rtamt.InputError, match="'z' in inputs is a variable of no specification"):
+    with pytest.raises(rtamt.InputError, match="'z' in inputs is not a variable of a spec"):
         reading.from_monitors(specs)
 
 

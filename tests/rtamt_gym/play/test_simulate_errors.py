@@ -61,8 +61,8 @@ def refused(
         ),
         refused(
             lambda: run(CARTPOLE, LOW, policy=int),
-            'variable \'level\' has no signal; give one: "level": "obs[INDEX]", or if it is a '
-            "constant declare it: const float level = VALUE",
+            'variable \'level\' has no signal; pass signals={"level": "obs[INDEX]"}, or '
+            "declare a constant: const float level = VALUE",
         ),
         refused(
             lambda: run(gym.make_vec("CartPole-v1", num_envs=2), LOW, policy=int),
@@ -157,7 +157,7 @@ def refused(
         ),
         refused(
             lambda: run(ROWS, "level < 3"),
-            "specification 'spec' speaks of the first sample only; write always(level < 3) or "
+            "specification 'spec' is about the first sample only; write always(level < 3) or "
             "view='step'",
             SpecificationError,
         ),

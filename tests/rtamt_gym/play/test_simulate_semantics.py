@@ -83,7 +83,7 @@ def test_a_semantics_that_does_not_fit_is_refused_before_the_run() -> None:
     with pytest.raises(rtamt.InputError) as raised:
         simulate(never, SPECS, period=1, duration=3, semantics="output-robustness", outputs=["g"])
     assert str(raised.value) == (
-        "'g' in outputs is a variable of no specification; they read 'gnt', 'req'"
+        "'g' in outputs is not a variable of a specification; the specifications read 'gnt', 'req'"
     )
 
 

@@ -151,7 +151,7 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
         (
             "explain req<1 even.csv",
             (
-                "the specification speaks of the first sample only; "
+                "the specification is about the first sample only; "
                 "write always(req < 1) or --view step"
             ),
         ),

@@ -185,7 +185,7 @@ def test_each_requirement_is_named_with_its_verdict(capsys: Output) -> None:
 def test_a_helper_that_nothing_uses_is_refused_by_its_name(capsys: Output) -> None:
     assert main(["monitor", "near = x > 6; slow = always(x < 9)", "trace.csv"]) == 2
     assert capsys.readouterr().err == (
-        "rtamt: error: requirement 'near' speaks of the first sample only; no other formula uses "
+        "rtamt: error: requirement 'near' is about the first sample only; no other formula uses "
         "it, so that it is a requirement by itself: use it in another, write always(x > 6) or "
         "--view step\n"
     )

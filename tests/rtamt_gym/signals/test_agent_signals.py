@@ -114,8 +114,8 @@ WORDS = "one of the agents scout_0, scout_1, \"'s:2\", and ':'"
         ("obs[2]", 1, f"expected {WORDS}, got 'obs'"),
         ("scuot_0: obs[2]", 1, f"expected {WORDS}, got 'scuot_0'"),
         ("[scout_0]: obs[2]", 1, f"expected {WORDS}, got '['"),
-        ("scout_0 obs[2]", 9, "expected ':' behind the agent, got 'obs'"),
-        ("scout_0.obs[2]", 8, "expected ':' behind the agent, got '.'"),
+        ("scout_0 obs[2]", 9, "expected ':' after the agent, got 'obs'"),
+        ("scout_0.obs[2]", 8, "expected ':' after the agent, got '.'"),
         ("scout_0:", 9, "expected one of obs, action, reward, info, got the end of the selector"),
         ("scout_0: qpos[2]", 10, "expected one of obs, action, reward, info, got 'qpos'"),
         ("scout_0: info[0]", 15, "expected a key in quotes, scout_0: info['key'], got '0'"),
@@ -144,6 +144,6 @@ def test_a_variable_without_a_signal_is_shown_how_to_write_one() -> None:
     with pytest.raises(InputError) as caught:
         parse_signals({}, ["x"], agent_sources(NAMES, hold=False), agents=NAMES)
     assert str(caught.value) == (
-        'variable \'x\' has no signal; give one: "x": "scout_0: obs[INDEX]"'
-        ", or if it is a constant declare it: const float x = VALUE"
+        'variable \'x\' has no signal; pass signals={"x": "scout_0: obs[INDEX]"}'
+        ", or declare a constant: const float x = VALUE"
     )

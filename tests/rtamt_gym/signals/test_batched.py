@@ -210,8 +210,7 @@ def test_a_function_that_suits_neither_is_told_what_it_is_given() -> None:
     with pytest.raises(InputTypeError) as caught:
         VectorStlMonitor(native(3), SPEC, {"x": lambda step: step.obs}).reset()
     assert str(caught.value).endswith(
-        "; a function is given the rtamt_gym.Step of one environment, such as "
-        "lambda step: step.obs[0]"
+        "; a function takes the rtamt_gym.Step of one environment, such as lambda step: step.obs[0]"
     )
 
 

@@ -188,5 +188,5 @@ def test_a_callable_that_takes_the_step_for_the_observation_is_told_what_it_is_g
         env.reset(seed=1)
     assert str(caught.value).startswith("signal 'x': expected a number from ")
     assert str(caught.value).endswith(
-        "; a callable is given a rtamt_gym.Step, such as lambda step: step.obs[0]"
+        "; a callable takes a rtamt_gym.Step, such as lambda step: step.obs[0]"
     )

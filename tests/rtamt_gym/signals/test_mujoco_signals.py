@@ -169,14 +169,14 @@ UNFIT = [
     (
         "contact:thumb,floor.dist",
         (
-            "signal 'x': contact:thumb,floor.dist reads nothing of a contact; write "
+            "signal 'x': contact:thumb,floor.dist cannot be read from a contact; write "
             "contact:thumb,floor, which is 1 or 0, or contact:thumb,floor.force"
         ),
     ),
     (
         "contact:thumb,floor[0]",
         (
-            "signal 'x': contact:thumb,floor[0] reads nothing of a contact; write "
+            "signal 'x': contact:thumb,floor[0] cannot be read from a contact; write "
             "contact:thumb,floor, which is 1 or 0, or contact:thumb,floor.force"
         ),
     ),

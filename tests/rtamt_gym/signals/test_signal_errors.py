@@ -303,8 +303,8 @@ def test_an_info_without_the_number_says_what_it_has(
             {},
             ["theta"],
             (
-                'variable \'theta\' has no signal; give one: "theta": "obs[INDEX]"'
-                ", or if it is a constant declare it: const float theta = VALUE"
+                'variable \'theta\' has no signal; pass signals={"theta": "obs[INDEX]"}'
+                ", or declare a constant: const float theta = VALUE"
             ),
         ),
         (
@@ -312,8 +312,8 @@ def test_an_info_without_the_number_says_what_it_has(
             ["theta", "u"],
             (
                 "variable 'u' has no signal; the signals are 'x', 'theta'; "
-                'give one: "u": "obs[INDEX]"'
-                ", or if it is a constant declare it: const float u = VALUE"
+                'pass signals={"u": "obs[INDEX]"}'
+                ", or declare a constant: const float u = VALUE"
             ),
         ),
     ],

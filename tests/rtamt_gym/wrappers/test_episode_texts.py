@@ -23,18 +23,17 @@ from rtamt_gym.options.evaluation import View
 INVARIANT = "always(x > 1)"
 HOLD = "eventually(always[0:2](x > 2))"
 ASSUMED = (
-    "the environment ended an episode while specification 'spec' was open, and counts it as "
-    "satisfied: a terminated episode is taken for all there is. Say what its end means: "
-    'at_termination="complete" for this, "failure" where an environment ends what has failed, such '
-    'as a fall, or "cut" where an episode could have gone on'
+    "the environment ended an episode while specification 'spec' was open, which counts as "
+    'satisfied. Set at_termination="complete" to confirm this, "failure" if the environment ends '
+    'failed episodes, such as a fall, or "cut" if the episode could have gone on'
 )
 
 
 CUT = (
-    "the environment ended an episode inside a bounded window of specification 'spec', and counts "
-    "it as satisfied: what the window had not seen is taken for nothing. Say what the end means: "
-    'at_termination="cut" leaves it open, "failure" violates it, "complete" is for this; an '
-    "environment that goes on after its success shows what the window needs"
+    "the environment ended an episode inside a bounded window of specification 'spec', which "
+    "counts as satisfied without the rest of the window. Set "
+    'at_termination="cut" to leave it open, "failure" to violate it, or "complete" to confirm '
+    "this. An environment that goes on after a success records the rest of the window"
 )
 
 
@@ -91,7 +90,7 @@ def test_a_warning_points_at_the_line_that_steps_whatever_wrappers_are_between()
 @pytest.mark.parametrize(
     ("make", "at_termination", "text"),
     [
-        (lambda: Replay([3, 3]), None, "was open, and counts it as satisfied"),
+        (lambda: Replay([3, 3]), None, "was open, which counts as satisfied"),
         (own_success, "cut", "reports an is_success of its own"),
     ],
 )

@@ -153,8 +153,8 @@ def test_agents_are_read_as_their_environment_says() -> None:
             {"level": "obs[0]"},
             (
                 "variable 'height' has no signal; the signals are 'position', 'speed', 'level'; "
-                'give one: "height": "obs[INDEX]"'
-                ", or if it is a constant declare it: const float height = VALUE"
+                'pass signals={"height": "obs[INDEX]"}'
+                ", or declare a constant: const float height = VALUE"
             ),
         ),
         (
@@ -181,8 +181,8 @@ def test_an_attribute_that_is_no_mapping_is_none_of_theirs() -> None:
     with pytest.raises(InputError) as caught:
         StlMonitor(env, "always(position < 1)")
     assert str(caught.value) == (
-        'variable \'position\' has no signal; give one: "position": "obs[INDEX]"'
-        ", or if it is a constant declare it: const float position = VALUE"
+        'variable \'position\' has no signal; pass signals={"position": "obs[INDEX]"}'
+        ", or declare a constant: const float position = VALUE"
     )
     with pytest.raises(InputError) as caught:
         StlReward(env, "always(position < 1)", mode="add")

@@ -53,8 +53,8 @@ class One(gym.Env[Any, Any]):
             InputError,
             (
                 "variable 'y' has no signal; the signals are 'x'; "
-                'give one: "y": "lead: obs[INDEX]"'
-                ", or if it is a constant declare it: const float y = VALUE"
+                'pass signals={"y": "lead: obs[INDEX]"}'
+                ", or declare a constant: const float y = VALUE"
             ),
         ),
         (

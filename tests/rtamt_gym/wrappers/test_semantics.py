@@ -199,13 +199,16 @@ def test_an_environment_is_made_again_with_its_semantics() -> None:
             SPECS,
             {"semantics": "output-robustness", "outputs": ["grnt"]},
             rtamt.InputError,
-            "'grnt' in outputs is a variable of no specification; did you mean 'gnt'?",
+            "'grnt' in outputs is not a variable of a specification; did you mean 'gnt'?",
         ),
         (
             SPECS,
             {"semantics": "input-robustness", "inputs": ["power"]},
             rtamt.InputError,
-            "'power' in inputs is a variable of no specification; they read 'gnt', 'req'",
+            (
+                "'power' in inputs is not a variable of a specification; "
+                "the specifications read 'gnt', 'req'"
+            ),
         ),
         (
             SPECS,

@@ -312,22 +312,22 @@ def test_priorities_are_asked_for_by_the_names_of_the_specifications() -> None:
         (
             {"weights": [2.0, 1.0]},
             (
-                "expected weights= as a mapping from specifications, got [2.0, 1.0]; such as "
-                'weights={"upright": 1.0, "slow": 1.0}'
+                "expected weights= as a mapping from specifications, such as "
+                'weights={"upright": 1.0, "slow": 1.0}, got [2.0, 1.0]'
             ),
         ),
         (
             {"mode": "hierarchical", "priorities": ["upright", "slow"]},
             (
-                "expected priorities= as a mapping from specifications, got ['upright', 'slow']; "
-                'such as priorities={"upright": "safety", "slow": "target"}'
+                "expected priorities= as a mapping from specifications, such as "
+                'priorities={"upright": "safety", "slow": "target"}, got [\'upright\', \'slow\']'
             ),
         ),
         (
             {"mode": "hierarchical"},
             (
-                "expected priorities= with mode='hierarchical', got None; pass the purpose "
-                'of every specification, such as priorities={"upright": "safety", "slow": "target"}'
+                "expected priorities= with mode='hierarchical', got None; pass the priority "
+                'of each specification, such as priorities={"upright": "safety", "slow": "target"}'
             ),
         ),
         (
@@ -339,7 +339,10 @@ def test_priorities_are_asked_for_by_the_names_of_the_specifications() -> None:
         ),
         (
             {"mode": "hierarchical", "priorities": {"upright": "safety"}},
-            'specification \'slow\' has no priority; give one: "slow": "comfort"',
+            (
+                "specification 'slow' has no priority; add it to priorities=, such as "
+                '"slow": "comfort"'
+            ),
         ),
         (
             {"mode": "hierarchical", "priorities": {"upright": 1, "slow": "comfort"}},

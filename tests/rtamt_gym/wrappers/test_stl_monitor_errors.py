@@ -82,7 +82,7 @@ def test_wrong_option_of_one_and_of_many(arguments: dict[str, Any], message: str
             {"specs": "x > 1"},
             SpecificationError,
             (
-                "specification 'spec' speaks of the first sample only; "
+                "specification 'spec' is about the first sample only; "
                 "write always(x > 1) or view='step'"
             ),
         ),
@@ -90,7 +90,7 @@ def test_wrong_option_of_one_and_of_many(arguments: dict[str, Any], message: str
             {"specs": {"p": "historically[0:2](x > 1)"}, "period": 1},
             SpecificationError,
             (
-                "specification 'p' speaks of the first sample only; "
+                "specification 'p' is about the first sample only; "
                 "write always(historically[0:2](x > 1)) or view='step'"
             ),
         ),
@@ -117,8 +117,8 @@ def test_wrong_option_of_one_and_of_many(arguments: dict[str, Any], message: str
             {"signals": {"y": "obs[0]"}},
             InputError,
             (
-                "variable 'x' has no signal; the signals are 'y'; give one: \"x\": \"obs[INDEX]\""
-                ", or if it is a constant declare it: const float x = VALUE"
+                "variable 'x' has no signal; the signals are 'y'; pass signals="
+                '{"x": "obs[INDEX]"}, or declare a constant: const float x = VALUE'
             ),
         ),
         (

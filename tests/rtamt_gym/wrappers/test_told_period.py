@@ -163,9 +163,9 @@ def test_an_action_repeat_of_ones_own_is_noticed(make: Make, period: float, time
     with pytest.raises(StateError) as caught:
         monitor.step(monitor.action_space.sample())
     says = (
-        f"expected samples {period:g} s apart, as {env.unwrapped} says, got {4 * period:g} s by "
-        f"{time}: bounds last 4 times what they say; where a wrapper inside makes several steps in "
-        f"one, give period={4 * period:g}, or put the monitor inside of it"
+        f"expected samples {period:g} s apart, as {env.unwrapped} states, got {4 * period:g} s by "
+        f"{time}: bounds last 4 times as long as specified; if an inner wrapper makes several "
+        f"steps in one, pass period={4 * period:g}, or put the monitor inside of it"
     )
     assert str(caught.value) == says
     with pytest.raises(StateError, match="call reset"):
@@ -190,9 +190,9 @@ def test_each_of_many_environments_is_compared(make: Make, mode: AutoresetMode) 
     makes: list[Make] = [make, functools.partial(repeated, make)]
     envs = VectorStlMonitor(sync(makes, mode), TIMED, X)
     envs.reset(seed=1)
-    with pytest.raises(StateError, match="bounds last 4 times what they say"):
+    with pytest.raises(StateError, match="bounds last 4 times as long as specified"):
         envs.step(envs.action_space.sample())
-    with pytest.raises(StateError, match="bounds last 4 times what they say"):
+    with pytest.raises(StateError, match="bounds last 4 times as long as specified"):
         trajectory(VectorStlReward(sync(makes, mode), TIMED, X, mode="add"), 1)
 
 
@@ -209,12 +209,12 @@ def test_a_short_episode_is_compared_from_its_own_reset_on(mode: AutoresetMode) 
 def test_a_given_period_that_the_time_contradicts_is_told_once() -> None:
     env = StlMonitor(reacher(), TIMED, X, period=0.1)
     env.reset(seed=1)
-    with pytest.warns(UserWarning, match=r"as period= says, got 0\.02 s by data\.time"):
+    with pytest.warns(UserWarning, match=r"as period= states, got 0\.02 s by data\.time"):
         env.step(env.action_space.sample())
     env.step(env.action_space.sample())
     envs = VectorStlMonitor(sync([reacher] * 2, AutoresetMode.NEXT_STEP), TIMED, X, period=0.1)
     envs.reset(seed=1)
-    with pytest.warns(UserWarning, match="as period= says") as told:
+    with pytest.warns(UserWarning, match="as period= states") as told:
         envs.step(envs.action_space.sample())
     assert len(told) == 1
     envs.step(envs.action_space.sample())
@@ -227,7 +227,7 @@ def test_a_given_period_that_the_time_contradicts_is_told_once() -> None:
 def test_without_bounds_a_wrong_period_is_told_and_nothing_ends() -> None:
     env = StlMonitor(repeated(pole), UNTIMED, X)
     env.reset(seed=1)
-    with pytest.warns(UserWarning, match="bounds last 4 times what they say"):
+    with pytest.warns(UserWarning, match="bounds last 4 times as long as specified"):
         env.step(0)
     env.step(1)
 
@@ -289,7 +289,7 @@ def test_copies_go_on() -> None:
 
 
 def test_an_evaluation_fails_on_a_wrong_period() -> None:
-    with pytest.raises(Exception, match="bounds last 4 times what they say"):
+    with pytest.raises(Exception, match="bounds last 4 times as long as specified"):
         evaluate_policy("zero", repeated(pole), TIMED, X, episodes=2)
 
 
@@ -333,7 +333,7 @@ def later_warnings(env: Any, change: Callable[[], object], episodes: int = 2) ->
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (reacher, "as period= says, got 0.04 s by data.time: bounds last 2 times what they say"),
+        (reacher, "as period= states, got 0.04 s by data.time: bounds last 2 times as long"),
         (pole, "which lasted 0.02 s, lasts 0.04 s since this reset; make the monitor again with"),
     ],
     ids=["mujoco", "stated"],
@@ -469,10 +469,10 @@ def test_evaluations_of_many_environments_compare_the_period(mode: AutoresetMode
     def play(makes: list[Make], **how: Any) -> Any:
         return evaluate_policy(lambda _: 0, sync(makes, mode), TIMED, X, episodes=4, **how)
 
-    with pytest.raises(Exception, match="bounds last 4 times what they say"):
+    with pytest.raises(Exception, match="bounds last 4 times as long as specified"):
         play(makes)
     assert play([pole] * 2).episodes == 4
-    with pytest.warns(UserWarning, match=r"as period= says, got 0\.02 s by data\.time"):
+    with pytest.warns(UserWarning, match=r"as period= states, got 0\.02 s by data\.time"):
         evaluate_policy(
             lambda _: np.zeros(2), sync([reacher], mode), TIMED, X, episodes=2, period=0.1
         )

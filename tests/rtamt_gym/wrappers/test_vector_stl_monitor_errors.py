@@ -44,7 +44,7 @@ WAY_OUT = (
             {"specs": "theta < 1"},
             SpecificationError,
             (
-                "specification 'spec' speaks of the first sample only; "
+                "specification 'spec' is about the first sample only; "
                 "write always(theta < 1) or view='step'"
             ),
         ),
