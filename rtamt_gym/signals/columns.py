@@ -1,11 +1,11 @@
 """Signals of a vector environment: each is a column with a number for every environment.
 
 `rtamt_gym.signals.signals` lists the selectors. ``obs[2]`` reads column 2 of the batched
-observations, and ``info['speed']`` the array of that key. Its mask ``_speed``, if there is one,
-must be true for every environment that takes a sample; at a reset it tells where the default
-applies. A function is called for each environment; a function that `rtamt_gym.wrappers.batched`
-marks is called once with the batch. Selectors that read simulations, such as ``qpos[1]``, read the
-environments of a `SyncVectorEnv` one by one.
+observations, and ``info['speed']`` the array of that key. The mask ``_speed``, if it exists, must
+be true for every environment that takes a sample; at a reset, the default applies where it is
+false. A function is called for each environment; a function marked by `rtamt_gym.wrappers.batched`
+is called once with the batch. Selectors of simulations, such as ``qpos[1]``, read the environments
+of a `SyncVectorEnv` one by one.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class SignalColumns:
         return _bind_simulations(signal, env, same_step=same_step)
 
     def _table(self) -> Floats:
-        """A new table in Fortran's order, because it is filled and read by columns."""
+        """Return a new table in Fortran order, because it is filled and read by columns."""
         return np.empty((len(self._signals), len(self._all))).T
 
     def check_untouched(self, table: Floats, before: Floats, others: Entries) -> None:
@@ -143,16 +143,16 @@ class SignalColumns:
             others: The environments outside the mask.
 
         Raises:
-            StateError: If a signal of one of them has changed.
+            StateError: If a signal of an environment outside the mask has changed.
         """
         now, then = table[:, self._observed], before[:, self._observed]
         changed = np.any((now != then) & ~(np.isnan(now) & np.isnan(then)), axis=1)
         touched = np.logical_and(others, changed)
         if touched.any():
             raise StateError(
-                f"expected a reset of the environments of reset_mask alone, but {self._env} has "
-                f"reset others, such as {np.flatnonzero(touched)[0]}: it does not know reset_mask; "
-                "reset all, or take gym.make_vec(..., vectorization_mode='sync')"
+                f"expected a reset of the environments in reset_mask only, but {self._env} also "
+                f"reset environment {np.flatnonzero(touched)[0]}, because it ignores reset_mask; "
+                "reset all, or use gym.make_vec(..., vectorization_mode='sync')"
             )
 
 
@@ -219,7 +219,7 @@ def _bind_simulations(signal: ParsedSignal, env: Batch, *, same_step: bool) -> _
 
 
 def _present(signal: ParsedSignal, infos: dict[str, Any], entries: Entries) -> Entries:
-    """Return the environments of the mask whose info has all keys of the selector."""
+    """Return the environments in the mask that have all keys of the selector."""
     values: Any = infos
     for part in signal.path:
         if not isinstance(values, Mapping):
@@ -277,10 +277,10 @@ def _from_infos(signal: ParsedSignal, infos: dict[str, Any], entries: Entries) -
 
 
 class _Singles:
-    """Splits a step of a vector environment into steps of single environments, once for all.
+    """Splits a step of a vector environment into steps of single environments, once per step.
 
-    The steps are those of the last call until `forget`: at a reset there are no actions and
-    rewards, and observations and infos are shared with the step.
+    The split lasts until `forget`. A reset has no actions and rewards; it shares observations and
+    infos with the step.
     """
 
     def __init__(self, env: Any, *, same_step: bool) -> None:
@@ -290,7 +290,7 @@ class _Singles:
         if isinstance(base, SyncVectorEnv) and not same_step:
             self._envs = [*base.envs]
         else:
-            why = f"with {_RESET_EARLY}" if same_step else "its environments cannot be looked into"
+            why = f"with {_RESET_EARLY}" if same_step else "its environments are not accessible"
             self._envs = [_Hidden(env, entry, why) for entry in range(env.num_envs)]
         self._steps: dict[bool, list[Step]] = {}
 
@@ -353,12 +353,12 @@ class _EachRead:
             numbers = np.array(None)
         if numbers.shape == (len(values),) and numbers.dtype.kind in "biuf":
             return numbers
-        way_out = (
+        fix = (
             "; a function takes the rtamt_gym.Step of one environment, such as lambda step: "
             "step.obs[0]"
         )
         try:
-            return [self._signal.number(value, way_out) for value in values]
+            return [self._signal.number(value, fix) for value in values]
         except RtamtError as error:
             self._hint_at_batched(step, num, error)
             raise
@@ -371,8 +371,8 @@ class _EachRead:
         except RtamtError:
             return
         raise InputError(
-            f"{signal.raised(error)}; the function is called for each environment, and for the "
-            f"batch of all it gives {num} numbers: mark it, rtamt_gym.wrappers.batched({signal})"
+            f"{signal.raised(error)}; the function is called for each environment, but returns "
+            f"{num} numbers for the batch: mark it, rtamt_gym.wrappers.batched({signal})"
         ) from error
 
 
@@ -400,10 +400,10 @@ class _BatchRead:
 
         def refuse(entry: int, what: str, cause: Exception | None = None) -> NoReturn:
             raise InputError(
-                f"signal {signal.name!r}: {signal} gives {column[entry]:.6g} for environment "
-                f"{entry} among all {num}, and {what}; a function of batches keeps environments "
-                "apart, as lambda step: step.obs[:, 0] does; leave batched out for a function of "
-                "one environment"
+                f"signal {signal.name!r}: {signal} returns {column[entry]:.6g} for environment "
+                f"{entry} in the batch of {num}, but {what}; a batched function must keep "
+                "environments apart, as lambda step: step.obs[:, 0] does; remove batched from a "
+                "function of one environment"
             ) from cause
 
         for entry in entries:
@@ -411,25 +411,25 @@ class _BatchRead:
                 single = np.asarray(signal.call(self._singles.alone(step, entry)), np.float64)
             except (RtamtError, TypeError, ValueError) as error:
                 what = str(error).removeprefix(f"signal {signal.name!r}: ")
-                refuse(entry, f"for it alone: {what}", error)
+                refuse(entry, f"raises an error for it alone: {what}", error)
             # A function that reads the vector environment itself still reads all of them.
             if single.shape == (num,) and num > 1:
                 single = single[entry : entry + 1]
             if single.shape != (1,):
-                refuse(entry, f"for it alone an array of shape {single.shape}")
+                refuse(entry, f"an array of shape {single.shape} for it alone")
             # Sums of a batch are rounded in another order than sums of one environment.
             if not np.allclose(single, column[entry], rtol=1e-4, atol=1e-6, equal_nan=True):
                 refuse(entry, f"{single[0]:.6g} for it alone")
 
 
 class _Hidden:
-    """Stands for an environment of a vector environment that cannot be looked into."""
+    """Stands for an environment that the vector environment does not give access to."""
 
     def __init__(self, env: Any, entry: int, why: str) -> None:
         self._hidden = env, entry, why
 
     def __getattr__(self, name: str) -> NoReturn:
-        if name.startswith("__"):  # a protocol asks for it
+        if name.startswith("__"):  # Python looks for a protocol
             raise AttributeError(name)
         env, entry, why = self._hidden
         raise InputError(
@@ -447,7 +447,7 @@ def _single_infos(infos: Mapping[str, Any], num: int) -> list[dict[str, Any]]:
         values: Any = value
         if isinstance(value, Mapping):
             values = _single_infos(value, num)
-        elif not hasattr(value, "__len__") or len(value) != num:  # one for all
+        elif not hasattr(value, "__len__") or len(value) != num:  # one value for all
             values = [value] * num
         for entry in range(num):
             if there is None or there[entry]:

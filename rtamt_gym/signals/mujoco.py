@@ -1,7 +1,7 @@
 """Selectors of a MuJoCo simulation, resolved once to views of its arrays.
 
-`rtamt_gym.StepMonitor` lists them. Named objects are those of MuJoCo's Python bindings:
-``data.body("torso").xpos`` is ``body:torso.xpos``.
+`rtamt_gym.StepMonitor` lists them. Named objects are accessed as in MuJoCo's Python bindings:
+``body:torso.xpos`` reads ``data.body("torso").xpos``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ StepSignal = str | Callable[[Any, Any], float]
 
 
 def check_pair(model: object, data: object) -> None:
-    """Raise an `InputTypeError` unless the two are an ``MjModel`` and an ``MjData``."""
+    """Raise InputTypeError if the two are not an ``MjModel`` and an ``MjData``."""
     if not isinstance(model, mujoco.MjModel) or not isinstance(data, mujoco.MjData):
         raise InputTypeError(
             f"expected an MjModel and its MjData, got {type(model).__name__} and "
@@ -34,8 +34,8 @@ def bind_signal(signal: ParsedSignal, model: Any, data: Any) -> Number:
     """Return the function that reads a signal from ``data``.
 
     Raises:
-        InputError: If the model has no such name, the object no such field, or the field no such
-            index; the message lists what exists.
+        InputError: If the name, the field or the index does not exist; the message lists the
+            existing ones.
     """
     if isinstance(signal.reads, Selector):
         return _bind_selector(f"signal {signal.name!r}", signal.reads, model, data)
@@ -50,7 +50,7 @@ def bind_simulation(signal: ParsedSignal, simulation: Any) -> MovingRead:
 
 
 def derive(model: Any, data: Any) -> None:
-    """Derive positions, sensors, contacts and forces from the state, which does not change."""
+    """Compute positions, sensors, contacts and forces from the state, and keep the state."""
     warmstart = data.qacc_warmstart.copy()  # some versions of MuJoCo write it here
     mujoco.mj_forward(model, data)
     data.qacc_warmstart[:] = warmstart
@@ -74,7 +74,7 @@ def index_in(what: str, selector: Selector, size: int) -> int:
     """Return the index of a selector in an array; a single number needs no index.
 
     Raises:
-        InputError: If it has another number of indices than one, or the index is out of range.
+        InputError: If the selector does not have one index, or the index is out of range.
     """
     path = selector.path
     if not path and size == 1:
@@ -92,7 +92,7 @@ def field_of(what: str, selector: Selector, holder: Any) -> Any:
     """Return the array of a named object's field, in a model or its data.
 
     Raises:
-        InputError: If there is no such object, or it has no such field.
+        InputError: If the object or its field does not exist.
     """
     named = _named(what, selector, selector.source, selector.names[0], holder)
     fields = fields_of(named)
@@ -157,7 +157,7 @@ def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:
 
 
 def _geoms(what: str, selector: Selector, wanted: str, model: Any) -> frozenset[int]:
-    """The geom of this name, or all geoms of the body of this name."""
+    """Return the geom with this name, or all geoms of the body with this name."""
     geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, wanted)
     if geom >= 0:
         return frozenset([geom])

@@ -36,7 +36,7 @@ def offers(env: Env, info: Mapping[str, Any]) -> dict[str, Offer]:
 
     Args:
         env: The environment.
-        info: The info of a step. No space describes it, so its keys are the only evidence.
+        info: The info of a step, because no space describes its keys.
     """
     simulation: Any = env.unwrapped
     offer = {

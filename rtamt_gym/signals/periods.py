@@ -26,7 +26,7 @@ _SKIPPING: tuple[type[Any], ...] = (
     MaxAndSkipObservation,
     getattr(gym.wrappers, "RepeatAction", MaxAndSkipObservation),
 )
-"""The wrappers that make several steps in one."""
+"""The wrappers that repeat steps of the environment."""
 
 _Kind = Literal["control", "step", "physics"]
 
@@ -78,12 +78,13 @@ class StatedTime(NamedTuple):
 
 
 class _Stated(NamedTuple):
-    """The period that an environment states, or the reason why there is none.
+    """The period that an environment states, or the conflict that prevents it.
 
     Attributes:
         time: The time of a step; None if it is not known.
-        assumed: Whether it is a ``dt`` or ``tau`` alone, which may be the time of a physics step.
-        conflict: The times that contradict each other, as a sentence; empty without a conflict.
+        assumed: Whether only a ``dt`` or ``tau`` states it, which may be the time of a physics
+            step.
+        conflict: A clause about contradictory times; empty without a conflict.
     """
 
     time: StatedTime | None = None
@@ -98,13 +99,13 @@ def read_period(env: AnyEnv) -> float | None:
     an entry of ``unwrapped.config``. In highway-env a step lasts ``(simulation_frequency //
     policy_frequency) / simulation_frequency`` seconds. Without a control rate, the period is
     ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot) or ``unwrapped.tau`` (CartPole). If ``unwrapped``
-    has none of these and holds one environment with the same actions (PointMaze, AntMaze), the
-    period of that environment counts. ``metadata["render_fps"]`` is the frame rate of pictures:
-    Pendulum renders 30 frames and makes 20 steps a second.
+    states no time and holds one environment with the same actions (PointMaze, AntMaze), the period
+    of that environment counts. ``metadata["render_fps"]`` is the frame rate of pictures: Pendulum
+    renders 30 frames and makes 20 steps a second.
 
     A `SyncVectorEnv` has the period of its environments; `ask_another` reads the period of an
-    `AsyncVectorEnv`. The period is not known below a wrapper that makes several steps in one, nor
-    if the environment states contradictory times; `why_no_period` returns the reason.
+    `AsyncVectorEnv`. The period is not known below a wrapper that repeats steps, or if the
+    environment states contradictory times; `why_no_period` returns the reason.
 
     Raises:
         InputError: If the environments of a `SyncVectorEnv` have different periods, or if an
@@ -164,9 +165,9 @@ def simulations(simulation: Any) -> Iterator[tuple[str, Any]]:
 def ask_another(env: AnyEnv) -> float | None:
     """Return the period of an `AsyncVectorEnv`, read from one more environment; otherwise None.
 
-    Gymnasium shuts the workers down if they lack an attribute that is asked for. So the first
+    Gymnasium shuts the workers down if a requested attribute is missing. Therefore, the first
     function of ``env_fns`` makes one more environment in this process, as the vector environment
-    does at construction; it is never reset, and closed at once. Different periods of the
+    does at construction; it is closed at once, without a reset. Different periods of the
     environments go unnoticed.
     """
     simulation = env.unwrapped
@@ -217,7 +218,7 @@ def warn_of_unverified_period(env: Any) -> None:
         warnings.warn(
             f"a step of {type(env.unwrapped).__name__} is taken to last {time.period:g} s, its "
             f"{time.name}, which nothing verifies: in some simulators {time.name} is the time of a "
-            "physics step, of which an action takes several. Set period= (--period) to the seconds "
+            "physics step, and an action takes several. Set period= (--period) to the seconds "
             "between two actions",
             UserWarning,
             stacklevel=caller_level(),
@@ -227,8 +228,8 @@ def warn_of_unverified_period(env: Any) -> None:
 def unverified_period(env: Any) -> StatedTime | None:
     """Return the period of an environment if it is a ``dt`` or ``tau`` that nothing verifies.
 
-    In many simulators ``dt`` is the time of a physics step, of which an action takes several. A
-    control rate or a clock of the simulation verifies it, and Gymnasium's environments are known.
+    In many simulators, ``dt`` is the time of a physics step, and an action takes several. A control
+    rate or a clock of the simulation verifies it, and Gymnasium's environments are known.
     """
     simulation = env.unwrapped
     if isinstance(simulation, SyncVectorEnv):
@@ -279,7 +280,8 @@ def frames_per_action(config: Mapping[str, Any]) -> int | None:
     """Return the physics steps of an action in highway-env; None for other configurations.
 
     Raises:
-        InputError: If there are none, because the policy is faster than the simulation.
+        InputError: If an action makes no physics step, because the policy is faster than the
+            simulation.
     """
     policy = _positive(config.get("policy_frequency"))
     simulation = _positive(config.get("simulation_frequency"))
@@ -325,9 +327,9 @@ def _stated(simulation: Any) -> _Stated:
 
 
 def _times(simulation: Any, config: Mapping[str, Any], kind: _Kind) -> list[StatedTime]:
-    """Read the times of a kind from attributes, of which most may be in capitals, and ``config``.
+    """Read the times of a kind from attributes, some also in capitals, and from ``config``.
 
-    A ``dt`` in a configuration may be anything, and is not read.
+    A ``dt`` in a configuration has no fixed meaning, and is not read.
     """
     times = []
     for name, (kind_of_name, is_rate) in _NAMES.items():
@@ -354,7 +356,7 @@ def _attribute(simulation: Any, name: str) -> float | None:
 
 
 def _skips(env: AnyEnv) -> str:
-    """Return the name of the wrapper that makes several steps in one, or an empty string."""
+    """Return the name of the wrapper that repeats steps, or an empty string."""
     while isinstance(env, gym.Wrapper):
         if isinstance(env, _SKIPPING):
             return type(env).__name__
@@ -387,9 +389,9 @@ class SimulationClock:
 
 
 class _RoadClock(SimulationClock):
-    """The time of highway-env's roads, whose physics steps `steps` counts.
+    """The time of highway-env, from its count of physics steps.
 
-    highway-env's own ``time`` grows by ``1 / policy_frequency`` an action, whatever the physics do.
+    highway-env's own ``time`` grows by ``1 / policy_frequency`` per action, independent of physics.
     """
 
     what = "its physics steps"
@@ -400,7 +402,7 @@ class _RoadClock(SimulationClock):
 
 @dataclass(frozen=True, slots=True)
 class StepCount(SimulationClock):
-    """The steps that a `TimeLimit` counts, each of the period that the environment states."""
+    """The time of the steps that a `TimeLimit` counts, with the stated period."""
 
     period: float
     what = "the steps that its TimeLimit counts"

@@ -5,8 +5,8 @@ A selector is the word of a source, then names, a field and indices as its `Synt
     [agent ":"]  source  [":" name ["," name]]  ["." field]  {"[" (integer | string) "]"}
 
 Only selectors of several agents start with an agent: ``agent_0: obs[2]``. A name is text without
-blanks, quotes and ``. , : [ ]``, or any text in quotes: ``body:'arm.left'.xpos[2]``. Nothing is
-ever evaluated as Python.
+blanks, quotes and ``. , : [ ]``, or any text in quotes: ``body:'arm.left'.xpos[2]``. A selector is
+never evaluated as Python.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Selector:
 def parse_selector(
     what: str, text: str, sources: Mapping[str, Syntax], agents: Collection[str] = ()
 ) -> Selector:
-    """Parse a selector; with agents, it starts with one of them.
+    """Parse a selector; with agents, it starts with an agent.
 
     Args:
         what: The owner of the selector, for messages, such as ``"signal 'x'"``.
@@ -80,7 +80,7 @@ def parse_selector(
         agents: The agents, if there are any.
 
     Raises:
-        InputError: With the column, the expected text, and a caret.
+        InputError: On a syntax error, with the column, the expected text and a caret.
     """
     scan = _Scanner(what, text, sources)
     agent = ""

@@ -1,21 +1,20 @@
 """Signals: the named numbers of a formula, read from an environment or its simulation.
 
-A signal is a text selector, a function, or a pair of one of them and its value at reset:
+A signal is a text selector or a function, or a pair of either and its value at reset:
 
 | selector | selects | value at reset |
 |---|---|---|
 | ``obs[2]``, ``obs[0][1]``, ``obs['key'][0]``, ``obs`` | one number of the observation | read |
 | ``action[0]``, ``action`` | one number of the action | required |
 | ``reward`` | the reward | required |
-| ``info['key']``, ``info['key'][0]`` | one number of the info | read; otherwise the given value |
+| ``info['key']``, ``info['key'][0]`` | one number of the info | read; otherwise the pair's value |
 | ``qpos[1]``, ``sensor:imu[0]``, ... | one number of a MuJoCo simulation | read |
 | ``vehicle.speed``, ``vehicle.position[0]`` | one number of highway-env's vehicle | read |
-| a function | its result for a `Step` | called, unless a value is given |
+| a function | its result for a `Step` | called, unless the pair has a value |
 
-The value at reset is a number, or None if nothing is known: the sample of the reset is unknown
-then. A function reads one environment, in a vector environment too; `rtamt_gym.wrappers.batched`
-marks a function that reads a batch at once. With several agents, a selector starts with the agent:
-``agent_0: obs[2]``.
+The value at reset is a number, or None: then the sample of the reset is unknown. A function reads
+one environment, also in a vector environment; `rtamt_gym.wrappers.batched` marks a function that
+reads a batch at once. With several agents, a selector starts with the agent: ``agent_0: obs[2]``.
 
 `rtamt_gym.signals.selectors` parses selectors; the rows of `rtamt_gym.signals.sources` bind them.
 """
@@ -71,8 +70,8 @@ class SlotRead:
     """A `Number` in an array that a simulation updates, which C++ reads without a call.
 
     Attributes:
-        array: The array, of one dimension. It is held, not a ``memoryview`` of it: Python before
-            3.11.8 crashes when its collector clears a view that something else still reads.
+        array: The array, of one dimension. A ``memoryview`` would crash Python before 3.11.8 if the
+            collector cleared it while something else still reads it.
         index: The index of the element, 0 or more.
     """
 
@@ -114,7 +113,7 @@ class MovingRead:
 class Step(NamedTuple):
     """The argument of a function that is a signal.
 
-    It describes one environment, in a vector environment too. A function that is marked with
+    It describes one environment, also in a vector environment. A function marked with
     `rtamt_gym.wrappers.batched` gets the batch of all environments.
 
     Attributes:
@@ -123,8 +122,8 @@ class Step(NamedTuple):
         reward: The reward of the step; None at reset.
         info: The environment's own info.
         env: The monitored environment; ``env.unwrapped`` is the simulation. In a vector
-            environment, the single environment, which only a `SyncVectorEnv` can provide; for a
-            batch, the vector environment.
+            environment, the single environment, which only a `SyncVectorEnv` provides; for a batch,
+            the vector environment.
     """
 
     obs: Any
@@ -135,7 +134,7 @@ class Step(NamedTuple):
 
 
 SignalLike = str | Callable[[Step], float] | Sequence[Any]
-"""A selector, a function, or a pair of one of them and its value at reset, None for unknown."""
+"""A selector or a function, or a pair of either and its value at reset, None for unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +182,7 @@ class Batched:
         return hash(self.function)
 
     def __reduce__(self) -> Any:
-        # A decorator takes the name of the function, under which pickle would look up the function.
+        # A decorated function has this object under its name, where pickle would look it up.
         name = getattr(self.function, "__qualname__", "")
         if getattr(sys.modules.get(self.__module__), name, None) is self:
             return name
@@ -193,16 +192,15 @@ class Batched:
 def batched(function: Callable[[Any], Any]) -> Batched:
     """Mark a function as a signal that reads all environments of a vector environment at once.
 
-    Other functions are called once for each environment. A marked function gets the
-    `rtamt_gym.Step` of all environments, in which observations, actions, rewards and infos are
-    batches in the form of vector environments, and returns an array with a number for each
-    environment. It must keep environments apart and depend on its argument alone: its first
-    calls, at a reset and at a step, are compared with calls for each environment, and different
-    numbers are an error. A single environment gives a batch of one; `rtamt_gym.relabel` gives all
-    samples of an episode.
+    Other functions are called once for each environment. A marked function gets one
+    `rtamt_gym.Step` with the observations, actions, rewards and infos of all environments, as the
+    vector environment returns them. It returns an array with a number for each environment. It must
+    keep environments apart and depend on its argument only: its first calls, at a reset and at a
+    step, are compared with calls for each environment, and different numbers are an error. A single
+    environment passes a batch of one; `rtamt_gym.relabel` passes all samples of an episode.
 
     Args:
-        function: The function. ``@batched`` marks it where it is defined.
+        function: The function; ``@batched`` also works as a decorator.
 
     Raises:
         InputTypeError: If it is not a function.
@@ -232,7 +230,7 @@ def batched(function: Callable[[Any], Any]) -> Batched:
 def batch_of_one(
     step: Step, observations: spaces.Space[Any], actions: spaces.Space[Any], env: object
 ) -> Step:
-    """Return the step of one environment as a vector environment of one returns it."""
+    """Return the step of one environment as a vector environment of size 1 returns it."""
 
     def stacked(space: spaces.Space[Any], value: Any) -> Any:
         if value is None:
@@ -266,10 +264,9 @@ class ParsedSignal:
     Attributes:
         name: Variable of the formulas.
         reads: A selector, or a function.
-        default: Value at reset, nan if it is unknown; None if reset provides it.
+        default: Value at reset, nan if it is unknown; None if the reset provides it.
         row: The row of the selector's first word; None for a function.
-        refuses_nan: Whether a nan is an error. The monitors would take it for an unknown value, as
-            they do with a default of nan.
+        refuses_nan: Whether a nan is an error, because the monitors take nan as unknown.
     """
 
     name: str
@@ -286,7 +283,7 @@ class ParsedSignal:
         sources: Mapping[str, Source],
         agents: Collection[str] = (),
     ) -> ParsedSignal:
-        """Parse one entry of ``signals=``; with agents, a selector starts with one of them.
+        """Parse an entry of ``signals=``; with agents, a selector starts with an agent.
 
         Raises:
             InputError: On a syntax error, a default of nan, a missing default, or a default that
@@ -294,7 +291,7 @@ class ParsedSignal:
             InputTypeError: If it is not a selector, a function, or a pair.
         """
         default = None
-        # JSON knows no tuples: an environment made again from its specification has lists.
+        # JSON has no tuples: an environment that is remade from its EnvSpec has lists.
         if isinstance(value, list | tuple) and len(value) == 2:
             value, default = value
             default = math.nan if default is None else _default(name, default)
@@ -365,10 +362,11 @@ class ParsedSignal:
         if self.row is not None:
             return self.row.bind(self, env)
         if isinstance(self.reads, Batched):
-            shown, does = env.observation_space, env.action_space
+            observations, actions = env.observation_space, env.action_space
 
             def read_batch(obs: Any, action: Any, reward: Any, info: Any) -> float:
-                batch = batch_of_one(Step(obs, action, reward, info, env), shown, does, env)
+                step = Step(obs, action, reward, info, env)
+                batch = batch_of_one(step, observations, actions, env)
                 return float(self.numbers(self.call(batch), 1)[0])
 
             return read_batch
@@ -405,7 +403,7 @@ class ParsedSignal:
         return AbsentError(*_asks_for_default(self.name, str(self.reads), str(error)))
 
     def at_reset(self, error: RtamtError) -> RtamtError:
-        """Return the error of a function at a reset, with the fix if it has read a None."""
+        """Return the error of a function at a reset, with the fix if the function read a None."""
         text = str(error)
         if self.row is not None or not ("NoneType" in text or f"from {self}, got None" in text):
             return error
@@ -437,22 +435,22 @@ class ParsedSignal:
         phrase = ": ".join(filter(None, (type(error).__name__, str(error))))
         return InputError(f"signal {self.name!r}: {self} raised {phrase}")
 
-    def number(self, value: object, way_out: str = "") -> float:
+    def number(self, value: object, fix: str = "") -> float:
         """Return the value as a float.
 
         Args:
             value: The value.
-            way_out: The end of the error message; by default a hint to choose an element.
+            fix: The end of the error message; by default a hint to choose an element.
 
         Raises:
             InputTypeError: If it is not a number.
         """
         if not isinstance(value, _NUMBERS) and not _is_scalar(value):
-            held = isinstance(value, np.ndarray | list | tuple) and np.size(value)
-            if not way_out and held and isinstance(self.reads, Selector):
-                way_out = f"; choose an element, {self}{'[0]' * np.ndim(value)}"  # type: ignore[arg-type]  # see above
+            nested = isinstance(value, np.ndarray | list | tuple) and np.size(value)
+            if not fix and nested and isinstance(self.reads, Selector):
+                fix = f"; choose an element, {self}{'[0]' * np.ndim(value)}"  # type: ignore[arg-type]  # see above
             raise InputTypeError(
-                f"signal {self.name!r}: expected a number from {self}, got {value!r}{way_out}"
+                f"signal {self.name!r}: expected a number from {self}, got {value!r}{fix}"
             )
         return float(cast("float", value))
 
@@ -472,7 +470,7 @@ class ParsedSignal:
 
 
 def _is_scalar(value: object) -> bool:
-    """Whether it is an array of one number and no dimension, such as ``obs[..., 0]``."""
+    """Return whether a value is a number in an array without dimensions, as ``obs[..., 0]`` is."""
     return isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "biuf"
 
 
@@ -495,9 +493,9 @@ def parse_signals(
         signals: A `SignalLike` for every variable.
         variables: Names that the specifications read.
         sources: The words that selectors may start with.
-        agents: The agents, one of which starts every selector, if there are any.
+        agents: The agents; if there are any, each selector starts with an agent.
         extra: Whether signals that no specification reads are recorded.
-        own: The environment's own signals, for variables without another.
+        own: The environment's own signals, for variables that ``signals`` does not name.
         refuse_nan: Whether a nan is an error.
 
     Raises:
@@ -514,16 +512,16 @@ def parse_signals(
     known = {**(own or {}), **signals}
     for name in names:
         if name not in known:
-            # Not a number: it could be taken for the right one.
+            # A number could be mistaken for the right index.
             example = "obs[INDEX]" if "obs" in sources else "qpos[INDEX]"
             example = f"{next(iter(agents))}: {example}" if agents else example
             existing = f"; the signals are {listing(known)}" if known else ""
-            way_out = nearest(name, [*others, *(own or {})]) or Message(
+            fix = nearest(name, [*others, *(own or {})]) or Message(
                 "; pass ",
                 Argument("signals", {name: example}, words=f'signals={{"{name}": "{example}"}}'),
                 f", or declare a constant: const float {name} = VALUE",
             )
-            raise InputError(f"variable {name!r} has no signal{existing}", way_out)
+            raise InputError(f"variable {name!r} has no signal{existing}", fix)
     silent = [name for name in names if name not in signals]
     for name in () if extra else others:
         if meant := nearest(name, silent):
@@ -538,7 +536,7 @@ def parse_signals(
 
 
 def unknown_at_reset(signals: Mapping[str, Any]) -> list[str]:
-    """Return the names of the signals whose value at reset is None."""
+    """Return the names of the signals that are unknown at reset."""
     return [
         name
         for name, signal in signals.items()
@@ -553,7 +551,7 @@ def own_signals(env: Any) -> Mapping[str, Any]:
 
 
 def _asks_for_default(name: str, selector: str, what: str) -> tuple[object, ...]:
-    """The pieces of an error about a missing value at reset."""
+    """Return the pieces of an error about a missing value at reset."""
     pair = f'"{name}": ("{selector}", '
     return (
         f"{what}; give a first value, ",

@@ -66,7 +66,7 @@ def _bind_reward(signal: ParsedSignal, _env: Env) -> Read:
 
 
 def _bind_info(signal: ParsedSignal, _env: Env) -> Read:
-    """No space describes an info, so every reading is checked."""
+    """Bind a key of the info; each value is checked, because no space describes the info."""
 
     def read(_obs: object, _action: object, _reward: object, info: dict[str, Any]) -> float:
         value: Any = info

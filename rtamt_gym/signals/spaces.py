@@ -1,4 +1,4 @@
-"""Selectors checked against the spaces of an environment: one number, and in range."""
+"""Checks that a selector reads one number in the spaces of an environment."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def fit(signal: ParsedSignal, space: AnySpace, what: str) -> tuple[Any, ...]:
         what: The name of the space, for messages.
 
     Raises:
-        InputError: If there is no such number.
+        InputError: If the selector does not read a number of the space.
     """
 
-    def refuse(reason: str, way_out: str = "") -> NoReturn:
+    def refuse(reason: str, hint: str = "") -> NoReturn:
         raise InputError(
             f"signal {signal.name!r}: {signal} does not fit: {what} {reason}; it is "
-            f"{described(space)}{way_out}"
+            f"{described(space)}{hint}"
         )
 
     inner, fitted, path = space, list[Any](), list(signal.path)
@@ -63,7 +63,7 @@ def _check_range(part: int | str, size: int, refuse: Callable[[str], NoReturn]) 
 
 
 def described(space: AnySpace) -> str:
-    """Describe a space without its bounds, which fill a page for a robot."""
+    """Describe a space without its bounds, which would fill a page for a robot."""
     match space:
         case spaces.Dict():
             inner = ", ".join(f"{key!r}: {described(part)}" for key, part in space.spaces.items())

@@ -46,13 +46,13 @@ class StepTime:
         was_read: Whether the period was read, not set.
         timed: Whether a specification has bounds in time.
         substeps: Whether there are several samples in a step.
-        stated: The period that the environment states now; None if there is none, or to read it at
-            the first reset.
+        stated: The period that the environment states now; None without one, or to read it at the
+            first reset.
 
     Attributes:
         samples: The samples since the reset, without the sample of the reset.
-        left: The number of steps that are still to be compared in this episode; 0 until a reset.
-        reported: The times of a step in earlier warnings; many environments share the list.
+        left: The number of steps of this episode that are still to compare; 0 until a reset.
+        reported: The times of a step in earlier warnings, a list that many environments share.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class StepTime:
             self.left, self._due = self._due, AGAIN
 
     def step(self, samples: int = 1) -> None:
-        """Compare the clock after a step in which so many samples were taken.
+        """Compare the clock after a step with this number of samples.
 
         Raises:
             StateError: If it differs from the period that was read and a bound depends on it.
@@ -189,7 +189,7 @@ class StepTimes:
                     self._compared.add(entry)
 
     def step(self, again: NDArray[Any] | None) -> None:
-        """Compare the step of all environments; ``again`` are those that it has reset."""
+        """Compare the step of all environments; ``again`` is the mask of the reset ones."""
         if self._compared:
             for entry in sorted(self._compared):
                 if again is None or not again[entry]:

@@ -41,7 +41,7 @@ class Tap(gym.Wrapper[Any, Any, Any, Any]):
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
-        """The spec without this wrapper, to which outer wrappers add theirs."""
+        """The spec without this wrapper; outer wrappers add their own."""
         return self.env.spec
 
 
@@ -49,7 +49,7 @@ class StaysOpen:
     """A mixin for vector environments that stay open when they are collected.
 
     Gymnasium before 1.3 closes a collected vector environment, and the environment in a wrapper
-    whose constructor has failed.
+    after an error in its constructor.
     """
 
     def __del__(self) -> None:
@@ -106,7 +106,7 @@ def rescaling(env: Any, signals: Sequence[ParsedSignal], *, below: bool, rescale
 
     Raises:
         InputError: If a signal would read rescaled observations and neither option is set; if both
-            are set; or if there is no rescaling wrapper for ``below``.
+            are set; or if ``below`` is set without a rescaling wrapper.
     """
     if below and rescaled:
         raise InputError(
@@ -130,7 +130,7 @@ def rescaling(env: Any, signals: Sequence[ParsedSignal], *, below: bool, rescale
             + ("leave it out" if inside is None else "wrap each environment with StlMonitor"),
         )
     name = type(rescaler).__name__ if rescaler is not None else inside
-    signal = next((each for each in signals if each.source in {"obs", None}), None)
+    signal = next((item for item in signals if item.source in {"obs", None}), None)
     if name is None or signal is None:
         return None
     phrase = f"{signal} is given" if signal.source is None else f"{signal} reads"

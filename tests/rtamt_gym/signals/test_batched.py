@@ -127,7 +127,7 @@ def test_an_environment_has_its_own_observation_action_reward_info_and_environme
 @pytest.mark.parametrize(
     ("envs", "why"),
     [
-        (native, "its environments cannot be looked into"),
+        (native, "its environments are not accessible"),
         (
             functools.partial(poles, AutoresetMode.SAME_STEP),
             "with AutoresetMode.SAME_STEP they are reset before the end is seen",
@@ -189,8 +189,8 @@ def test_a_function_of_the_batch_that_is_not_marked_is_told_of_batched(
     with pytest.raises(InputError) as caught:
         VectorStlMonitor(native(), SPEC, {"x": read}).reset(seed=3)
     assert str(caught.value).endswith(
-        "; the function is called for each environment, and for the batch of all it gives 4 "
-        f"numbers: mark it, rtamt_gym.wrappers.batched({read.__qualname__})"
+        "; the function is called for each environment, but returns 4 numbers for the batch: "
+        f"mark it, rtamt_gym.wrappers.batched({read.__qualname__})"
     )
 
 
@@ -235,20 +235,20 @@ def test_a_marked_function_is_called_once_a_step_after_its_first_calls() -> None
     [
         (
             lambda step: step.obs[0] - step.obs[2],
-            "for environment 0 among all 4, and for it alone: batched(",
+            "for environment 0 in the batch of 4, but raises an error for it alone: batched(",
         ),
-        (lambda step: step.obs[0], "for environment 1 among all 4, and "),
+        (lambda step: step.obs[0], "for environment 1 in the batch of 4, but "),
         (
             lambda step: step.obs[:, 0] - step.obs[:, 0].mean(),
-            "for environment 0 among all 4, and 0 for it alone",
+            "for environment 0 in the batch of 4, but 0 for it alone",
         ),
         (
             lambda step: step.obs.mean(axis=0)[: len(step.obs)],
-            "for environment 0 among all 4, and ",
+            "for environment 0 in the batch of 4, but ",
         ),
         (
             lambda step: np.zeros(4) if len(step.obs) == 4 else np.zeros((1, 2)),
-            "gives 0 for environment 0 among all 4, and for it alone an array of shape (1, 2)",
+            "0 for environment 0 in the batch of 4, but an array of shape (1, 2) for it alone",
         ),
     ],
 )
@@ -262,8 +262,8 @@ def test_a_marked_function_that_mixes_environments_is_refused(
     assert text.startswith("signal 'x': batched(")
     assert says in text
     assert text.endswith(
-        "; a function of batches keeps environments apart, as lambda step: step.obs[:, 0] does; "
-        "leave batched out for a function of one environment"
+        "; a batched function must keep environments apart, as lambda step: step.obs[:, 0] does; "
+        "remove batched from a function of one environment"
     )
 
 
@@ -275,7 +275,7 @@ def test_what_mixes_environments_at_steps_alone_is_refused_there() -> None:
 
     envs = VectorStlMonitor(native(), SPEC, {"x": batched(mixed)})
     envs.reset(seed=3)
-    with pytest.raises(InputError, match=r"gives .* for environment 0 among all 4, and .* alone"):
+    with pytest.raises(InputError, match=r"returns .* for environment 0 in .* 4, but .* alone"):
         envs.step(np.ones(FOUR, np.int64))
 
 

@@ -368,7 +368,7 @@ def test_contradicting_times_error(times: Any, reason: str) -> None:
 def test_unverified_dt_warns() -> None:
     says = (
         "a step of Counted is taken to last 0.125 s, its dt, which nothing verifies: in some "
-        "simulators dt is the time of a physics step, of which an action takes several. Set "
+        "simulators dt is the time of a physics step, and an action takes several. Set "
         "period= (--period) to the seconds between two actions"
     )
 

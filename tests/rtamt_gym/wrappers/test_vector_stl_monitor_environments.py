@@ -192,9 +192,9 @@ def test_an_environment_that_resets_more_than_it_was_told_is_found_out() -> None
     with pytest.raises(StateError) as caught:
         envs.reset(options={"reset_mask": np.array([True, False, True])})
     assert str(caught.value) == (
-        "expected a reset of the environments of reset_mask alone, but "
-        "CartPoleVectorEnv(CartPole-v1, num_envs=3) has reset others, such as 1: it does not know "
-        "reset_mask; reset all, or take gym.make_vec(..., vectorization_mode='sync')"
+        "expected a reset of the environments in reset_mask only, but "
+        "CartPoleVectorEnv(CartPole-v1, num_envs=3) also reset environment 1, because it ignores "
+        "reset_mask; reset all, or use gym.make_vec(..., vectorization_mode='sync')"
     )
     with pytest.raises(StateError):
         envs.step(np.zeros(3, np.int64))
