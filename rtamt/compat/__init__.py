@@ -24,8 +24,13 @@ from rtamt.compat.discrete import (
     StlDiscreteTimeOnlineSpecification,
     StlDiscreteTimeSpecification,
 )
-from rtamt.compat.options import Language, Semantics, StlIOType, TimeInterpretation
-from rtamt.compat.specification import AbstractSpecification
+from rtamt.compat.specification import (
+    AbstractSpecification,
+    Language,
+    Semantics,
+    StlIOType,
+    TimeInterpretation,
+)
 from rtamt.errors import InputError, RtamtError, SpecificationError
 
 __all__ = [

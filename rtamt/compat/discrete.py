@@ -13,11 +13,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from rtamt.compat.options import Language, Semantics
 from rtamt.compat.specification import (
     AbstractSpecification,
+    Language,
     OfflineSpecification,
     OnlineSpecification,
+    Semantics,
     drop_in_advice,
     sample_error,
     warn_of_unknown,

@@ -6,7 +6,7 @@ from rtamt.lazy import lazy_names
 
 if TYPE_CHECKING:
     from rtamt.language.declarations import RequirementId
-    from rtamt.language.template import SpecificationTemplate
+    from rtamt.language.parser import SpecificationTemplate
     from rtamt.language.topics import Publication, SubscribedField, Subscription
 
 __all__ = [
@@ -23,7 +23,7 @@ if not TYPE_CHECKING:  # a type checker would accept any name
         {
             "Publication": "rtamt.language.topics.Publication",
             "RequirementId": "rtamt.language.declarations.RequirementId",
-            "SpecificationTemplate": "rtamt.language.template.SpecificationTemplate",
+            "SpecificationTemplate": "rtamt.language.parser.SpecificationTemplate",
             "SubscribedField": "rtamt.language.topics.SubscribedField",
             "Subscription": "rtamt.language.topics.Subscription",
         },

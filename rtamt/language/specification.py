@@ -33,7 +33,7 @@ from rtamt.language.operators import OPERATORS, Bounds
 from rtamt.renamed import OldName
 
 if TYPE_CHECKING:  # methods import these when they are called
-    from rtamt.language.template import SpecificationTemplate
+    from rtamt.language.parser import SpecificationTemplate
     from rtamt.language.topics import Publication, Subscription
 
 
@@ -229,7 +229,7 @@ class Specification:
             const float w = 3
             always(x > 3)
         """
-        from rtamt.language.template import SpecificationTemplate
+        from rtamt.language.parser import SpecificationTemplate
 
         return SpecificationTemplate(self)
 

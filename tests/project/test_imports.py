@@ -114,7 +114,7 @@ LATE = {
         ("rtamt.language.specification", module)  # methods import what they run
         for module in (
             "rtamt.export.fmu",
-            "rtamt.language.template",
+            "rtamt.language.parser",
             "rtamt.language.topics",
             "rtamt.language.words",
         )

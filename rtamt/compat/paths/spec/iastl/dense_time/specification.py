@@ -5,7 +5,7 @@ from rtamt.compat import (
     StlDenseTimeOfflineSpecification,
     StlDenseTimeOnlineSpecification,
 )
-from rtamt.compat.options import interface_aware
+from rtamt.compat.specification import interface_aware
 
 globals().update(
     interface_aware(

@@ -8,7 +8,7 @@ from rtamt.compat import (
     StlDiscreteTimeSpecification,
     TimeInterpretation,
 )
-from rtamt.compat.options import interface_aware
+from rtamt.compat.specification import interface_aware
 
 IASTLDiscreteTimeSpecification = StlDiscreteTimeSpecification
 globals().update(
