@@ -4,4 +4,4 @@
 run them on rospy and rclpy. ROS is imported when a node is created.
 """
 
-import rtamt_gym  # noqa: F401 - refuses the released library over this one
+import rtamt_gym  # noqa: F401 - raises an error if the released library hides this one

@@ -12,7 +12,7 @@ from rtamt import InputError
 
 
 class Callback:
-    """A callback until it is closed; calls never overlap, and an exception ends one call only.
+    """A callback until it is closed; calls never overlap, and an exception only ends its call.
 
     ``log`` gets the traceback of an exception.
     """
@@ -23,7 +23,7 @@ class Callback:
         self._lock = threading.RLock()  # a callback may close itself
 
     def __call__(self, *arguments: object) -> None:
-        """Call back, unless it is closed."""
+        """Call the callback, unless it is closed."""
         with self._lock:
             if self._callback is not None:
                 try:
@@ -32,15 +32,15 @@ class Callback:
                     self._log(traceback.format_exc())
 
     def close(self) -> None:
-        """End the callback; wait for a call in another thread."""
+        """End the callback; wait for a call that runs in another thread."""
         with self._lock:
             self._callback = None
 
 
 def answered(act: Callable[[], str], log: Callable[[str], object]) -> tuple[bool, str]:
-    """Return the answer of a service: whether ``act`` succeeded, and a text.
+    """Return the answer of a service: whether ``act`` succeeded, and its text.
 
-    An InputError is the answer; ``log`` gets the traceback of any other exception.
+    An exception becomes the text; ``log`` gets its traceback unless it is an InputError.
     """
     try:
         return True, act()
@@ -55,7 +55,7 @@ class NodeClock(Protocol):
     """The clock of a node of ROS."""
 
     def now(self) -> int:
-        """Return its time in nanoseconds; 0 before a simulated clock starts."""
+        """Return the time in nanoseconds; 0 before a simulated clock starts."""
         ...
 
     def is_simulated(self) -> bool:
@@ -63,16 +63,16 @@ class NodeClock(Protocol):
         ...
 
     def wait_for_another(self, now: int) -> None:
-        """Wait until a simulated clock changes from ``now``, for half a second at most."""
+        """Wait until a simulated clock leaves ``now``, at most half a second."""
         ...
 
 
 class GridTimer(threading.Thread):
     """A thread that calls back on a grid of a clock; the grid stays when the clock jumps.
 
-    A late call is one call, whatever number of points has passed; it gets the last point. The timer
-    of rospy moves its grid by every delay, rounds its period and ends with the first exception. The
-    timer of rclpy waits for an executor, which takes half a millisecond to look for other work.
+    After several missed points there is one call, with the last point. The timer of rospy moves its
+    grid by every delay, rounds its period and ends at the first exception. The timer of rclpy waits
+    for an executor, which looks for other work for half a millisecond.
     """
 
     def __init__(self, clock: NodeClock, period: int, callback: Callback) -> None:
@@ -83,8 +83,8 @@ class GridTimer(threading.Thread):
         self._close = callback.close
         self._closed = threading.Event()
         # A wait for a lock takes a quarter of the time of a wait for an event.
-        self._waits = threading.Lock()
-        self._waits.acquire()
+        self._sleep = threading.Lock()
+        self._sleep.acquire()
         self._begin = clock.now()
         self.start()
 
@@ -110,11 +110,11 @@ class GridTimer(threading.Thread):
         if self._clock.is_simulated():
             self._clock.wait_for_another(now)
         else:
-            self._waits.acquire(timeout=duration / 1e9)
+            self._sleep.acquire(timeout=duration / 1e9)
 
     def close(self) -> None:
-        """End the calls; wait for a call in another thread."""
+        """End the calls; wait for a call that runs in another thread."""
         self._close()
         self._closed.set()
         with suppress(RuntimeError):  # another thread closes it too
-            self._waits.release()
+            self._sleep.release()

@@ -12,7 +12,7 @@ from rtamt import InputError
 from rtamt.typing import SemanticsName
 from rtamt_gym.commands.errors import options_in, refusal
 from rtamt_ros.core.settings import Publishers, StaleAs
-from rtamt_ros.generation import chosen, open_node, split
+from rtamt_ros.generation import choose_generation, open_node, split_arguments
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, UNITS, Qos, read
 from rtamt_ros.process import shorten_pauses
@@ -29,8 +29,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: The arguments; None for those of the program.
 
     Returns:
-        0 after SIGINT or SIGTERM; 2 on wrong arguments and specifications, with one message on
-        standard error; otherwise, the code of `Middleware.spin`.
+        0 after SIGINT or SIGTERM; 2 if an argument or a specification is wrong, with one message
+        on standard error; otherwise, the code of `Middleware.spin`.
     """
     try:
         return _run(sys.argv[1:] if argv is None else argv)
@@ -38,22 +38,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         message = refusal(error, options_in(_parser()))
         if message is None:
             raise
-        print(f"{_PROGRAM}: error: {_in_options(message)}", file=sys.stderr)  # noqa: T201
+        print(f"{_PROGRAM}: error: {_with_options(message)}", file=sys.stderr)  # noqa: T201
         return 2
 
 
 def _run(argv: Sequence[str]) -> int:
-    parsed, of_ros = split(_parser(), argv)
+    parsed, ros_arguments = split_arguments(_parser(), argv)
     options = vars(parsed)
     requested = options.pop("ros", None)
     parameters = {_PARAMETERS_OF.get(name, name): value for name, value in options.items()}
     # Errors that do not need ROS are raised before a node waits for a master.
     defaults = {name: default for name, (default, _) in PARAMETERS.items()}
     specifications, settings = read({**defaults, **parameters})
-    if not specifications and not of_ros.has_parameters:
+    if not specifications and not ros_arguments.has_parameters:
         raise InputError("nothing to monitor: write --stl FILE or --spec TEXT")
-    generation = chosen(requested)
-    arguments = of_ros.of(generation)
+    generation = choose_generation(requested)
+    arguments = ros_arguments.for_generation(generation)
     if generation == 2:
         from rtamt_ros.ros2_lifecycle import run
 
@@ -70,8 +70,8 @@ def _run(argv: Sequence[str]) -> int:
     return code
 
 
-def _in_options(message: str) -> str:
-    """Return a message about parameters with the names of options."""
+def _with_options(message: str) -> str:
+    """Return a message with the names of options for those of parameters."""
     for option, parameter in _PARAMETERS_OF.items():
         message = re.sub(rf"^{parameter}: ", f"{option}: ", message)
     return re.sub(rf"^({'|'.join([*_PARAMETERS_OF, *PARAMETERS])}): ", r"--\1: ", message)
@@ -111,8 +111,8 @@ def _parser() -> argparse.ArgumentParser:
         "--semantics",
         choices=get_args(SemanticsName),
         metavar="NAME",
-        help=f"how predicates count: {', '.join(get_args(SemanticsName))}; those about inputs or "
-        f"outputs read the declarations of the text (default: {_default('semantics')})",
+        help=f"the robustness of predicates: {', '.join(get_args(SemanticsName))}; those of inputs "
+        f"and outputs need declarations in the specification (default: {_default('semantics')})",
     )
     sampling = parser.add_argument_group("when to sample")
     sampling.add_argument(
@@ -124,74 +124,74 @@ def _parser() -> argparse.ArgumentParser:
     sampling.add_argument(
         "--unit",
         choices=tuple(UNITS),
-        help=f"of the period (default: {_default('unit')})",
+        help=f"the unit of the period (default: {_default('unit')})",
     )
     sampling.add_argument(
         "--align",
         choices=("outward", "inward", "nearest"),
-        help="how a bound that is no multiple of the period is rounded to samples (default: such "
-        "a bound is an error)",
+        help="the rounding of bounds that are not multiples of the period (default: an error)",
     )
     sampling.add_argument(
         "--dense",
         action="store_true",
-        help="sample nothing: a message is an event at its time",
+        help="do not sample: each message is an event at its time",
     )
     sampling.add_argument(
         "--stamps",
         action="store_true",
-        help="the time of a message is the one in its header, not that at which it came",
+        help="take the time of a message from its header; otherwise, it is the time of arrival",
     )
     sampling.add_argument(
         "--stale",
         action="append",
         metavar="SECONDS",
-        help="an input without a message for so long is stale, and nothing is said of what reads "
-        "it; TOPIC=SECONDS is for one topic; may be repeated (default: five periods, at least 0.5)",
+        help="the time without a message after which an input is stale, and its requirements have "
+        "no robustness; TOPIC=SECONDS sets it for one topic; may be repeated (default: five "
+        "periods, at least 0.5)",
     )
     sampling.add_argument(
         "--stale-as",
         choices=get_args(StaleAs),
-        help="what a stale input does: restart ends the run, and the next begins when it is there "
-        "again; unknown goes on, nothing is known of it meanwhile, and bounds and verdict hold for "
-        f"whatever it was (default: {_default('stale_as')})",
+        help="the effect of a stale input: restart ends the run, and a new run starts with its "
+        "next message; unknown continues the run with an unknown value, so bounds and verdict hold "
+        f"for every possible value (default: {_default('stale_as')})",
     )
     sampling.add_argument(
         "--record",
         metavar="FILE.csv",
-        help="write times, variables and robustness of every sample",
+        help="a file for times, variables and robustness of every sample",
     )
     ros = parser.add_argument_group("ROS")
     ros.add_argument(
         "--ros",
         type=int,
         choices=(1, 2),
-        help="its generation (default: the one that is installed)",
+        help="ROS 1 or ROS 2 (default: the installed one)",
     )
     ros.add_argument(
         "--combined",
         metavar="TOPIC",
-        help="publish one message a sample with all requirements, "
-        "diagnostic_msgs/DiagnosticArray, on this topic",
+        help="a topic for one diagnostic_msgs/DiagnosticArray per sample with all requirements",
     )
     ros.add_argument(
         "--publishers",
         choices=get_args(Publishers),
-        help="what several publishers of one topic do: any warns and mixes their messages, one "
-        f"has no run while there are several (default: {_default('publishers')})",
+        help="the reaction to several publishers of a topic: any warns and mixes their messages, "
+        f"one evaluates nothing until one publisher is left (default: {_default('publishers')})",
     )
     ros.add_argument(
         "--depth",
         type=_count,
         metavar="N",
-        help="how many messages of a topic wait on ROS 2 before the oldest is dropped "
+        help="the number of messages of a topic that wait on ROS 2 before the oldest is dropped "
         f"(default: {_default('depth')})",
     )
     ros.add_argument(
         "--qos",
         choices=get_args(Qos),
-        help="how ROS 2 subscribes: best_effort hears every publisher; reliable sends again what "
-        "the network lost, but a full queue still drops messages: see --depth "
+        help="subscriptions of ROS 2: best_effort receives from every publisher; reliable receives "
+        "from reliable publishers only, and repairs losses of the network; a full queue still "
+        "drops messages: see --depth "
         f"(default: {_default('qos')})",
     )
     return parser

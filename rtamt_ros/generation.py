@@ -20,16 +20,16 @@ _INSTALL = {
     "of ROS 1",
     2: "source the setup.bash of ROS 2",
 }
-_UNSEEN = "; a virtual environment sees what is installed if --system-site-packages made it"
+_UNSEEN = "; a virtual environment needs --system-site-packages to import it"
 
 
-def chosen(requested: int | None) -> Generation:
+def choose_generation(requested: int | None) -> Generation:
     """Return the requested generation of ROS, or the installed one for None.
 
-    If both are installed, ``ROS_VERSION`` decides, which the setup files of both set.
+    If both are installed, the variable ``ROS_VERSION`` decides, which both setup files set.
 
     Raises:
-        InputError: If it is not installed, or nothing decides.
+        InputError: If the generation is not installed, or both are and ``ROS_VERSION`` is not set.
     """
     present = [generation for generation, library in _LIBRARIES.items() if find_spec(library)]
     for generation, library in _LIBRARIES.items():
@@ -48,9 +48,9 @@ def chosen(requested: int | None) -> Generation:
     return next(generation for generation in present if requested in (None, generation))
 
 
-def open_node(asked: int | None, name: str, arguments: Sequence[str]) -> Middleware:
-    """Create a node on the generation that `chosen` returns."""
-    if chosen(asked) == 1:
+def open_node(generation: Generation, name: str, arguments: Sequence[str]) -> Middleware:
+    """Create a node of ROS 1 or ROS 2."""
+    if generation == 1:
         from rtamt_ros.ros1 import Ros1
 
         return Ros1(name, arguments)
@@ -75,36 +75,36 @@ class RosArguments(NamedTuple):
         """Whether the arguments of ROS 2 can set parameters."""
         return not {"-p", "--param", "--params-file"}.isdisjoint(self.arguments)
 
-    def of(self, generation: Generation) -> list[str]:
-        """Return the arguments of a generation; refuse those of the other one."""
+    def for_generation(self, generation: Generation) -> list[str]:
+        """Return the arguments of a generation; raise InputError for arguments of the other."""
         if generation == 1 and self.arguments:
             instead = "remappings as they are, odom:=robot1/odom"
             if self.has_parameters:
                 instead = f"parameters as options, which --help lists, and {instead}"
-            raise InputError(f"ROS 1 does not know {' '.join(self.arguments)}: write {instead}")
+            raise InputError(f"ROS 1 does not accept {' '.join(self.arguments)}: write {instead}")
         if generation == 2 and self.remappings:
             raise InputError(
-                f"ROS 2 does not know {' '.join(self.remappings)}: write --ros-args -r "
+                f"ROS 2 does not accept {' '.join(self.remappings)}: write --ros-args -r "
                 f"{self.remappings[0]}"
             )
         return self.remappings if generation == 1 else self.arguments
 
 
-def split(
+def split_arguments(
     parser: argparse.ArgumentParser, argv: Sequence[str]
 ) -> tuple[argparse.Namespace, RosArguments]:
-    """Parse the options of a program; return the arguments of ROS apart."""
-    own, arguments = list(argv), []
-    if "--ros-args" in own:
-        begin = own.index("--ros-args")
-        end = own.index("--", begin) + 1 if "--" in own[begin:] else len(own)
-        arguments = own[begin:end]
-        del own[begin:end]
-    options, rest = parser.parse_known_args(own)
-    if unknown := [word for word in rest if ":=" not in word]:
-        options_known = [name for action in parser._actions for name in action.option_strings]  # noqa: SLF001
-        hint = nearest(unknown[0], options_known)
-        if unknown[0].endswith(".stl") and "--stl" in options_known:
+    """Return the options of a program, and the arguments for ROS."""
+    words, arguments = list(argv), []
+    if "--ros-args" in words:
+        begin = words.index("--ros-args")
+        end = words.index("--", begin) + 1 if "--" in words[begin:] else len(words)
+        arguments = words[begin:end]
+        del words[begin:end]
+    options, remappings = parser.parse_known_args(words)
+    if unknown := [word for word in remappings if ":=" not in word]:
+        known_options = [name for action in parser._actions for name in action.option_strings]  # noqa: SLF001
+        hint = nearest(unknown[0], known_options)
+        if unknown[0].endswith(".stl") and "--stl" in known_options:
             hint = f"; write --stl {unknown[0]}"
         parser.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
-    return options, RosArguments(rest, arguments)
+    return options, RosArguments(remappings, arguments)

@@ -12,14 +12,14 @@ from rtamt.errors import nearest
 from rtamt.language import SubscribedField
 
 
-def installed(
+def find_class(
     package: str,
     name: str,
     *,
     kind: Literal["message", "service"] = "message",
     generation: int,
-    is_its_own: Callable[[type], bool],
-    how: str,
+    belongs: Callable[[type], bool],
+    install_hint: str,
 ) -> type:
     """Return the class ``package/name`` of a generation of ROS.
 
@@ -28,8 +28,8 @@ def installed(
         name: The name of the class, ``Twist``.
         kind: "message" or "service".
         generation: 1 or 2.
-        is_its_own: Returns whether a class belongs to this generation.
-        how: How to install the package.
+        belongs: Returns whether a class belongs to the generation.
+        install_hint: How to install the package.
 
     Raises:
         InputError: If the class does not exist.
@@ -45,12 +45,12 @@ def installed(
         ]
         meant = nearest(package.removesuffix("_msgs"), others).replace("'?", "_msgs'? If not, ")
         raise InputError(
-            f"the {kind}s of {package} are not installed{meant or ': '}{how}"
+            f"the {kind}s of {package} are not installed{meant or ': '}{install_hint}"
         ) from error
     cls = getattr(module, name, None)
     if not isinstance(cls, type):
         raise InputError(f"{package} has no {kind} {name}{nearest(name, vars(module))}")
-    if not is_its_own(cls):
+    if not belongs(cls):
         raise InputError(
             f"expected {package} of ROS {generation}, found {package} of ROS {3 - generation} in "
             f"{module.__file__}: start from a terminal where only ROS {generation} is set up"

@@ -25,7 +25,7 @@ class TopicPublisher(NamedTuple):
 
     Attributes:
         node: The full name of its node.
-        keeps: Whether it gives its last message to late subscribers.
+        keeps: Whether it sends its last message to late subscribers.
     """
 
     node: str
@@ -38,7 +38,7 @@ class Reception(NamedTuple):
     Attributes:
         received: The nanoseconds of the wall clock at which ROS received it, which may be earlier
             than its callback; None if ROS does not report it, or if the clock is simulated.
-        number: The number that its publisher gave it; None without a number.
+        number: The sequence number from its publisher; None without a number.
         lost: The number of messages of the topic that ROS has reported as lost.
     """
 
@@ -48,15 +48,15 @@ class Reception(NamedTuple):
 
 
 class Handle(Protocol):
-    """A subscription, a publisher or a timer, until it is closed."""
+    """An open subscription, publisher, timer or service."""
 
     def close(self) -> None:
-        """End it; no callback starts after that."""
+        """Close it; no callback starts after that."""
         ...
 
 
 class Publisher(Handle, Protocol):
-    """Publishes messages of one class on one topic."""
+    """A publisher of messages of one class on one topic."""
 
     message: type
 
@@ -91,12 +91,12 @@ class Middleware(Protocol):
         """Return the class of messages ``package/name``: ``geometry_msgs``, ``Twist``.
 
         Raises:
-            InputError: If it is not installed; the message explains how to install it.
+            InputError: If the class is not installed; the error explains how to install it.
         """
         ...
 
     def now(self) -> int:
-        """Return the time of the clock of ROS; 0 before the first tick of a simulated clock."""
+        """Return the time of the ROS clock; 0 before the first tick of a simulated clock."""
         ...
 
     def steady(self) -> int:
@@ -104,14 +104,14 @@ class Middleware(Protocol):
         ...
 
     def is_simulated(self) -> bool:
-        """Return whether the clock is simulated, so that it may stand still."""
+        """Return whether the clock is simulated; a simulated clock may stand still."""
         ...
 
     def resolve(self, topic: str) -> str:
         """Return the full name of a topic, with the namespace and remappings.
 
         Raises:
-            InputError: If ROS does not allow the topic, or its remapping.
+            InputError: If ROS does not allow the topic or its remapping.
         """
         ...
 
@@ -122,8 +122,8 @@ class Middleware(Protocol):
     def publishers_of(self, topic: str, message: type) -> Sequence[TopicPublisher]:
         """Return the publishers of a subscribed topic, without waiting for an answer.
 
-        On ROS 2 these are the publishers in the graph, where one that was killed stays for up to
-        20 s; on ROS 1 the connected ones.
+        On ROS 1 these are the connected publishers. On ROS 2 they are those in the graph, which
+        keeps a killed publisher for up to 20 s.
         """
         ...
 
@@ -135,11 +135,11 @@ class Middleware(Protocol):
         ...
 
     def stamp(self, message: Any) -> int | None:  # noqa: ANN401
-        """Return the time in a message's header; None without a header, or if it is not set."""
+        """Return the stamp of a message; None without a header, or if the stamp is not set."""
         ...
 
     def set_stamp(self, message: Any, time: int) -> None:  # noqa: ANN401
-        """Set the time in a message's header, if it has one."""
+        """Set the stamp of a message, if it has a header."""
         ...
 
     def subscribe(
@@ -150,14 +150,14 @@ class Middleware(Protocol):
         *,
         receptions: bool = False,
     ) -> Handle:
-        """Call back with every message of a topic, and with latched ones.
+        """Pass every message of a topic to a callback, including latched messages.
 
-        With ``receptions`` the second argument of the callback is the `Reception` of the message.
+        With ``receptions``, the second argument of the callback is the `Reception` of the message.
         """
         ...
 
     def take_waiting(self) -> None:
-        """Call back with the messages that wait in queues, if their queues can be read."""
+        """Pass messages that wait in queues to their callbacks, if ROS can read its queues."""
         ...
 
     def publisher(
@@ -169,33 +169,32 @@ class Middleware(Protocol):
         fields: Sequence[Sequence[str]] = (),
         lease: int | None = None,
     ) -> Publisher:
-        """Publish on a topic; a latched topic gives its last message to late subscribers.
+        """Publish on a topic; a latched topic sends its last message to late subscribers.
 
-        The paths to fields are for `Publisher.publish_numbers`. With a lease in nanoseconds, ROS 2
-        informs subscribers if `Publisher.assert_alive` was not called for so long.
+        The paths to fields are for `Publisher.publish_numbers`. With a lease, ROS 2 informs
+        subscribers if `Publisher.assert_alive` was not called for that many nanoseconds.
         """
         ...
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:
-        """Call back at every point of a grid of the clock; calls never overlap.
+        """Call a callback at every point of a grid of the clock; calls never overlap.
 
-        A call gets the last point that has passed. The points of a timer are whole periods apart,
-        whatever the clock does. After several missed points there is one call.
+        The callback gets the last point that has passed. The points are whole periods apart, even
+        if the clock jumps. After several missed points there is one call.
         """
         ...
 
-    def around(self) -> tuple[Level, str] | None:
-        """Return problems with other nodes; None if there never were any.
+    def ros_state(self) -> tuple[Level, str] | None:
+        """Return the state of ROS around the node, such as a missing master; None if always good.
 
-        It is called repeatedly in its own thread: it may wait for answers, and may repair what it
-        finds.
+        A thread calls it repeatedly. It may wait for answers, and may repair problems.
         """
         ...
 
     def trigger(self, name: str, act: Callable[[], str]) -> Handle:
         """Offer a service ``std_srvs/Trigger`` of the node, which answers with a text.
 
-        An InputError is an answer without success.
+        An InputError becomes an answer with ``success`` false.
 
         Raises:
             InputError: If the services of ``std_srvs`` are not installed.
@@ -207,7 +206,7 @@ class Middleware(Protocol):
         ...
 
     def spin(self) -> int:
-        """Run callbacks until the node ends; return the exit code, 0 if it ended on request."""
+        """Run callbacks until the node ends; return the exit code, 0 after a request to end."""
         ...
 
     def close(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,27 +14,24 @@ from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.judges import Judges
 from rtamt_ros.core.publishing import (
     BOUNDS,
+    COMBINED,
     Combined,
     Diagnostics,
     Publishing,
-    Statuses,
-    exact_values,
+    States,
 )
 from rtamt_ros.core.report import RequirementReport, counted, seconds
 from rtamt_ros.core.requirements import bound_topics, outputs_of
 from rtamt_ros.core.settings import Settings
-from rtamt_ros.core.subscriptions import Heard, OpenSubscription, Subscriptions
+from rtamt_ros.core.topics import MessageCallback, OpenSubscription, Subscriptions
 from rtamt_ros.messages import check_input, check_output
-from rtamt_ros.middleware import Handle, Level, Middleware, Publisher, Reception
+from rtamt_ros.middleware import Handle, Level, Middleware, Reception
 
 __all__ = ["MonitorNode", "RequirementReport", "Settings"]
 
 
-COMBINED = ("diagnostic_msgs", "DiagnosticArray")
-
-
 class Plan:
-    """Everything that a node needs before it starts, checked."""
+    """The checked specifications, topics and message classes of a node."""
 
     def __init__(
         self,
@@ -48,7 +45,7 @@ class Plan:
             for specification in specifications
         )
         if not self.specifications:
-            raise InputError("expected a specification or more, got none")
+            raise InputError("expected one or more specifications, got an empty list")
         judges = self.judges()
         self.outputs = outputs_of(judges.requirements, dense=self.settings.dense)
         self.lateness = judges.lateness
@@ -59,11 +56,11 @@ class Plan:
             for requirement in judges.requirements
         }
         wanted = {("std_msgs", message) for message in BOUNDS.values()}
-        wanted |= {(each.package, each.message) for each in self.outputs}
-        wanted |= {class_of(each) for each in judges.inputs}
+        wanted |= {(output.package, output.message) for output in self.outputs}
+        wanted |= {class_of(source) for source in judges.inputs}
         wanted |= {COMBINED} if self.settings.combined else set()
-        self.classes = {each: middleware.message_class(*each) for each in sorted(wanted)}
-        parts = {each.name: each.specification for each in judges.requirements}
+        self.classes = {key: middleware.message_class(*key) for key in sorted(wanted)}
+        parts = {requirement.name: requirement.specification for requirement in judges.requirements}
         for requirement in judges.requirements:
             for subscription in requirement.specification.subscriptions():
                 for field in subscription.fields:
@@ -79,12 +76,8 @@ class Plan:
         """Return new judges."""
         return Judges(self.specifications, self.settings)
 
-    def of(self, source: Input) -> type:
-        """Return the message class of an input."""
-        return self.classes[class_of(source)]
-
-    def refuse_two_types(self, middleware: Middleware) -> None:
-        """Refuse topics that remappings join if their message classes differ."""
+    def check_types(self, middleware: Middleware) -> None:
+        """Raise InputError if remappings join topics with different message classes."""
         known: dict[str, tuple[str, str]] = {}
         topics = [(name, class_of(source)) for name, source in self.topics.items()]
         topics += [(output.topic, (output.package, output.message)) for output in self.outputs]
@@ -92,8 +85,8 @@ class Plan:
             topics.append((combined, COMBINED))
             if middleware.resolve(combined) == "/diagnostics":
                 raise InputError(
-                    "combined: expected a topic of its own, got /diagnostics, where all nodes say "
-                    "their states; write another, such as rtamt/all"
+                    "combined: /diagnostics has the states of all nodes; write another topic, such "
+                    "as rtamt/all"
                 )
         for topic, kind in topics:
             full = middleware.resolve(topic)
@@ -110,80 +103,28 @@ def class_of(source: Input) -> tuple[str, str]:
     return source.package or "", source.message or ""
 
 
-_SECOND = 1_000_000_000
-
-
-def lease_of(period: int) -> int:
-    """Return the nanoseconds after which a silent monitor is not alive: 1 s, or five periods."""
-    return max(_SECOND, 5 * period)
-
-
-class States:
-    """Publishes level, verdict and bounds of each requirement on ``TOPIC/state``.
-
-    A message is a ``diagnostic_msgs/DiagnosticArray`` with one status. On ROS 2 the publishers
-    offer liveliness by topic, so a subscriber hears that the monitor hangs or is dead.
-
-    Args:
-        middleware: The node of ROS.
-        topics: The topic of each requirement.
-        period: The nanoseconds between looks.
-    """
-
-    def __init__(self, middleware: Middleware, topics: Mapping[str, str], period: int) -> None:
-        self._publishers: dict[str, Publisher] = {}
-        try:
-            self._statuses = Statuses(middleware)
-        except InputError:  # `Diagnostics` logs it
-            return
-        for name, topic in topics.items():
-            self._publishers[name] = middleware.publisher(
-                f"{topic}/state", self._statuses.array, latched=False, lease=lease_of(period)
-            )
-
-    def publish(self, reports: Iterable[RequirementReport], now: int | None = None) -> None:
-        """Publish reports with the time of their samples, or of a look at ``now``."""
-        for report in reports:
-            publisher = self._publishers.get(report.name)
-            time = report.time if now is None else now
-            if publisher is not None and time > 0:
-                level = Level(report.level)
-                row = report.name, level, report.text, exact_values(report)
-                publisher.publish(self._statuses.message(time, [row]))
-
-    def assert_alive(self) -> None:
-        """Inform subscribers that the monitor runs."""
-        for publisher in self._publishers.values():
-            publisher.assert_alive()
-
-    def close(self) -> None:
-        """Close every publisher."""
-        while self._publishers:
-            self._publishers.popitem()[1].close()
-
-
-SOON = 3.0
-"""Seconds of the wall clock after which a publisher that runs was found."""
-FOLLOW = 250_000_000
+SEARCH_AFTER = 3.0
+"""Seconds of the wall clock after which a topic without a publisher is logged."""
+FOLLOW_PERIOD = 250_000_000
 """Nanoseconds of a steady clock between looks at the publishers of the topics."""
-AROUND = 2.0
-"""Seconds of the wall clock between looks at how the node stands among others."""
-STANDS = 2.0
-"""Seconds of the wall clock between looks at a simulated clock: one that is where it was stands."""
+WATCH_PERIOD = 2.0
+"""Seconds of the wall clock between checks of the state of ROS."""
+CLOCK_PERIOD = 2.0
+"""Seconds of the wall clock between checks whether a simulated clock stands still."""
 
 
 class MonitorNode:
     """Monitors the topics that specifications name, and publishes the results.
 
-    Every requirement of every specification (`Specification.requirements`) has its own monitor;
-    topics are subscribed to once. Each requirement has a latched topic: the topic of its output
-    variable (``@ topic(out, monitor/out)``), otherwise ``rtamt/NAME``; so has every named formula
-    that it uses. The bounds are on ``TOPIC/lower`` and ``TOPIC/upper``, the verdict (-1, 0 or 1) is
-    on ``TOPIC/verdict``, and ``TOPIC/state`` has level, verdict and bounds at every sample.
+    Every requirement of every specification (`Specification.requirements`) has its own monitor, and
+    requirements share subscriptions. Each requirement, and each named formula that it uses, has a
+    latched topic: the topic of its output variable (``@ topic(out, monitor/out)``), otherwise
+    ``rtamt/NAME``. The bounds are on ``TOPIC/lower`` and ``TOPIC/upper``, and the verdict (-1, 0 or
+    1) is on ``TOPIC/verdict``. ``TOPIC/state`` has level, verdict and bounds at every sample, and
     ``/diagnostics`` has the level and the numbers of every `RequirementReport`.
 
-    The constructor parses, compiles and looks up all message classes, so every error of a
-    specification appears here. Nothing else happens before `start`.
+    The constructor parses and compiles the specifications and looks up all message classes, so it
+    raises every error of a specification. Nothing else happens before `start`.
 
     Args:
         middleware: The node of ROS. `stop` does not close it.
@@ -220,12 +161,12 @@ class MonitorNode:
 
     @property
     def running(self) -> bool:
-        """Whether it was started and not stopped."""
+        """Whether the node was started and not stopped."""
         return self._running is not None
 
     @property
     def reports(self) -> tuple[RequirementReport, ...]:
-        """The last report on every requirement; empty before the first look."""
+        """The last report of every requirement; empty before the first look."""
         running = self._running
         return () if running is None else running.judges.reports
 
@@ -236,22 +177,22 @@ class MonitorNode:
         and bounds are nan on the topics, and verdicts 0. A record continues in its next file.
 
         Returns:
-            The state of every requirement until now, one line each after the first; it is logged
-            too.
+            The last state of every requirement: after the first line, one line each. The log has
+            the same text.
 
         Raises:
-            InputError: If the node does not run.
+            InputError: If the node does not run, or a simulated clock has not started.
         """
         running = self._running
         if running is None:
-            raise InputError("expected a monitor that runs; start it, or activate its node")
+            raise InputError("the monitor does not run; start it, or activate its node")
         return running.reset()
 
     def start(self) -> None:
         """Subscribe, publish and sample; the monitors start again. A second call does nothing.
 
         Raises:
-            InputError: If ROS refuses a topic; nothing is left open.
+            InputError: If ROS refuses a topic; everything is closed again.
         """
         with self._lock:
             if self._running is None:
@@ -280,8 +221,8 @@ class MonitorNode:
     ) -> None:
         """Monitor other specifications; a running node keeps running.
 
-        The runs start again at this moment, as after `reset`. Subscriptions to topics that keep
-        their message class stay open with their last message.
+        New runs start, as after `reset`. Subscriptions to topics with the same message class stay
+        open and keep their last message.
 
         Args:
             specifications: As for the class.
@@ -311,7 +252,7 @@ class MonitorNode:
 
 
 class _Running:
-    """A running node: its judges, and everything that it has open."""
+    """The judges, subscriptions, publishers and threads of a running node."""
 
     def __init__(self, middleware: Middleware, plan: Plan, subscriptions: Subscriptions) -> None:
         self.judges = plan.judges()
@@ -335,7 +276,7 @@ class _Running:
     def open(self) -> None:
         plan, middleware = self._plan, self._middleware
         try:
-            plan.refuse_two_types(middleware)
+            plan.check_types(middleware)
             publishing = Publishing(
                 middleware, plan.outputs, plan.bounds, plan.classes, plan.lateness
             )
@@ -350,7 +291,7 @@ class _Running:
             self._handles.append(self._diagnostics)
             self._subscribe()
             self._offer_reset()
-            self._tell_topics()
+            self._log_topics()
             self._handles.append(middleware.every(plan.settings.period, self._look))
         except InputError:
             self.close()
@@ -364,7 +305,7 @@ class _Running:
             self._closed = True
             self._subscriptions.keep(self.judges.topics)
         self._ended.set()
-        # Without the lock: a handle may wait for a callback that waits for the lock.
+        # Close without the lock: a handle may wait for a callback that waits for the lock.
         while self._handles:
             self._handles.pop().close()
         for thread in self._threads:
@@ -377,39 +318,38 @@ class _Running:
             with self._arrivals:
                 now = self._middleware.now()
             if self._closed or now <= 0:
-                raise InputError("expected a node that runs, and a clock that has begun")
+                raise InputError("the node does not run, or its clock has not started")
             reports = self.judges.reset(now)
             self._publish_all(reports)
-        count = counted(len(reports), "requirement")
-        begin = f"{count} {'begins' if len(reports) == 1 else 'begin'} anew at {seconds(now, 3)}"
-        text = "\n".join([begin, *(f"{report.name}: {report.problem}" for report in reports)])
+        first = f"new run of {counted(len(reports), 'requirement')} at {seconds(now, 3)}"
+        text = "\n".join([first, *(f"{report.name}: {report.problem}" for report in reports)])
         self._middleware.log(Level.WARN, text)
         return text
 
     def _subscribe(self) -> None:
-        """Subscribe to topics; those that are open already start with their last messages."""
-        kept: dict[str, OpenSubscription] = {}
+        """Subscribe to topics; open subscriptions continue with their last messages."""
+        detached: dict[str, OpenSubscription] = {}
         for name, topic in self.judges.topics.items():
-            message, callback = self._plan.of(topic.inputs[0]), self._callback(name)
-            known = self._subscriptions.kept(name, message)
-            if known is not None:
-                kept[name] = known
-                topic.continue_from(known.order, known.evidence)
+            message = self._plan.classes[class_of(topic.inputs[0])]
+            subscription = self._subscriptions.detached(name, message)
+            if subscription is not None:
+                detached[name] = subscription
+                topic.continue_from(subscription.order, subscription.evidence)
             else:
-                known = self._subscriptions.open(name, message, callback)
-            topic.subscribed = known.subscribed
-        if kept:
+                subscription = self._subscriptions.open(name, message, self._callback(name))
+            topic.subscribed = subscription.subscribed
+        if detached:
             with self._lock, self._arrivals:
                 arrivals = {
                     name: [
                         (message, self._time(message, came), came)
-                        for message, came in subscription.stored()
+                        for message, came in subscription.take_stored()
                     ]
-                    for name, subscription in kept.items()
+                    for name, subscription in detached.items()
                 }
                 self._follow_publishers()
                 self.judges.resume(arrivals, self._middleware.now())
-                for name, subscription in kept.items():
+                for name, subscription in detached.items():
                     subscription.attach(self._callback(name))
 
     def _time(self, message: Any, came: int) -> int:  # noqa: ANN401 - the classes of ROS have no types
@@ -421,14 +361,14 @@ class _Running:
         """Read the publishers of all topics, which decide about defaults and stale inputs."""
         middleware, steady = self._middleware, self._middleware.steady()
         for name, topic in self.judges.topics.items():
-            message, before = self._plan.of(topic.inputs[0]), topic.several
+            message, before = self._plan.classes[class_of(topic.inputs[0])], topic.several
             topic.follow(middleware.publishers_of(name, message), middleware.resolve(name))
             if topic.several != before:
                 middleware.log(*topic.news())
             if topic.needs_answer(steady):
                 topic.may_keep = middleware.may_keep(name, message)
             topic.look(steady)
-        self._follows_at = steady + FOLLOW
+        self._follows_at = steady + FOLLOW_PERIOD
         self._defaults_wait = any(topic.waits for topic in self.judges.topics.values())
 
     def _offer_reset(self) -> None:
@@ -437,18 +377,18 @@ class _Running:
         except InputError as error:
             self._middleware.log(Level.WARN, f"there is no service ~/reset: {error}")
 
-    def _tell_topics(self) -> None:
+    def _log_topics(self) -> None:
         """Log the topics of the node, and the files of its record."""
-        tell, whole = partial(self._middleware.log, Level.OK), self._middleware.resolve
+        log, resolve = partial(self._middleware.log, Level.OK), self._middleware.resolve
         for name, topic in self.judges.topics.items():
             names = ", ".join(dict.fromkeys(source.name for source in topic.inputs))
-            tell(f"hears {whole(name)} ({'/'.join(class_of(topic.inputs[0]))}) as {names}")
+            log(f"subscribes to {resolve(name)} ({'/'.join(class_of(topic.inputs[0]))}) as {names}")
         for output in self._plan.outputs:
-            tell(f"publishes {whole(output.topic)} ({output.package}/{output.message})")
+            log(f"publishes {resolve(output.topic)} ({output.package}/{output.message})")
         if self._plan.settings.combined:
-            tell(f"publishes {whole(self._plan.settings.combined)} ({'/'.join(COMBINED)})")
+            log(f"publishes {resolve(self._plan.settings.combined)} ({'/'.join(COMBINED)})")
         for path in self.judges.files:
-            tell(f"records {path}")
+            log(f"records {path}")
 
     def _in_thread(self, task: Callable[[], None]) -> None:
         """Run a slow task in a thread, so that it does not delay looks."""
@@ -456,14 +396,14 @@ class _Running:
         self._threads.append(thread)
         thread.start()
 
-    def _name_silent(self) -> None:
+    def _log_silent_topics(self) -> None:
         """Log the topics that nobody publishes, with similar names."""
         published = self._middleware.published_topics()
         if published is None:
             return
         own = {output.topic for output in self._plan.outputs} | {"/diagnostics", "/rosout"}
         own |= {self._plan.settings.combined} - {""}
-        own |= {f"{topic}/{what}" for topic in self._plan.bounds.values() for what in BOUNDS}
+        own |= {f"{topic}/{name}" for topic in self._plan.bounds.values() for name in BOUNDS}
         own |= {f"{topic}/state" for topic in self._plan.bounds.values()}
         others = set(published) - {self._middleware.resolve(topic) for topic in own}
         for name, topic in self.judges.topics.items():
@@ -473,8 +413,8 @@ class _Running:
                 hint = nearest(full, others)
                 self._middleware.log(Level.WARN, f"nobody publishes {full}{hint}")
 
-    def _callback(self, topic: str) -> Heard:
-        """Return the callback for messages of a topic, which passes them to the judges."""
+    def _callback(self, topic: str) -> MessageCallback:
+        """Return the callback that passes messages of a topic to the judges."""
         clock, time, take = self._middleware.now, self._time, self.judges.take
         count = self.judges.topics[topic].evidence.count
 
@@ -504,15 +444,15 @@ class _Running:
         if self._defaults_wait or self._middleware.steady() >= self._follows_at:
             self._follow_publishers()
         self._middleware.take_waiting()
-        self._say(lambda now: self.judges.look(due, now))
-        if not self._searched and time.monotonic() >= self._begin + SOON:
+        self._publish_now(lambda now: self.judges.look(due, now))
+        if not self._searched and time.monotonic() >= self._begin + SEARCH_AFTER:
             self._searched = True
             self._in_thread(self._watch_others)
         if not self._watching and self._middleware.is_simulated() and not self._closed:
             self._watching = True
             self._in_thread(self._watch_clock)
 
-    def _say(self, reports: Callable[[int], Sequence[RequirementReport]]) -> None:
+    def _publish_now(self, reports: Callable[[int], Sequence[RequirementReport]]) -> None:
         """Publish the reports of the current time."""
         with self._lock:
             with self._arrivals:
@@ -522,7 +462,7 @@ class _Running:
                 if self._plan.settings.dense and now > 0:
                     self._states.publish(self.judges.reports, now)
                 self._states.assert_alive()
-                if self._diagnostics.tell(self.judges.reports, now):
+                if self._diagnostics.publish(self.judges.reports, now):
                     self.judges.flush()
 
     def _publish_all(self, reports: Sequence[RequirementReport]) -> None:
@@ -534,21 +474,21 @@ class _Running:
             self._combined.publish(reports)
 
     def _watch_clock(self) -> None:
-        """Report a simulated clock that stands still, for which no timer is due."""
+        """Report a simulated clock that stands still, because no timer is due then."""
         before = 0
 
         def standing(now: int) -> Sequence[RequirementReport]:
             return self.judges.standing() if 0 < now == before else []
 
-        while not self._ended.wait(STANDS):
-            self._say(standing)
+        while not self._ended.wait(CLOCK_PERIOD):
+            self._publish_now(standing)
             before = self._middleware.now()
 
     def _watch_others(self) -> None:
-        """Log silent topics; then report problems with other nodes when they change."""
-        self._name_silent()
-        while not self._ended.wait(AROUND):
-            around = self._middleware.around()
-            if around != self._diagnostics.around:
-                self._diagnostics.around = around
-                self._say(lambda _now: [])
+        """Log silent topics; then report the state of ROS when it changes."""
+        self._log_silent_topics()
+        while not self._ended.wait(WATCH_PERIOD):
+            ros_state = self._middleware.ros_state()
+            if ros_state != self._diagnostics.ros_state:
+                self._diagnostics.ros_state = ros_state
+                self._publish_now(lambda _now: [])

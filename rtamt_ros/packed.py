@@ -1,4 +1,4 @@
-"""Fast serialization of messages that differ in a time and some numbers."""
+"""Fast serialization of messages that differ only in a time and some numbers."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ _PROBES = (
     (1_800_000_000_000_000_001, math.nan),
     (0, math.inf),
 )
-"""Times and numbers that messages are made of to compare their bytes; the first are found again."""
+"""Times and numbers of test messages: the first locates their bytes, the others check them."""
 
 
-class Made:
-    """Makes messages with a time in the header, and numbers in some fields.
+class MessageMaker:
+    """Creates messages with a time in the header and numbers in some fields.
 
     Args:
         message: The class of the messages.
-        fields: The paths to the fields of the numbers.
+        fields: The path to the field of each number.
         set_stamp: As in `rtamt_ros.middleware.Middleware`.
     """
 
@@ -52,53 +52,53 @@ class Made:
         return len(self._fields)
 
 
-class Packed:
-    """Returns the bytes of the messages of a `Made`, in a twentieth of the time.
+class MessagePacker:
+    """Writes the bytes of the messages of a `MessageMaker`, in a twentieth of the time.
 
-    The numbers and the time have fixed places in the bytes, which are located in one message. The
-    result is compared with the bytes of further messages.
+    The numbers and the time are at fixed offsets, which one message shows. The bytes of further
+    messages check them.
 
     Raises:
-        ValueError: If the numbers are not packed like this: they have less than 64 bits, or are
-            integers.
+        ValueError: If the messages are not like this: a number has less than 64 bits, or is an
+            integer.
     """
 
-    def __init__(self, make: Made, serialize: Callable[[Any], bytes]) -> None:
+    def __init__(self, make: MessageMaker, serialize: Callable[[Any], bytes]) -> None:
         time, number = _PROBES[0]
-        numbers = [number * (place + 1) for place in range(make.count)]
+        numbers = [number * (index + 1) for index in range(make.count)]
         data = serialize(make(time, numbers))
         parts = [
-            (_place(data, _DOUBLE.pack(each)), "d", number_index)
-            for number_index, each in enumerate(numbers)
+            (_offset(data, _DOUBLE.pack(number)), "d", index)
+            for index, number in enumerate(numbers)
         ]
         stamp = _TIME.pack(*divmod(time, _SECOND))
         self._timed = stamp in data
         if self._timed:
-            parts.append((_place(data, stamp), "II", -1))
+            parts.append((_offset(data, stamp), "II", -1))
         parts.sort()
         layout, self._constants, end = "<", [], 0
-        for place, kind, _ in parts:
-            layout += f"{place - end}s{kind}"
-            self._constants.append(data[end:place])
-            end = place + 8
-        self._rest = data[end:]
-        self._order = [number_index for _, _, number_index in parts]
-        self._pack = struct.Struct(f"{layout}{len(self._rest)}s").pack
+        for offset, kind, _ in parts:
+            layout += f"{offset - end}s{kind}"
+            self._constants.append(data[end:offset])
+            end = offset + 8
+        self._tail = data[end:]
+        self._indices = [index for _, _, index in parts]
+        self._pack = struct.Struct(f"{layout}{len(self._tail)}s").pack
         for time, number in _PROBES:
-            numbers = [number * (place + 1) for place in range(make.count)]
+            numbers = [number * (index + 1) for index in range(make.count)]
             if self(time, numbers) != serialize(make(time, numbers)):
-                raise ValueError("the bytes of messages do not have these places alone")
+                raise ValueError("messages also differ in other bytes")
 
     def __call__(self, time: int, numbers: Sequence[float]) -> bytes:
         """Return the bytes of a message with a time in nanoseconds and with numbers."""
         values: list[bytes | float] = []
-        for constant, at in zip(self._constants, self._order, strict=True):
+        for constant, index in zip(self._constants, self._indices, strict=True):
             values.append(constant)
-            if at < 0:
+            if index < 0:
                 values += divmod(time, _SECOND)
             else:
-                values.append(numbers[at])
-        return self._pack(*values, self._rest)
+                values.append(numbers[index])
+        return self._pack(*values, self._tail)
 
 
 _SECOND = 1_000_000_000
@@ -106,8 +106,8 @@ _DOUBLE = struct.Struct("<d")
 _TIME = struct.Struct("<II")
 
 
-def _place(data: bytes, part: bytes) -> int:
-    """Return where a part is, which must occur once."""
+def _offset(data: bytes, part: bytes) -> int:
+    """Return the offset of a part, which must occur once."""
     if data.count(part) != 1:
         raise ValueError(f"expected the bytes {part.hex()} once, found {data.count(part)}")
     return data.index(part)

@@ -2,8 +2,8 @@
 
 An option is a parameter with ``-`` for ``_``; `rtamt_ros.command` lists the exceptions.
 
-To add a parameter: a row of `PARAMETERS`, its reading in `read`, and an option of the same name in
-`rtamt_ros.command`. ROS 2 then has it as a parameter of the node.
+To add a parameter, add a row to `PARAMETERS`, read its value in `read`, and add an option of the
+same name to `rtamt_ros.command`. Nodes of ROS 2 then declare it.
 """
 
 from __future__ import annotations
@@ -26,53 +26,53 @@ UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
 """The units of a period, in nanoseconds."""
 
 PARAMETERS: dict[str, tuple[object, str]] = {
-    "spec": ("", "a specification, or a list of them"),
+    "spec": ("", "a specification, or a list of specifications"),
     "spec_file": (
         "",
-        "a file with one, or a list of files; set again, read again",
+        "a specification file, or a list of files; set it again to read it again",
     ),
-    "period": (100, "the time between samples, in `unit`"),
-    "unit": ("ms", "of `period`: s, ms, us or ns"),
-    "dense": (False, "whether in dense time: a message is an event at its time"),
-    "stamps": (False, "whether the time of a message is the one in its header"),
+    "period": (100, "time between samples, in `unit`"),
+    "unit": ("ms", "unit of `period`: s, ms, us or ns"),
+    "dense": (False, "monitor in dense time: each message is an event at its time"),
+    "stamps": (False, "take the time of a message from its header"),
     "stale": (
         None,
         "seconds until an input is stale, or a list of TOPIC=SECONDS",
     ),
     "stale_as": (
         "restart",
-        "what a stale input does: restart ends the run, unknown goes on without its values",
+        "effect of a stale input: restart ends the run, unknown continues with unknown values",
     ),
-    "semantics": ("standard", "the robustness of inputs and outputs"),
-    "align": ("", "how bounds between samples are rounded: outward, inward or nearest"),
-    "record": ("", "a CSV file for the samples and their robustness"),
+    "semantics": ("standard", "robustness of predicates, as in rtamt.Monitor"),
+    "align": ("", "rounding of bounds between samples: outward, inward or nearest"),
+    "record": ("", "CSV file for the samples and their robustness"),
     "combined": (
         "",
-        "a topic for one message a sample, with all requirements",
+        "topic for one message per sample with all requirements",
     ),
     "publishers": (
         "any",
-        "of a topic: any warns about several, one has no run while there are several",
+        "several publishers of a topic: any warns, one waits until one is left",
     ),
     "qos": (
         "best_effort",
-        "of subscriptions: best_effort or reliable; set it while inactive",
+        "subscriptions: best_effort or reliable; set it while the node is inactive",
     ),
-    "depth": (DEPTH, "how many messages of a topic wait; set it while inactive"),
-    "autostart": (True, "whether the node configures and activates itself"),
+    "depth": (DEPTH, "messages of a topic that wait; set it while the node is inactive"),
+    "autostart": (True, "configure and activate the node at its start"),
 }
-"""Name, default and meaning of every parameter."""
+"""The default and the meaning of every parameter, by name."""
 
 
 def read(
     values: Mapping[str, Any], *, runnable: bool = True
 ) -> tuple[list[Specification], Settings]:
-    """Return the specifications and settings that the values of all parameters describe.
+    """Return the specifications and settings of a node.
 
     Args:
         values: A value for each of `PARAMETERS`, by name.
-        runnable: Whether they must fit together. Parameters that are set one by one need not, until
-            there is a monitor.
+        runnable: Whether a monitor must be able to run them. Until there is a monitor, parameters
+            that are set one by one may not fit together.
 
     Raises:
         InputError: If a value is wrong, a file cannot be read, or ``stale`` names an unread topic.
@@ -130,7 +130,7 @@ def _loaded(path: str, settings: Settings | None) -> Specification:
 
 
 def _texts(values: Mapping[str, Any], name: str) -> list[str]:
-    """Return the texts of a parameter that is one text or a list."""
+    """Return the texts of a parameter: one text or a list of texts."""
     value = values[name]
     texts = [value] if isinstance(value, str) else value
     if not isinstance(texts, Sequence) or not all(isinstance(text, str) for text in texts):

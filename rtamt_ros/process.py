@@ -11,28 +11,28 @@ from typing import Any
 
 
 class Ending:
-    """Whether a node has been asked to end.
+    """A request to end a node, from a caller or a signal.
 
-    If signals would end the process at once (`run_module`), it handles them from now on: the node
-    ends in good order, even before anybody waits.
+    After `run_module`, SIGINT and SIGTERM would end the process at once. From now on they are
+    requests, even before `wait`, so the node can close everything.
 
     Attributes:
-        asked: Whether it has been asked to.
+        requested: Whether there was a request.
     """
 
     def __init__(self) -> None:
-        self.asked = False
+        self.requested = False
         # A signal handler may interrupt the wait and put into this queue; it would deadlock with
         # the lock of an event.
-        self._told: SimpleQueue[None] = SimpleQueue()
+        self._requests: SimpleQueue[None] = SimpleQueue()
         quiet = signal.getsignal(signal.SIGINT) is signal.SIG_DFL
         if quiet and threading.current_thread() is threading.main_thread():
             self._listen()
 
-    def ask(self) -> None:
+    def request(self) -> None:
         """Ask the node to end."""
-        self.asked = True
-        self._told.put(None)
+        self.requested = True
+        self._requests.put(None)
 
     def wait(self) -> None:
         """Wait for the request; in the main thread SIGINT and SIGTERM are requests too."""
@@ -49,15 +49,15 @@ class Ending:
     def _listen(self) -> dict[signal.Signals, Any]:
         """Handle signals as requests; return the handlers before."""
         numbers = (signal.SIGINT, signal.SIGTERM)
-        return {number: signal.signal(number, lambda *_: self.ask()) for number in numbers}
+        return {number: signal.signal(number, lambda *_: self.request()) for number in numbers}
 
     def _wait(self) -> None:
-        self._told.get()
-        self._told.put(None)  # for other waiting threads
+        self._requests.get()
+        self._requests.put(None)  # for other waiting threads
 
 
 def run_module(name: str, *arguments: object) -> int:
-    """Run the `main` of a module; Ctrl-C ends the process at once until there is a node.
+    """Run the `main` of a module; until there is a node, Ctrl-C ends the process at once.
 
     Otherwise, Python would show a traceback, and modules in C would turn an interrupt during their
     import into other errors.

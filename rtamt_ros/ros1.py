@@ -1,7 +1,7 @@
 """The middleware of ROS 1, on rospy.
 
-Only this module imports rospy and messages of ROS 1. rospy allows one
-node per process, so a process creates one `Ros1`.
+Only this module imports rospy and messages of ROS 1. rospy allows one node per process, so a
+process creates one `Ros1`.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ from rospy.impl import registration
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_ros.callbacks import Callback, GridTimer, answered
-from rtamt_ros.messages import installed
+from rtamt_ros.messages import find_class
 from rtamt_ros.middleware import Handle, Level, Publisher, Reception, TopicPublisher
-from rtamt_ros.packed import Made, Packed
+from rtamt_ros.packed import MessageMaker, MessagePacker
 from rtamt_ros.process import Ending
 
 _UNKNOWN = "the master at {} did not know this node"
 PATIENCE = 2.0
-"""Seconds for an answer: a master may hang, and a node that ends waits for none."""
+"""The timeout in seconds of calls to a master or a node, which may hang."""
 
 
 class Displaced(Exception):  # noqa: N818
-    """Another node has the name of this one."""
+    """Another node has the name of this node."""
 
 
 class Refused(Exception):  # noqa: N818
-    """A master does not register the node."""
+    """The master does not register the node."""
 
 
 class MasterLink:
-    """Checks whether the master knows a node, and registers the node again if not.
+    """Registers a node again with a restarted master.
 
-    rospy registers what it opens once. A restarted master knows nothing of it, and new nodes do not
-    find the node, although its connections stay. So this class repeats all registrations with the
-    new master, by the API of masters, and informs the node of publishers, by the API of nodes.
+    rospy registers topics and services once. A restarted master does not know them, so new nodes do
+    not find the node, although its connections stay. This class repeats all registrations through
+    the API of masters, and informs the node of publishers through the API of nodes.
 
     Args:
         name: The name of the node, which rospy has registered.
@@ -69,12 +69,12 @@ class MasterLink:
         self._own = str(rospy.get_node_uri())
         self._address = str(rosgraph.get_master_uri())
         self._process: int | None = None  # of the master with all registrations
-        self._gone = self._partly = False
-        self._again = 0
+        self._gone = self._incomplete = False
+        self._count = 0
         self.state: tuple[Level, str] | None = None
 
     def look(self) -> None:
-        """Check the master, and repair what is wrong.
+        """Check the master; register again with a restarted one.
 
         Raises:
             Displaced: If the master knows another node by the name.
@@ -82,41 +82,41 @@ class MasterLink:
         """
         try:
             with _proxy(self._address) as master:
-                process = _taken(master.getPid(self._name))
+                process = _value(master.getPid(self._name))
                 known, _, address = _answer(master.lookupNode(self._name, self._name))
                 if rospy.core.is_shutdown_requested():  # it may have left the master
                     return
                 if known == 1 and address != self._own:
                     raise Displaced(f"another node has the name {self._name}")
-                if known != 1 or self._partly or self._process not in (None, process):
-                    self._partly = True
+                if known != 1 or self._incomplete or self._process not in (None, process):
+                    self._incomplete = True
                     self._register(master)
-                    self._partly = False
-                    self._again += 1
-                    self._say(Level.OK, f"registered again ({self._again}): {_UNKNOWN}")
+                    self._incomplete = False
+                    self._count += 1
+                    self._set_state(Level.OK, f"registered again ({self._count}): {_UNKNOWN}")
                 elif self._gone:
-                    self._say(Level.OK, "the master at {} answers again")
+                    self._set_state(Level.OK, "the master at {} answers again")
                 self._process, self._gone = process, False
         except (OSError, HTTPException, Error):
             self._gone = True
-            self._say(
-                Level.WARN, "no master answers at {}: nodes that start now do not find this one"
+            self._set_state(
+                Level.WARN, "no master answers at {}: nodes that start now do not find this node"
             )
 
-    def _say(self, level: Level, text: str) -> None:
+    def _set_state(self, level: Level, text: str) -> None:
         self.state = level, text.format(self._address)
 
     def _register(self, master: ServerProxy) -> None:
         """Repeat the registrations of rospy with a master."""
         topics, services = registration.get_topic_manager(), registration.get_service_manager()
         for topic, kind in topics.get_publications():
-            _taken(master.registerPublisher(self._name, topic, kind, self._own))
+            _value(master.registerPublisher(self._name, topic, kind, self._own))
         for service, address in services.get_services():
-            _taken(master.registerService(self._name, service, address, self._own))
+            _value(master.registerService(self._name, service, address, self._own))
         with _proxy(self._own) as node:
             for topic, kind in topics.get_subscriptions():
-                publishers = _taken(master.registerSubscriber(self._name, topic, kind, self._own))
-                _taken(node.publisherUpdate("/master", topic, publishers))
+                publishers = _value(master.registerSubscriber(self._name, topic, kind, self._own))
+                _value(node.publisherUpdate("/master", topic, publishers))
 
 
 class _Patient(Transport):
@@ -129,17 +129,17 @@ class _Patient(Transport):
 
 
 def _proxy(address: str) -> ServerProxy:
-    """Return the functions at an address."""
+    """Return a proxy for the functions at an address."""
     return ServerProxy(address, transport=_Patient())
 
 
 def _answer(answer: Any) -> Sequence[Any]:
-    """Return a code, a text and a value, the answer of every function of ROS."""
+    """Return the code, the text and the value that every function of ROS answers."""
     code, text, value = answer
     return code, text, value
 
 
-def _taken(answer: Any) -> Any:
+def _value(answer: Any) -> Any:
     """Return the value of an answer; raise Refused if its code is not 1."""
     code, text, value = _answer(answer)
     if code != 1:
@@ -147,7 +147,7 @@ def _taken(answer: Any) -> Any:
     return value
 
 
-# The messages of the package rtamt_msgs, made at run time because few have installed it.
+# The messages of the package rtamt_msgs, created at run time: few users build it.
 _STAMPED = ("FloatStamped", "FloatMessage")
 _LOGS = {
     Level.OK: rospy.loginfo,
@@ -156,34 +156,34 @@ _LOGS = {
     Level.STALE: rospy.logwarn,
 }
 DISPLACED = 4
-"""The exit code after another node took the name; a restart would end that one."""
+"""The exit code after another node took the name; a restart would end that node."""
 REFUSED = 5
 """The exit code of a node that a master does not register."""
 _TOPICS_OF_LOG = "/rosout_disable_topics_generation"
 _SAME_NAME = "new node registered with same name"  # the master's words
-_NAME_IT = "give each its own: __name:=NAME"
-# The length of the queue for a subscriber that is slower than its topic.
+_NAME_IT = "give each node its own name: __name:=NAME"
+# The messages that wait for a slow subscriber.
 _QUEUE = 100
 
 
 class Ros1:
     """A node of ROS 1, as `rtamt_ros.middleware.Middleware` describes it.
 
-    It ends on SIGINT, SIGTERM and `rosnode kill`: `spin` returns 0. When another node takes its
-    name, `spin` returns `DISPLACED`; when a restarted master refuses it, `REFUSED`. Without a
-    master it waits for one and logs that, as every node of ROS 1 does.
+    After SIGINT, SIGTERM and `rosnode kill`, `spin` returns 0. If another node takes the name, it
+    returns `DISPLACED`; if a restarted master refuses the node, `REFUSED`. Without a master the
+    node logs that and waits, as every node of ROS 1 does.
 
     Args:
         name: The name of the node. Characters that ROS does not allow become ``_``, and a number is
-            added, because the master ends the first of two nodes with one name. ``__name:=NAME``
-            among the arguments sets the exact name.
+            added, because the master ends the first of two nodes with the same name. The argument
+            ``__name:=NAME`` sets the exact name.
         arguments: Remappings and private parameters, such as ``odom:=robot1/odom``.
     """
 
     generation = 1
 
     def __init__(self, name: str, arguments: Sequence[str] = ()) -> None:
-        # rospy takes remappings from `arguments`, but the namespace from `sys.argv` alone.
+        # rospy reads remappings from `arguments`, but the namespace from `sys.argv` alone.
         namespace = rosgraph.names.get_ros_namespace(argv=arguments)
         rospy.names._set_caller_id(f"{namespace}unnamed")  # noqa: SLF001
         names = [
@@ -196,14 +196,14 @@ class Ros1:
         try:
             rospy.init_node(legal_name(name), list(arguments), anonymous=True, disable_signals=True)
         except rospy.ROSException as error:
-            raise InputError(f"no node of ROS: {error}") from error
-        # If this parameter is not set, rospy asks the master for it with every line of the log. A
-        # look would wait for the answer, and two nodes with one name would end each other.
+            raise InputError(f"cannot start the node: {error}") from error
+        # If this parameter is not set, rospy asks the master for it at every log line. A look would
+        # wait for the answer, and two nodes with the same name would end each other.
         parameters = rospy.impl.paramserver.get_param_server_cache()
         parameters.set(_TOPICS_OF_LOG, rospy.get_param_cached(_TOPICS_OF_LOG, False))  # noqa: FBT003
         self.name: str = rospy.get_name()
         self._timers: list[GridTimer] = []
-        self._published = _Published(self.published_topics)
+        self._published = _PublishedTopics(self.published_topics)
         self._ending = Ending()
         self._code = 0
         rospy.core.add_preshutdown_hook(self._end)  # the public hook has no reason
@@ -217,12 +217,12 @@ class Ros1:
                 stamped: type = _stamped(name)
                 return stamped
             raise InputError(f"{package} has no message {name}{nearest(name, _STAMPED)}")
-        cls: type = installed(
+        cls: type = find_class(
             package,
             name,
             generation=1,
-            is_its_own=lambda each: issubclass(each, genpy.Message),
-            how=_how(package),
+            belongs=lambda cls: issubclass(cls, genpy.Message),
+            install_hint=_install_hint(package),
         )
         return cls
 
@@ -268,15 +268,15 @@ class Ros1:
         implementation = rospy.topics.get_topic_manager().get_subscriber_impl(self.resolve(topic))
         connections = [] if implementation is None else list(implementation.connections or ())
         return [
-            TopicPublisher(str(each.callerid_pub), bool(each.is_latched))
-            for each in connections
-            if each.callerid_pub not in (None, "unknown")
+            TopicPublisher(str(connection.callerid_pub), bool(connection.is_latched))
+            for connection in connections
+            if connection.callerid_pub not in (None, "unknown")
         ]
 
     def may_keep(self, topic: str, message: type) -> bool | None:
         if self.publishers_of(topic, message):
             return True
-        published = self._published.ask()
+        published = self._published.recent()
         return None if published is None else self.resolve(topic) in published
 
     def stamp(self, message: Any) -> int | None:
@@ -284,7 +284,7 @@ class Ros1:
         return (stamp and int(stamp.to_nsec())) or None
 
     def set_stamp(self, message: Any, time: int) -> None:
-        if hasattr(message, "header"):  # a new Time would take longer than the rest
+        if hasattr(message, "header"):  # a new Time would double the time
             stamp = message.header.stamp
             stamp.secs, stamp.nsecs = divmod(time, 1_000_000_000)
 
@@ -319,7 +319,9 @@ class Ros1:
         lease: int | None = None,  # noqa: ARG002 - ROS 1 has no liveliness
     ) -> Publisher:
         self.resolve(topic)
-        return _Publisher(topic, message, Made(message, fields, self.set_stamp), latched=latched)
+        return _Publisher(
+            topic, message, MessageMaker(message, fields, self.set_stamp), latched=latched
+        )
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:
         timer = GridTimer(self, period, Callback(callback, rospy.logerr))
@@ -327,20 +329,20 @@ class Ros1:
         return timer
 
     def trigger(self, name: str, act: Callable[[], str]) -> Handle:
-        service = installed(
+        service = find_class(
             "std_srvs",
             "Trigger",
             kind="service",
             generation=1,
-            is_its_own=lambda found: hasattr(found, "_response_class"),
-            how=_how("std_srvs"),
+            belongs=lambda cls: hasattr(cls, "_response_class"),
+            install_hint=_install_hint("std_srvs"),
         )
         return _Service(f"~{name}", service, act)
 
     def log(self, level: Level, text: str) -> None:
         _LOGS[level](text)
 
-    def around(self) -> tuple[Level, str] | None:
+    def ros_state(self) -> tuple[Level, str] | None:
         try:
             self._master.look()
         except Displaced as displaced:
@@ -360,33 +362,33 @@ class Ros1:
         rospy.signal_shutdown("closed")
 
     def _end(self, why: str) -> None:
-        """Take the reason with which rospy ends the node."""
+        """End the node because rospy ends, with the reason from rospy."""
         if _SAME_NAME in why:
             self._fail(DISPLACED, f"another node has the name {self.name}; {_NAME_IT}")
-        self._ending.ask()
+        self._ending.request()
 
     def _fail(self, code: int, why: str) -> None:
         """End the node with an exit code."""
         self.log(Level.ERROR, why)
         self._code = self._code or code
-        self._ending.ask()
+        self._ending.request()
 
 
-class _Published:
-    """The topics that the master knows, asked in a thread so that nobody waits for the answer."""
+class _PublishedTopics:
+    """The topics that the master knows; a thread asks, so that no caller waits."""
 
     def __init__(self, ask: Callable[[], set[str] | None]) -> None:
         self._ask = ask
         self._answer: set[str] | None = None
-        self._asked = -math.inf
+        self._asked_at = -math.inf
         self._thread: threading.Thread | None = None
 
-    def ask(self) -> set[str] | None:
-        """Return an answer of the last second; None if there is none yet."""
+    def recent(self) -> set[str] | None:
+        """Return an answer of the last second, or None if there is no answer yet."""
         now = time.monotonic()
         running = self._thread is not None and self._thread.is_alive()
-        if now - self._asked > 1.0 and not running:
-            self._answer, self._asked = None, now
+        if now - self._asked_at > 1.0 and not running:
+            self._answer, self._asked_at = None, now
             self._thread = threading.Thread(target=self._run, daemon=True)
             self._thread.start()
         return self._answer
@@ -396,12 +398,12 @@ class _Published:
 
 
 def legal_name(name: str) -> str:
-    """Return the nearest name that ROS allows: ASCII letters, digits and ``_``, a letter first."""
+    """Return a similar name that ROS allows: a letter, then ASCII letters, digits and ``_``."""
     words = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
     return words if words[:1].isalpha() else f"monitor_{words}".rstrip("_")
 
 
-def _how(package: str) -> str:
+def _install_hint(package: str) -> str:
     """Return how to install a package of messages."""
     debian = package.replace("_", "-")
     return (
@@ -420,7 +422,7 @@ def _now() -> int:
 
 @cache
 def _stamped(name: str) -> type:
-    """Make the class of a number with a header, with the wire format of the package rtamt_msgs."""
+    """Return the class of a number with a header, in the wire format of rtamt_msgs."""
     header = std_msgs.msg.Header
     text = f"Header header\nfloat64 value\n{'=' * 80}\nMSG: {header._type}\n{header._full_text}"  # noqa: SLF001
     cls: type = genpy.dynamic.generate_dynamic(f"rtamt_msgs/{name}", text)[f"rtamt_msgs/{name}"]
@@ -432,7 +434,7 @@ class _Subscription:
     def __init__(self, topic: str, message: type, callback: Callable[[Any], None]) -> None:
         self._callback = Callback(callback, rospy.logerr)
         self._subscriber = rospy.Subscriber(topic, message, self._callback, tcp_nodelay=True)
-        # rospy passes messages of the first class of a topic to all subscriptions.
+        # rospy decodes messages for all subscriptions of a topic with its first class.
         first = self._subscriber.impl.data_class
         if first is not message:
             self.close()
@@ -446,7 +448,7 @@ class _Subscription:
 
 
 class _Publisher:
-    def __init__(self, topic: str, message: type, maker: Made, *, latched: bool) -> None:
+    def __init__(self, topic: str, message: type, maker: MessageMaker, *, latched: bool) -> None:
         self.message = message
         self._publisher = rospy.Publisher(
             topic, message, latch=latched, queue_size=_QUEUE, tcp_nodelay=True
@@ -457,12 +459,13 @@ class _Publisher:
         self._make: Callable[[int, Sequence[float]], Any] = maker
         if maker.count:
             with suppress(ValueError):
-                self._make = _packing(message, maker)
+                self._make = _packed_class(message, maker)
 
     def publish_numbers(self, time: int, numbers: Sequence[float]) -> None:
         message = self._make(time, numbers)
         if self._latched:
-            # rospy sends it to later subscribers. Publishing to nobody would double the time.
+            # rospy sends this message to later subscribers. Without subscribers now, `publish`
+            # would only double the time.
             self._topic.latch = message
             if not self._topic.has_connections():
                 return
@@ -475,11 +478,13 @@ class _Publisher:
         self._publisher.unregister()
 
 
-def _packing(message: type, maker: Made) -> Callable[[int, Sequence[float]], _Packed]:
+def _packed_class(
+    message: type, maker: MessageMaker
+) -> Callable[[int, Sequence[float]], _PackedMessage]:
     """Return a class that rospy accepts and writes like messages of the given class."""
     attributes = {name: getattr(message, name) for name in ("_md5sum", "_has_header")}
-    attributes |= {"pack": staticmethod(Packed(maker, _serialized)), "__slots__": ()}
-    return type(f"{message.__name__}Packed", (_Packed,), attributes)
+    attributes |= {"pack": staticmethod(MessagePacker(maker, _serialized)), "__slots__": ()}
+    return type(f"{message.__name__}MessagePacker", (_PackedMessage,), attributes)
 
 
 def _serialized(message: Any) -> bytes:
@@ -488,17 +493,17 @@ def _serialized(message: Any) -> bytes:
     return buffer.getvalue()
 
 
-class _Packed:
+class _PackedMessage:
     """A message that is packed when it is sent.
 
-    rospy identifies it by the checksum of its class, and writes a count into its header.
+    rospy identifies it by the checksum of its class, and sets the sequence number in its header.
     """
 
     __slots__ = ("_numbers", "_time", "seq")
 
     _has_header = False
     frame_id = ""
-    pack: Packed
+    pack: MessagePacker
 
     def __init__(self, time: int, numbers: Sequence[float]) -> None:
         self._time = time
@@ -506,12 +511,12 @@ class _Packed:
         self.seq = 0
 
     @property
-    def header(self) -> _Packed:
-        """The part with the count."""
+    def header(self) -> _PackedMessage:
+        """The object in which rospy sets `seq`."""
         return self
 
     def serialize(self, buffer: BytesIO) -> None:
-        """Write the bytes, with the count, which is first in a header."""
+        """Write the bytes; a header starts with the sequence number."""
         packed = self.pack(self._time, self._numbers)
         if self._has_header:
             buffer.write(self.seq.to_bytes(4, "little"))
@@ -531,10 +536,10 @@ class _Service:
 
 
 class _Refusals(logging.Handler):
-    """Logs why a publisher refuses the node; rospy writes it to its file only."""
+    """Logs why a publisher refuses the node; rospy writes that to a file only."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Log why a thread of rospy, which has the name of the topic, could not connect."""
+        """Log why a thread of rospy could not connect; the thread has the name of the topic."""
         why = re.match(r"unable to create subscriber transport: (.*)\.  ", record.getMessage())
         if why is not None:
             rospy.logerr(f"no messages come from a publisher of {record.threadName}: {why[1]}")

@@ -32,12 +32,12 @@ from rclpy.utilities import remove_ros_args
 
 from rtamt import InputError
 from rtamt_ros.callbacks import Callback, GridTimer, answered
-from rtamt_ros.messages import installed
+from rtamt_ros.messages import find_class
 from rtamt_ros.middleware import Handle, Level, Publisher, TopicPublisher
-from rtamt_ros.packed import Made, Packed
+from rtamt_ros.packed import MessageMaker, MessagePacker
 from rtamt_ros.parameters import DEPTH, Qos
 from rtamt_ros.process import Ending
-from rtamt_ros.ros2_subscription import Hearing, Ros2Subscription, keeps, type_name
+from rtamt_ros.ros2_subscription import Receiver, Ros2Subscription, keeps, type_name
 
 _SECOND = 1_000_000_000
 
@@ -45,14 +45,14 @@ _SECOND = 1_000_000_000
 class Ros2:
     """A node of ROS 2, as `rtamt_ros.middleware.Middleware` describes it.
 
-    Callbacks of messages run in one thread, and timers on the wall clock in others. On a simulated
-    clock all run in one thread, so a tick comes after the messages that were sent before it.
-    Publishers are reliable, which every subscription may request.
+    Message callbacks run in one thread, and timers on the wall clock run in others. On a simulated
+    clock, all run in one thread, so a tick comes after the messages that were sent before it.
+    Publishers are reliable, so every subscription is compatible with them.
 
     Args:
         name: The name of the node, unless ``-r __node:=NAME`` in the arguments sets another.
         arguments: Such as ``--ros-args -r odom:=robot1/odom -p use_sim_time:=true``.
-        make: Makes the node of rclpy from its name and a context.
+        make: Returns the node of rclpy for a name and a context.
 
     Attributes:
         node: The node of rclpy.
@@ -70,7 +70,9 @@ class Ros2:
         with _refusals("arguments"):
             others = remove_ros_args(arguments)
             if others:
-                raise InputError(f"ROS 2 has no argument {others[0]}; its own follow --ros-args")
+                raise InputError(
+                    f"ROS 2 has no argument {others[0]}; write its arguments after --ros-args"
+                )
             # The first argument is the name of the program. The signal handlers of rclpy would end
             # ROS while callbacks run, so `spin` has its own.
             rclpy.init(
@@ -88,31 +90,31 @@ class Ros2:
         self.qos: Qos = "best_effort"
         self.depth = DEPTH
         self._clock = self.node.get_clock()
-        self._hearing = Hearing(self.node, partial(self.log, Level.ERROR))
+        self._receiver = Receiver(self.node, partial(self.log, Level.ERROR))
         self._spinning = threading.Lock()
         self._runner: threading.Thread | None = None
         self._ending = Ending()
         self._closing = False
         self._timers: list[GridTimer] = []
-        self._around: tuple[Level, str] | None = None
+        self._ros_state: tuple[Level, str] | None = None
 
     def message_class(self, package: str, name: str) -> type:
-        how = _how(package)
+        how = _install_hint(package)
         if package == "rtamt_msgs":
             how = (
                 "build the package rtamt_msgs with colcon and source its setup file, or publish "
                 "std_msgs/Float64"
             )
-        return installed(package, name, generation=2, is_its_own=_is_message, how=how)
+        return find_class(package, name, generation=2, belongs=_is_message, install_hint=how)
 
     def trigger(self, name: str, act: Callable[[], str]) -> Handle:
-        service = installed(
+        service = find_class(
             "std_srvs",
             "Trigger",
             kind="service",
             generation=2,
-            is_its_own=_is_service,
-            how=_how("std_srvs"),
+            belongs=_is_service,
+            install_hint=_install_hint("std_srvs"),
         )
         with _refusals(f"service ~/{name}"):
             return _Service(self, f"~/{name}", service, act)
@@ -140,27 +142,31 @@ class Ros2:
         return {name for name in topics if self.node.count_publishers(name)}
 
     def publishers_of(self, topic: str, message: type) -> list[TopicPublisher]:
-        known = self.node.get_publishers_info_by_topic(self.resolve(topic))
+        endpoints = self.node.get_publishers_info_by_topic(self.resolve(topic))
         return [
             TopicPublisher(
-                f"{each.node_namespace.rstrip('/')}/{each.node_name}", keeps(each.qos_profile)
+                f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}",
+                keeps(endpoint.qos_profile),
             )
-            for each in known
-            if each.topic_type == type_name(message)
+            for endpoint in endpoints
+            if endpoint.topic_type == type_name(message)
         ]
 
     def may_keep(self, topic: str, message: type) -> bool:
         return any(publisher.keeps for publisher in self.publishers_of(topic, message))
 
-    def around(self) -> tuple[Level, str] | None:
+    def ros_state(self) -> tuple[Level, str] | None:
         nodes = self.node.get_node_names_and_namespaces()
         count = nodes.count((self.node.get_name(), self.node.get_namespace()))
         if count > 1:
-            text = f"{count} nodes have the name {self.name}, and may get what is asked of another"
-            self._around = Level.WARN, f"{text}; give each its own: --ros-args -r __node:=NAME"
-        elif self._around is not None:
-            self._around = Level.OK, f"no other node has the name {self.name} any more"
-        return self._around
+            text = f"{count} nodes have the name {self.name}, so a request may reach another node"
+            self._ros_state = (
+                Level.WARN,
+                f"{text}; give each node its own name: --ros-args -r __node:=NAME",
+            )
+        elif self._ros_state is not None:
+            self._ros_state = Level.OK, f"no other node has the name {self.name} any more"
+        return self._ros_state
 
     def stamp(self, message: Any) -> int | None:
         stamp = getattr(getattr(message, "header", None), "stamp", None)
@@ -189,11 +195,11 @@ class Ros2:
                 depth=self.depth,
                 log=self.log,
                 receptions=receptions,
-                hearing=None if self.is_simulated() else self._hearing,
+                receiver=None if self.is_simulated() else self._receiver,
             )
 
     def take_waiting(self) -> None:
-        self._hearing.take_waiting()
+        self._receiver.take_waiting()
 
     def publisher(
         self,
@@ -211,23 +217,23 @@ class Ros2:
         if lease is not None:
             qos.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC
             qos.liveliness_lease_duration = Duration(nanoseconds=lease)
-        # Every event of rclpy costs time with every message that the node takes.
+        # Every event handler of rclpy costs time at every message that the node takes.
         events = PublisherEventCallbacks(use_default_callbacks=False)
         with _refusals(f"topic {topic!r}"):
             entity = self.node.create_publisher(message, topic, qos, event_callbacks=events)
-        return _Publisher(self.node, entity, message, Made(message, fields, self.set_stamp))
+        return _Publisher(self.node, entity, message, MessageMaker(message, fields, self.set_stamp))
 
     def every(self, period: int, callback: Callable[[int], None]) -> Handle:
-        called = Callback(callback, partial(self.log, Level.ERROR))
+        closable = Callback(callback, partial(self.log, Level.ERROR))
         if self.is_simulated():  # in the thread of message callbacks
-            return _Timer(self, period, called)
-        timer = GridTimer(self, period, called)
+            return _Timer(self, period, closable)
+        timer = GridTimer(self, period, closable)
         self._timers.append(timer)
         return timer
 
     def log(self, level: Level, text: str) -> None:
         logger = self.node.get_logger()
-        # rclpy ties every line of a program to one level.
+        # rclpy allows one level per line of a program.
         if level is Level.OK:
             logger.info(text)
         elif level is Level.ERROR:
@@ -236,19 +242,19 @@ class Ros2:
             logger.warning(text)
 
     def spin(self) -> int:
-        """Run callbacks until `close`, SIGINT or SIGTERM; none runs when it returns."""
+        """Run callbacks until `close`, SIGINT or SIGTERM; return after the last callback."""
         with self._spinning:
             executor = SingleThreadedExecutor(context=self.node.context)
             executor.add_node(self.node)
 
             def run() -> None:
-                while not self._ending.asked:
+                while not self._ending.requested:
                     try:
                         executor.spin()
                     except ExternalShutdownException:
-                        self._ending.ask()
-                    except Exception:  # noqa: BLE001 - from a service of rclpy
-                        if not self._ending.asked:
+                        self._ending.request()
+                    except Exception:  # noqa: BLE001 - an error in a service of rclpy
+                        if not self._ending.requested:
                             self.log(Level.ERROR, traceback.format_exc())
 
             # Signals do not interrupt a wait of rclpy.
@@ -263,10 +269,10 @@ class Ros2:
         return 0
 
     def close(self) -> None:
-        """End the node. In a callback it returns at once, and `spin` completes it."""
+        """End the node. In a callback it returns at once, and `spin` closes the node."""
         self._closing = True
-        self._ending.ask()
-        if threading.current_thread() in (self._runner, self._hearing, *self._timers):
+        self._ending.request()
+        if threading.current_thread() in (self._runner, self._receiver, *self._timers):
             return
         with self._spinning:
             self._close_threads()
@@ -276,13 +282,13 @@ class Ros2:
 
     def _close_threads(self) -> None:
         """End the threads that call back next to an executor."""
-        self._hearing.close()
+        self._receiver.close()
         for timer in self._timers:
             timer.close()
 
 
 class _Timer:
-    """Calls back with the points of its own grid, shortly before rclpy's timer."""
+    """A timer on a simulated clock, which passes the last point of its own grid."""
 
     def __init__(self, ros: Ros2, period: int, callback: Callback) -> None:
         self._node = ros.node
@@ -315,33 +321,33 @@ class _Service:
 
 
 class _Publisher:
-    """A publisher until it is closed; later subscribers get nothing."""
+    """An open publisher of rclpy."""
 
-    def __init__(self, node: Node, entity: Any, message: type, made: Made) -> None:
+    def __init__(self, node: Node, entity: Any, message: type, maker: MessageMaker) -> None:
         self.message = message
         self.publish: Callable[[Any], None] = entity.publish
         self.assert_alive: Callable[[], None] = entity.assert_liveliness
         self.close = lambda: node.destroy_publisher(entity)
-        self._make: Callable[[int, Sequence[float]], Any] = made
-        if made.count:
+        self._make: Callable[[int, Sequence[float]], Any] = maker
+        if maker.count:
             with suppress(ValueError):
-                self._make = Packed(made, serialize_message)
+                self._make = MessagePacker(maker, serialize_message)
 
     def publish_numbers(self, time: int, numbers: Sequence[float]) -> None:
         self.publish(self._make(time, numbers))
 
 
 @contextmanager
-def _refusals(what: str) -> Iterator[None]:
-    """Turn refusals of rclpy into InputError, without the lines of its sources."""
+def _refusals(subject: str) -> Iterator[None]:
+    """Turn errors of rclpy about a name into InputError, without its source lines."""
     try:
         yield
     except (NameValidationException, RCLError) as error:
         reason = re.sub(r", at /\S+:\d+", "", str(error)).splitlines()[0].rstrip(":. ")
-        raise InputError(f"{what}: {reason}") from error
+        raise InputError(f"{subject}: {reason}") from error
 
 
-def _how(package: str) -> str:
+def _install_hint(package: str) -> str:
     """Return how to install a package of messages."""
     distribution = os.environ.get("ROS_DISTRO")  # set by setup files, not by wheels
     install = "apt-get install" if distribution else "pip install"

@@ -29,17 +29,17 @@ _SEVERAL_TYPES = ("spec", "spec_file", "period", "stale")
 class LifecycleMonitor:
     """A monitor as a lifecycle node.
 
-    Configuring reads the parameters and the specifications. The active node subscribes, samples and
-    publishes; the inactive one does nothing. A parameter that is set at run time restarts the
-    monitors; one that cannot be set is refused with the reason, and the monitors continue.
+    `configure` reads the parameters and the specifications. The node subscribes, samples and
+    publishes while it is active. Setting a parameter at run time restarts the monitors; a wrong
+    value is refused with the reason, and the monitors continue.
 
     Args:
-        name: The name of the node, unless the arguments set another.
+        name: The name of the node, unless the arguments set another name.
         arguments: As for `Ros2`.
-        parameters: Values of `PARAMETERS`, which override those in the arguments.
+        parameters: Values of `PARAMETERS`, which override values in the arguments.
 
     Raises:
-        InputError: If a parameter has another type.
+        InputError: If a parameter has a wrong type.
 
     Attributes:
         ros: The middleware.
@@ -64,11 +64,11 @@ class LifecycleMonitor:
         """Read parameters and specifications."""
         values = self._values()
         specifications, settings = read(values)
-        self._monitor = MonitorNode(self.ros, _some(specifications), settings)
-        self._hear(values)
+        self._monitor = MonitorNode(self.ros, _checked(specifications), settings)
+        self._set_subscriptions(values)
 
     def activate(self) -> None:
-        """Subscribe and publish; the monitors start again."""
+        """Subscribe and publish; new runs start."""
         if self._monitor is not None:
             self._monitor.start()
 
@@ -78,7 +78,7 @@ class LifecycleMonitor:
             self._monitor.stop()
 
     def clean_up(self) -> None:
-        """Forget the specifications too."""
+        """Deactivate, and forget the specifications."""
         self.deactivate()
         self._monitor = None
 
@@ -95,7 +95,7 @@ class LifecycleMonitor:
         return TransitionCallbackReturn.SUCCESS
 
     def set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        """Take parameters at run time, or return why not."""
+        """Set parameters at run time, or return the reason for a refusal."""
         values = {
             parameter.name: parameter.value
             for parameter in parameters
@@ -119,11 +119,13 @@ class LifecycleMonitor:
             return
         for name in ("qos", "depth"):
             if values[name] != before[name] and self._monitor.running:
-                raise InputError(f"{name} is of subscriptions: deactivate the node, then set it")
-        self._monitor.replace(_some(specifications), settings)
-        self._hear(values)
+                raise InputError(
+                    f"{name} is fixed while the node is active: deactivate it, then set {name}"
+                )
+        self._monitor.replace(_checked(specifications), settings)
+        self._set_subscriptions(values)
 
-    def _hear(self, values: Mapping[str, Any]) -> None:
+    def _set_subscriptions(self, values: Mapping[str, Any]) -> None:
         self.ros.qos, self.ros.depth = values["qos"], values["depth"]
 
     def _values(self) -> dict[str, Any]:
@@ -131,7 +133,7 @@ class LifecycleMonitor:
 
 
 class _Node(LifecycleNode):  # type: ignore[misc] # rclpy has no types
-    """The node of rclpy, which passes everything to its monitor."""
+    """The node of rclpy, which passes transitions and parameters to its monitor."""
 
     def __init__(
         self,
@@ -153,12 +155,10 @@ class _Node(LifecycleNode):  # type: ignore[misc] # rclpy has no types
                 self.declare_parameter(parameter, default, descriptor)
             except ParameterException as error:
                 raise InputError(f"parameter {parameter}: {error}") from error
-        for parameter_override in self._parameter_overrides:  # rclpy ignores undeclared ones
-            if not self.has_parameter(parameter_override) and not parameter_override.startswith(
-                "qos_overrides."
-            ):
+        for parameter in self._parameter_overrides:  # rclpy ignores undeclared parameters
+            if not self.has_parameter(parameter) and not parameter.startswith("qos_overrides."):
                 self.get_logger().warning(
-                    f"no parameter {parameter_override}{nearest(parameter_override, PARAMETERS)}"
+                    f"no parameter {parameter}{nearest(parameter, PARAMETERS)}"
                 )
         self.add_on_set_parameters_callback(monitor.set)
         self._monitor = monitor
@@ -175,7 +175,7 @@ class _Node(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
         return self._monitor.transition(self._monitor.clean_up)
 
-    # Both leave the node as new; a shutdown differs in its name only.
+    # All three leave the node as new.
     on_shutdown = on_cleanup
     on_error = on_cleanup
 
@@ -188,7 +188,7 @@ def run(
     """Run a `LifecycleMonitor` until SIGINT or SIGTERM.
 
     Returns:
-        0; or 2 if the node could not start itself, and the log has the reason.
+        0, or 2 if the node could not activate itself; the log has the reason.
     """
     monitor = LifecycleMonitor(name, arguments, parameters)
     try:
@@ -203,12 +203,12 @@ def run(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the program ``stl_monitor`` of ``ros2 run``, on parameters alone.
+    """Run the program ``stl_monitor`` of ``ros2 run``, which has parameters but no options.
 
     Args:
-        arguments: The words of a command line; None for those of the program.
+        arguments: The words of a command line; None for the words of the program.
     """
-    shown = [
+    rows = [
         f"  {name:<10} {meaning}" + (f" ({default})" if default not in {"", None} else "")
         for name, (default, meaning) in PARAMETERS.items()
     ]
@@ -216,11 +216,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         prog="ros2 run rtamt_ros stl_monitor",
         description="Monitors the topics that specifications name, as a lifecycle node.",
         usage="%(prog)s --ros-args -p spec_file:=FILE [-p PARAMETER:=VALUE ...]",
-        epilog="\n".join(["parameters:", *shown]),
+        epilog="\n".join(["parameters:", *rows]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     words = sys.argv[1:] if arguments is None else arguments
-    parser.parse_known_args(words)  # `Ros2` refuses unknown arguments
+    parser.parse_known_args(words)  # `Ros2` raises errors for unknown arguments
     try:
         code = run(arguments=words)
     except RtamtError as error:
@@ -228,12 +228,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(code)
 
 
-def _some(specifications: list[Specification]) -> list[Specification]:
+def _checked(specifications: list[Specification]) -> list[Specification]:
     if not specifications:
         raise InputError("nothing to monitor: set the parameter spec or spec_file")
     return specifications
 
 
 def _text(error: RtamtError) -> str:
-    """Return the text of an error, after its notes, such as the file."""
+    """Return the text of an error after its notes, such as the file."""
     return ": ".join([*getattr(error, "__notes__", ()), str(error)])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rtamt import InputError, Verdict
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_ros.generation import chosen, open_node, split
+from rtamt_ros.generation import choose_generation, open_node, split_arguments
 from rtamt_ros.middleware import Level, Middleware
 from rtamt_ros.process import run_module
 
@@ -23,10 +23,10 @@ _BEAT: Final = 0.2
 
 
 class CombinedView:
-    """Draws the messages of a topic that ``--combined`` of a monitor publishes.
+    """A view of the topic that a monitor publishes with ``--combined``.
 
-    Times count from the first message. States that are stale, and states without a verdict, have a
-    line with their text below the requirements.
+    Times count from the first message. A line below the requirements has the text of each state
+    that is stale or has no verdict.
 
     Args:
         middleware: The node.
@@ -52,7 +52,7 @@ class CombinedView:
         self._screen.restart(self._title)
 
     def show(self, message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
-        """Show a message; an earlier stamp starts the view again, as a simulation that restarts."""
+        """Show a message; an earlier stamp, as after a restarted simulation, restarts the view."""
         with self._drawing:
             stamp = self._middleware.stamp(message) or 0
             if self._first is None or self._last is None or stamp < self._last:
@@ -67,7 +67,7 @@ class CombinedView:
             self._screen.update(lines, self._count)
 
     def beat(self) -> None:
-        """Draw the age of the last message."""
+        """Draw the view again, with the age of the last message."""
         with self._drawing:
             self._screen.update((), self._count)
 
@@ -85,11 +85,10 @@ class CombinedView:
         robustness, lower, upper = (
             float(values.get(name) or math.nan) for name in ("robustness", "lower", "upper")
         )
-        at = self._decided.get(status.name)
         return self._line(
             *(status.name, None, time, self._count - 1),
             *(verdict, robustness, lower, upper),
-            decided_at=at,
+            decided_at=self._decided.get(status.name),
         )
 
 
@@ -112,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m rtamt_ros.screen",
         description="Draws the requirements that a monitor publishes with --combined on the "
-        "terminal: verdict, robustness, bounds and its course, until Ctrl-C.",
+        "terminal: verdict, robustness, bounds and robustness history, until Ctrl-C.",
         epilog="Remappings go to ROS: rtamt/all:=robot1/all on ROS 1, --ros-args -r "
         "rtamt/all:=robot1/all on ROS 2.",
         allow_abbrev=False,
@@ -124,18 +123,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="the topic of --combined (default: rtamt/all)",
     )
     parser.add_argument(
-        "--ros", type=int, choices=(1, 2), help="its generation (default: what is installed)"
+        "--ros", type=int, choices=(1, 2), help="ROS 1 or ROS 2 (default: the installed one)"
     )
     words = sys.argv[1:] if arguments is None else arguments
-    options, of_ros = split(parser, words)
+    options, ros_arguments = split_arguments(parser, words)
     try:
         try:
             from rtamt_gym.watching.screen import open_screen
         except ModuleNotFoundError as error:
             raise naming_extra(error, "rtamt_ros.screen", "watch") from error
         screen = open_screen(options.topic, "message", "rtamt_ros.screen")
-        generation = chosen(options.ros)
-        node = open_node(generation, "requirements_screen", of_ros.of(generation))
+        generation = choose_generation(options.ros)
+        node = open_node(
+            generation, "requirements_screen", ros_arguments.for_generation(generation)
+        )
     except (InputError, ModuleNotFoundError) as error:
         parser.error(str(error))
     try:

@@ -42,7 +42,7 @@ class Multiplexer(Node):  # type: ignore[misc] # rclpy has no types
     def __init__(self) -> None:
         super().__init__("multiplexer")
         self._permitted = False
-        self._heard = -SILENCE
+        self._state_at = -SILENCE
         self._alive = False
         alive = QoSProfile(
             depth=1,
@@ -60,7 +60,7 @@ class Multiplexer(Node):  # type: ignore[misc] # rclpy has no types
         self.create_timer(0.1, self._stop)
 
     def _take_state(self, state: DiagnosticArray) -> None:
-        self._permitted, self._heard = permits(state), time.monotonic()
+        self._permitted, self._state_at = permits(state), time.monotonic()
         self._stop()
 
     def _take_liveliness(self, event: Any) -> None:
@@ -72,7 +72,7 @@ class Multiplexer(Node):  # type: ignore[misc] # rclpy has no types
             self._robot.publish(command)
 
     def _may_move(self) -> bool:
-        silent = time.monotonic() - self._heard > SILENCE
+        silent = time.monotonic() - self._state_at > SILENCE
         return self._permitted and self._alive and not silent
 
     def _stop(self) -> None:

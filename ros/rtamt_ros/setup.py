@@ -1,10 +1,10 @@
-"""Puts the programs of rtamt_ros where ``ros2 run`` and ``ros2 launch`` find them.
+"""Installs the programs of rtamt_ros for ``ros2 run`` and ``ros2 launch``.
 
-The Python package itself comes with rtamt, which pip installs: a second copy would hide it. The
-folder ``ros1`` is not installed: ROS 1 finds it where it is, through ``ROS_PACKAGE_PATH``.
+pip installs the Python package itself; a second copy would hide it. ROS 1 finds the folder ``ros1``
+through ``ROS_PACKAGE_PATH``, so it is not installed.
 
 To add a file that colcon installs, list it here. ``tests/rtamt_ros/test_colcon_packages.py``
-compares the list with the files that are there.
+compares the list with the files of the folder.
 """
 
 from setuptools import setup

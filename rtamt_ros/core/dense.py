@@ -1,4 +1,4 @@
-"""A requirement in dense time: messages are events at their times."""
+"""A requirement in dense time: each message is an event at its time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rtamt import InputError, Specification, SpecificationError, Verdict
 from rtamt.machines.state import moved
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
-from rtamt_ros.core.report import Account, RequirementReport
+from rtamt_ros.core.report import RequirementHistory, RequirementReport
 from rtamt_ros.core.requirements import SubscribedRequirement, unbounded
 from rtamt_ros.core.settings import Settings
 
@@ -20,18 +20,17 @@ _Events = dict[str, list[tuple[float, float]]]
 
 
 class DenseJudge:
-    """Judges a requirement on events: a value lasts until the next message of its topic.
+    """The monitor of a requirement on events: a value lasts until the next message of its topic.
 
-    A run starts when every input has a value and none is stale. The robustness of a time is
-    reported as soon as it is known: with receive times at the next message or look, because silent
-    topics have kept their values; with stamps when every topic has a later one.
-    `rtamt.dense.Monitor` gives the robustness. If it cannot wait for the requirement,
-    `rtamt.dense.EpisodeMonitor` gives the robustness of the run so far. Bounds and verdict always
-    come from `rtamt.dense.EpisodeMonitor`.
+    A run starts when every input has a current value. Robustness is reported as soon as it is
+    known: with arrival times at the next message or look, because silent topics keep their values;
+    with stamps when every topic has a later message. `rtamt.dense.Monitor` computes robustness, and
+    `rtamt.dense.EpisodeMonitor` computes bounds and verdict. If no online monitor can run the
+    requirement, the episode monitor also computes the robustness of the run so far.
 
     Under ``stale_as="unknown"`` a run continues while inputs are stale: their values are unknown
     until their next message. `rtamt.dense.Monitor`, which needs every value, starts again when all
-    are there.
+    inputs are back.
 
     Attributes:
         account: The history of the requirement.
@@ -47,7 +46,7 @@ class DenseJudge:
     ) -> None:
         spec = requirement.specification
         options: Any = {"semantics": settings.semantics}
-        self.account = Account(requirement, record)
+        self.history = RequirementHistory(requirement, record)
         self.inputs = requirement.inputs
         self._unknown = settings.stale_as == "unknown"
         self._episode = rtamt.dense.EpisodeMonitor(
@@ -59,15 +58,15 @@ class DenseJudge:
             self._monitor = rtamt.dense.Monitor(spec, **options)
         except SpecificationError:  # an unbounded future inside the formula
             self._named = {
-                name: _alone(spec, name, options)
+                name: _named_monitor(spec, name, options)
                 for name, formula in spec.formulas.items()
                 if formula is not spec.formula
             }
         self.lateness = {"": 0, **self._latenesses()}
         self._read = {
             source: [
-                (name, place)
-                for name, (owner, place) in requirement.cells.items()
+                (name, index)
+                for name, (owner, index) in requirement.cells.items()
                 if owner is source
             ]
             for source in self.inputs
@@ -79,18 +78,18 @@ class DenseJudge:
         self._record = record
         self._recorded: tuple[float | None, float | None, Verdict | None] | None = None
         self._origin: int | None = None
-        self._since = 0  # older messages count from here
+        self._since = 0  # older values count from here
         self._fresh = True
         self._last: dict[Input, int] = {}
         self._silent: set[Input] = set()
-        self._gaps = self._apart = False
+        self._gaps = self._in_gap = False
         self._why = ""
         self._jumps = 0
         self._robustness: tuple[float, int] | None = None
         self._verdict = Verdict.UNDECIDED
 
     def stop(self, why: str) -> None:
-        """End the run; the next event with all inputs starts another.
+        """End the run; the next event with all inputs starts a new run.
 
         A certain violation counts, even if no report has shown it yet.
         """
@@ -100,20 +99,20 @@ class DenseJudge:
             self._origin = None
 
     def reset(self, now: int) -> RequirementReport:
-        """End the run on request; held values count from now on.
+        """End the run on request; the last values count from now on.
 
-        With stamps the next run starts at the oldest held message, as after a restart.
+        With stamps the next run starts at the oldest of the last messages, as after a restart.
         """
         self.stop("")
         self.resume(now)
-        return self.account.reset(now)
+        return self.history.reset(now)
 
     def resume(self, now: int) -> None:
-        """Let held values count from now on in the next run."""
+        """Let the last values count from now on in the next run."""
         self._since = now if self._silence else 0
 
     def event(self, source: Input, now: int) -> Sequence[RequirementReport]:
-        """Return the reports that a new message causes."""
+        """Return the reports after a new message."""
         if self._origin is None:
             return self._begin(now)
         if self._has_jumped():
@@ -123,12 +122,12 @@ class DenseJudge:
 
     def look(self, now: int) -> Sequence[RequirementReport]:
         """Return the reports of a time without a message."""
-        if self.account.resumes(now) and not self._unknown:
-            self.stop(self.account.why_suspended)
-            return [self.account.suspended(now)]
+        if self.history.resumes(now) and not self._unknown:
+            self.stop(self.history.why_suspended)
+            return [self.history.suspended(now)]
         if self._is_absent(now):
-            self.stop(self.account.why_gone(now))
-            return [self.account.without(now)]
+            self.stop(self.history.why_gone(now))
+            return [self.history.without_inputs(now)]
         if self._origin is None:
             return self._begin(now)
         return self._feed([], now)
@@ -137,10 +136,10 @@ class DenseJudge:
         if self._is_absent(now):
             return []
         self._episode.reset()
-        self._forget()
-        self._silent, self._gaps, self._apart = set(), False, False
+        self._reset_monitors()
+        self._silent, self._gaps, self._in_gap = set(), False, False
         self._has_jumped()
-        if now < self._since:  # the clock went back
+        if now < self._since:  # the clock jumped back
             self._since = 0
         times = [max(source.time, self._since) for source in self.inputs if source.time is not None]
         self._origin = min(times, default=now)
@@ -149,7 +148,7 @@ class DenseJudge:
         self._fresh = True
         return self._feed(self.inputs, now)
 
-    def _forget(self) -> None:
+    def _reset_monitors(self) -> None:
         """Reset the monitors of robustness."""
         for monitor in (self._monitor, *self._named.values()):
             if monitor is not None:
@@ -172,10 +171,10 @@ class DenseJudge:
             time, values = source.time, source.values
             if time is None:  # a default
                 time = origin
-            # A clock may go back a little or repeat a time, and the last value may last until now.
+            # A clock may go back a little or repeat a time, and the last value may extend to now.
             time = max(time, self._since, self._last.get(source, time - 1) + 1)
             self._last[source] = time
-            row = {name: values[place] for name, place in self._read[source]}
+            row = {name: values[index] for name, index in self._read[source]}
             for name, value in row.items():
                 events[name] = [((time - origin) / 1e9, value)]
             rows.append((time, row))
@@ -185,15 +184,15 @@ class DenseJudge:
             until = max(self._last.values()) + 1 if sources else now - 1
             self._extend(events, self.inputs, until)
         else:
-            self._extend_lasting(events)
+            self._extend_constants(events)
         try:
             robustness = self._update(events)
         except InputError as error:  # a term is not a number
             self.stop("there was no robustness")
-            return [self.account.failed(now, str(error))]
-        self._keep(rows)
-        reports = self._without(now) if self._silent else self._judged(robustness, now)
-        self._keep_verdicts(reports)
+            return [self.history.failed(now, str(error))]
+        self._record_events(rows)
+        reports = self._with_stale_inputs(now) if self._silent else self._judged(robustness, now)
+        self._record_verdicts(reports)
         return reports
 
     def _silence_of(
@@ -214,18 +213,18 @@ class DenseJudge:
                 rows.append((time, row))
         return rows
 
-    def _without(self, now: int) -> Sequence[RequirementReport]:
-        """Return the report of a time at which inputs are stale in a run that continues."""
+    def _with_stale_inputs(self, now: int) -> Sequence[RequirementReport]:
+        """Return the report of a time with stale inputs in a run that continues."""
         ages = {source.name: source.age(now) for source in self.inputs if source in self._silent}
         self._decided()
         bounds = self._episode.bounds()
-        return [self.account.without_values(now, ages, bounds, self._episode.verdict)]
+        return [self.history.without_values(now, ages, bounds, self._episode.verdict)]
 
-    def _keep(self, rows: list[tuple[int, dict[str, float]]]) -> None:
-        """Count a run at its first events, and record the events."""
+    def _record_events(self, rows: list[tuple[int, dict[str, float]]]) -> None:
+        """Record events; the first events of a run start its file."""
         if self._fresh:
             self._fresh = False
-            self.account.begin(self._why)
+            self.history.begin(self._why)
             self._recorded = None
             if self._record is not None:
                 self._record.begin()
@@ -234,7 +233,7 @@ class DenseJudge:
                 for event in row.items():
                     self._record.row(time, event)
 
-    def _keep_verdicts(self, reports: Sequence[RequirementReport]) -> None:
+    def _record_verdicts(self, reports: Sequence[RequirementReport]) -> None:
         """Record bounds and verdicts that changed."""
         if self._record is None:
             return
@@ -245,45 +244,49 @@ class DenseJudge:
                 row = report.lower, report.upper, int(report.verdict)
                 self._record.verdict(report.time, row)
 
-    def _extend_lasting(self, events: _Events) -> None:
+    def _extend_constants(self, events: _Events) -> None:
         """Extend defaults and unknown values as far as the other inputs."""
-        lasting = [
+        constant = [
             source for source in self.inputs if source.time is None or source in self._silent
         ]
-        stamped = [time for source, time in self._last.items() if source not in lasting]
-        if lasting and stamped:
-            self._extend(events, lasting, min(stamped))
+        times = [time for source, time in self._last.items() if source not in constant]
+        if constant and times:
+            self._extend(events, constant, min(times))
 
     def _extend(self, events: _Events, sources: Sequence[Input], until: int) -> None:
-        """Extend values to a time; a new message lasts a nanosecond, so that it counts."""
+        """Extend values to a time; a new message lasts at least a nanosecond, so that it counts."""
         for source in sources:
             if self._last[source] < until:
                 self._last[source] = until
-                for name, value in self._held(source).items():
-                    same = ((until - (self._origin or 0)) / 1e9, value)
-                    events.setdefault(name, []).append(same)
+                for name, value in self._last_values(source).items():
+                    event = ((until - (self._origin or 0)) / 1e9, value)
+                    events.setdefault(name, []).append(event)
 
-    def _held(self, source: Input) -> dict[str, float]:
+    def _last_values(self, source: Input) -> dict[str, float]:
         """Return the values of an input; nan if they are unknown."""
         silent = source in self._silent
-        return {n: math.nan if silent else source.values[place] for n, place in self._read[source]}
+        return {
+            name: math.nan if silent else source.values[index] for name, index in self._read[source]
+        }
 
     def _update(self, events: _Events) -> Sequence[tuple[float, float]]:
-        """Take events; return the robustness of times that they settle."""
+        """Update the monitors; return the times whose robustness is now known, with it."""
         robustness = self._episode.update(events)
         if self._silent:
-            self._gaps, self._apart = True, True
+            self._gaps = self._in_gap = True
             return []
-        if self._apart:  # all inputs are back
-            self._apart = False
-            self._forget()
+        if self._in_gap:  # all inputs are back
+            self._in_gap = False
+            self._reset_monitors()
             events = {
                 name: [((self._last[source] - (self._origin or 0)) / 1e9, value)]
                 for source in self.inputs
-                for name, value in self._held(source).items()
+                for name, value in self._last_values(source).items()
             }
         for monitor in self._named.values():
-            monitor.update({name: its for name, its in events.items() if name in monitor.variables})
+            monitor.update(
+                {name: rows for name, rows in events.items() if name in monitor.variables}
+            )
         if self._monitor is not None:
             news = self._monitor.update(events)
             if self._gaps and self._about_run:
@@ -304,7 +307,7 @@ class DenseJudge:
         for start, robustness in news:
             about = self._time(start)
             self._robustness = robustness, about
-            self.account.found(robustness, about)
+            self.history.add_robustness(robustness, about)
             reports.append(self._report(time))
         if not news:
             report = self._report(time)
@@ -318,7 +321,7 @@ class DenseJudge:
             return False
         if self._verdict is Verdict.VIOLATED:
             # decided_at is None only for a verdict that an end decides; a run has no end.
-            self.account.violated(self._time(self._episode.decided_at or 0.0))
+            self.history.add_violation(self._time(self._episode.decided_at or 0.0))
         return True
 
     def _values(self) -> Mapping[str, float]:
@@ -334,22 +337,22 @@ class DenseJudge:
         }
 
     def _latenesses(self) -> dict[str, int]:
-        """Return the nanoseconds by which each formula lies before the requirement."""
+        """Return by how many nanoseconds the requirement is later than each formula."""
         late = {
-            name: each.horizon if isinstance(each, rtamt.dense.Monitor) else 0.0
-            for name, each in self._named.items()
+            name: monitor.horizon if isinstance(monitor, rtamt.dense.Monitor) else 0.0
+            for name, monitor in self._named.items()
         }
         if self._monitor is not None:
             horizon = self._monitor.horizon
-            late = {name: each - horizon for name, each in self._monitor.latencies.items()}
-        return {name: round(each * 1e9) for name, each in late.items()}
+            late = {name: latency - horizon for name, latency in self._monitor.latencies.items()}
+        return {name: round(seconds * 1e9) for name, seconds in late.items()}
 
     def _time(self, time: float) -> int:
         return (self._origin or 0) + round(time * 1e9)
 
     def _report(self, time: int) -> RequirementReport:
         robustness, about = self._robustness or (None, None)
-        return self.account.judged(
+        return self.history.judged(
             time,
             robustness,
             about,
@@ -360,16 +363,16 @@ class DenseJudge:
         )
 
 
-def _alone(
+def _named_monitor(
     specification: Specification, name: str, options: Mapping[str, Any]
 ) -> rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor:
     """Return the monitor of a named formula."""
     formula = specification.formulas[name]
-    alone = replace(specification, formula=formula, formulas={name: formula}, uses={})
+    single = replace(specification, formula=formula, formulas={name: formula}, uses={})
     try:
-        return rtamt.dense.Monitor(alone, **options)
+        return rtamt.dense.Monitor(single, **options)
     except SpecificationError:  # an unbounded future inside the formula
-        return rtamt.dense.EpisodeMonitor(alone, **options)
+        return rtamt.dense.EpisodeMonitor(single, **options)
 
 
 def _value(monitor: rtamt.dense.Monitor | rtamt.dense.EpisodeMonitor, name: str) -> float:

@@ -1,4 +1,4 @@
-"""The inputs of a node: the values of a topic over time, and their age."""
+"""The inputs of a node: the values of a topic over time, their age, and the lost messages."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 
 from rtamt.inputs.stamps import StampOrder
 from rtamt.language import SubscribedField
-from rtamt_ros.core.losses import TopicEvidence
 from rtamt_ros.core.settings import Settings
+from rtamt_ros.middleware import Reception
 
 _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError, OverflowError)
 
@@ -20,26 +20,25 @@ _Arrival = tuple[int, int, list[float], int]
 class Input:
     """A topic, and the fields that specifications read from its messages.
 
-    `take` stores messages from any thread. One thread calls `gather`, and then `settle` for times
-    that are whole periods apart: it selects the last message up to each time. Only numbers are
-    stored. Between two such times only the last message is kept, and none that is older than a gap
-    and a period.
+    `take` stores the numbers of messages, from any thread. One thread calls `gather`, and then
+    `settle` for times that are whole periods apart, which selects the last message up to each time.
+    Messages that no time can select, or that are older than a gap and a period, are dropped.
 
     Attributes:
         default: The value before the first message; None if the input waits for one.
         waits: Whether the default does not count yet, because a kept message may still arrive.
         stale_after: The nanoseconds without a message after which the input is stale.
-        several: The publishers of the topic in words if there are several; otherwise empty.
+        several: A text that names the publishers if there are several; otherwise empty.
         blocked: Whether there is no run because there are several publishers.
-        latest: The last accepted message, and its arrival; None before the first.
+        latest: The last accepted message and its arrival; None before the first.
         package: The package of the message class.
         message: The name of the message class.
         fields: The fields that are read, in the order of `values`.
         values: The values of the selected message, the default, or nothing before the first.
         time: The time of the message in nanoseconds: its arrival or its stamp; None before the
             first.
-        came: The arrival in nanoseconds. The age counts from here if the stamp is later, so that a
-            publisher with a fast clock becomes stale as soon as others.
+        came: The arrival in nanoseconds. If the stamp is later, the age counts from here, so that a
+            publisher with a fast clock becomes stale like others.
         taken: The number of accepted messages.
         errors: The number of messages left out because they could not be read.
         error: Why the last message could not be read; empty if it could.
@@ -64,7 +63,7 @@ class Input:
         self._period = settings.period
         # Arrival, time, values, and the size of a jump of the stamps.
         self._arrived: deque[_Arrival] = deque()
-        self._waiting: deque[_Arrival] = deque()  # the gathered ones
+        self._waiting: deque[_Arrival] = deque()  # gathered, not selected
         self._settled: int | None = None
         self._lock = threading.Lock()
         self.default = default
@@ -117,7 +116,7 @@ class Input:
         return True
 
     def gather(self) -> None:
-        """Make the messages that have arrived available to `settle`."""
+        """Make the stored messages available to `settle`."""
         if self._arrived:
             with self._lock:
                 for arrival in self._arrived:
@@ -135,12 +134,12 @@ class Input:
                 self.jump, self.jumped_at = jump, self.came
 
     def _add(self, queue: deque[_Arrival], arrival: _Arrival) -> None:
-        """Add a message, and drop those before it that no time can select any more."""
+        """Add a message, and drop earlier messages that no time can select any more."""
         came, time, values, jump = arrival
         settled, period = self._settled, self._period
         while queue:
             before = queue[-1][0]
-            if came > before and (  # otherwise, the clock stands still or went back
+            if came > before and (  # otherwise, the clock stands still or jumped back
                 settled is None
                 or (came - settled - 1) // period != (before - settled - 1) // period
             ):
@@ -149,7 +148,7 @@ class Input:
         queue.append((came, time, values, jump))
 
     def why_jumped(self) -> str:
-        """Return the last jump of the stamps for a reader."""
+        """Return a text about the last jump of the stamps."""
         size = f"{abs(self.jump) / 1e9:.1f} s"
         words = "went back" if self.jump < 0 else "jumped ahead"
         return f"the stamps of {self.name} {words} by {size}"
@@ -163,7 +162,7 @@ class Input:
         return self.age(now) > self.stale_after
 
     def is_awaited(self) -> bool:
-        """Return whether there is neither a message nor a default that counts, or it is blocked."""
+        """Return whether it is blocked, or has neither a message nor a default that counts."""
         return self.blocked or (self.time is None and (self.default is None or self.waits))
 
     def is_default(self) -> bool:
@@ -191,7 +190,7 @@ class Input:
                 queue.extend(remaining)
 
     def came_before_the_clock(self, now: int) -> None:
-        """Date messages that arrived before a simulated clock started to ``now``."""
+        """Set the time of messages from before the start of a simulated clock to ``now``."""
         with self._lock:
             for queue in (self._waiting, self._arrived):
                 dated = [
@@ -214,7 +213,7 @@ class Input:
         return False
 
     def _reason(self, message: Any, error: Exception | None) -> str:  # noqa: ANN401
-        """Return the first field that cannot be read, and why."""
+        """Return which field cannot be read, and why."""
         for field in self.fields:
             try:
                 value = field.read(message)
@@ -224,3 +223,96 @@ class Input:
             if number != number:  # noqa: PLR0124 - nan
                 return f"{field.variable} is nan"
         return f"a message of {self.topic} cannot be read: {error}"
+
+
+class LossCount:
+    """The number of lost messages of a topic, from gaps in the sequence numbers of its publisher.
+
+    It counts after the first message, while the topic has one publisher. A smaller number than
+    before is from a restarted publisher.
+
+    Attributes:
+        reported: The number of lost messages that ROS reported; they leave gaps too.
+        unknown: Why losses cannot be counted now; empty if they can.
+    """
+
+    def __init__(self) -> None:
+        self.reported = 0
+        self.unknown = ""
+        self._gaps = 0
+        self._publishers = 1
+        self._last: int | None = None
+
+    @property
+    def lost(self) -> int:
+        """The number of lost messages."""
+        return max(self._gaps, self.reported)
+
+    def take(self, number: int | None) -> None:
+        """Count the gap before a message; its number is None if messages have no numbers."""
+        if self._publishers > 1:
+            return
+        if number is None:
+            self.unknown, self._last = "the messages have no numbers", None
+            return
+        if self._last is not None and number > self._last:
+            self._gaps += number - self._last - 1
+        self.unknown, self._last = "", number
+
+    def follow(self, publishers: int) -> None:
+        """Set the number of publishers of the topic."""
+        if publishers > 1:
+            self.unknown, self._last = f"{publishers} publishers", None
+        elif self._publishers > 1:
+            self.unknown = ""
+        self._publishers = publishers
+
+
+class TopicEvidence:
+    """The counts of a topic that show how reliable verdicts are.
+
+    Attributes:
+        topic: The names of its inputs, separated by commas.
+        loss: The lost messages.
+        taken: The number of messages taken.
+        late: The number of messages that arrived before a judged time and were taken after it.
+    """
+
+    def __init__(self, topic: str) -> None:
+        self.topic = topic
+        self.loss = LossCount()
+        self.taken = self.late = 0
+        self._judged: int | None = None
+        self._before = 0, 0
+
+    def count(self, reception: Reception, time: int) -> None:
+        """Count a message with its time in nanoseconds."""
+        self.taken += 1
+        self.loss.reported = reception.lost
+        self.loss.take(reception.number)
+        dated = time if reception.received is None else reception.received
+        self.late += self._judged is not None and dated < self._judged
+
+    def judge(self, time: int) -> None:
+        """Set the time of the last evaluated sample."""
+        self._judged = time
+        self._before = self.taken, self.loss.lost
+
+    def forget_after(self, now: int) -> None:
+        """Set the clock back to ``now``."""
+        self._judged = None if self._judged is None else min(self._judged, now)
+
+    @property
+    def since(self) -> tuple[int, int]:
+        """The numbers of messages that were taken and lost since the last sample."""
+        taken, lost = self._before
+        return self.taken - taken, self.loss.lost - lost
+
+    @property
+    def text(self) -> str:
+        """The losses as a text: ``x: 12`` or ``x: loss unknown: 2 publishers``."""
+        count = f"{self.topic}: {self.loss.lost}"
+        if not self.loss.unknown:
+            return count
+        start = f"{count} and " if self.loss.lost else f"{self.topic}: "
+        return f"{start}loss unknown: {self.loss.unknown}"

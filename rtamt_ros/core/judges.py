@@ -1,7 +1,7 @@
-"""The judges of all requirements of a node.
+"""The monitors of all requirements of a node, which this package calls judges.
 
 To change the reaction of a node to a message or a tick of the clock, change `Judges.take` or
-`Judges.look`; ``sampled.py`` and ``dense.py`` here judge samples and events.
+`Judges.look`; ``sampled.py`` and ``dense.py`` here evaluate samples and events.
 
 To add a number or a note about a requirement: a field of `RequirementReport`, an entry of
 ``_numbers`` in ``publishing.py``, and its words in `RequirementReport.text`.
@@ -16,9 +16,8 @@ from typing import Any
 
 from rtamt import InputError, Specification
 from rtamt_ros.core.dense import DenseJudge
-from rtamt_ros.core.losses import Suspension
 from rtamt_ros.core.record import VERDICTS, CsvRecord
-from rtamt_ros.core.report import RequirementReport, seconds
+from rtamt_ros.core.report import RequirementReport, Suspension, seconds
 from rtamt_ros.core.requirements import SubscribedRequirement, requirements_of
 from rtamt_ros.core.sampled import SampledJudge
 from rtamt_ros.core.settings import Settings
@@ -26,26 +25,26 @@ from rtamt_ros.core.topics import Topic
 
 
 class Judges:
-    """Judges every requirement of some specifications.
+    """The judges of every requirement of some specifications.
 
-    On samples, several threads may call `take` while one calls `look`; no look reads its time while
-    the time of a message is read. All requirements share the sample times, a period apart. In dense
-    time all calls must come one after the other.
+    On samples, several threads may call `take` while one calls `look`; the caller reads the time of
+    a message and the time of a look one after the other. All requirements share the sample times,
+    which are a period apart. In dense time, only one call may run at a time.
 
     Attributes:
         inputs: The inputs of all requirements.
         topics: The topics of the inputs, by name.
         requirements: The requirements.
         settings: The settings.
-        lateness: For each requirement and formula, the nanoseconds by which the time of its value
-            lies before `RequirementReport.time`. On samples the formula ``""`` is the result.
+        lateness: For each requirement and formula, how many nanoseconds the time of its value lies
+            before `RequirementReport.time`. On samples the formula ``""`` is the result.
     """
 
     def __init__(self, specifications: Sequence[Specification], settings: Settings) -> None:
         self.settings = settings
         self.requirements = requirements_of(specifications, settings)
-        read = (source for requirement in self.requirements for source in requirement.inputs)
-        self.inputs = list(dict.fromkeys(read))
+        sources = (source for requirement in self.requirements for source in requirement.inputs)
+        self.inputs = list(dict.fromkeys(sources))
         self.topics: dict[str, Topic] = {}
         for source in self.inputs:
             if source.topic not in self.topics:
@@ -57,12 +56,12 @@ class Judges:
         self._dense = list(starmap(DenseJudge, recorded)) if settings.dense else []
         self._judges: list[SampledJudge | DenseJudge] = [*self._sampled, *self._dense]
         self.lateness = {
-            (judge.account.name, formula): late
+            (judge.history.name, formula): late
             for judge in self._judges
             for formula, late in judge.lateness.items()
         }
         self._now = 0
-        self._point: int | None = None  # the last judged point
+        self._point: int | None = None  # the last evaluated point
 
     @property
     def files(self) -> list[Path]:
@@ -72,7 +71,7 @@ class Judges:
     @property
     def reports(self) -> tuple[RequirementReport, ...]:
         """The last report of each requirement that has one."""
-        reports = [judge.account.last for judge in self._judges]
+        reports = [judge.history.last for judge in self._judges]
         return tuple([report for report in reports if report is not None])
 
     def take(
@@ -83,29 +82,29 @@ class Judges:
         came: int,
         now: int | None = None,
     ) -> Sequence[RequirementReport]:
-        """Take a message; in dense time, return the reports that it causes.
+        """Pass a message to its inputs; in dense time, return the reports after it.
 
         Args:
             topic: The name of its topic.
             message: The message.
-            time: Its time: its stamp or its arrival.
+            time: Its stamp or its arrival.
             came: Its arrival.
-            now: The time of the clock, which is later if it waited in a queue; None for its
-                arrival.
+            now: The time of the clock, which is later if the message waited in a queue; None for
+                the arrival.
         """
         now = came if now is None else now
         dense = self.settings.dense
         if dense and now > 0:
             self._follow_clock(now, now)
         reports: list[RequirementReport] = []
-        for taken in self.topics[topic].take(message, time, came):
+        for sources in self.topics[topic].take(message, time, came):
             if dense:
-                for source in taken:
+                for source in sources:
                     source.gather()
                     source.settle(now)
                 for judge in self._dense:
                     for source in judge.inputs:
-                        if source in taken:
+                        if source in sources:
                             reports += judge.event(source, now)
         return reports
 
@@ -117,14 +116,14 @@ class Judges:
             now: The time of the clock.
         """
         if now <= 0:
-            return [judge.account.without_clock() for judge in self._judges]
+            return [judge.history.without_clock() for judge in self._judges]
         if self.settings.dense:
             self._follow_clock(now, now)
             self._resume_after_gap(now)
             self._judge(now)
             return [report for judge in self._dense for report in judge.look(now)]
         period = self.settings.period
-        if due > now:  # the clock was set back
+        if due > now:  # the clock jumped back
             due -= -((now - due) // period) * period
         self._follow_clock(now, due)
         for source in self.inputs:
@@ -139,26 +138,26 @@ class Judges:
         return reports
 
     def _judge(self, time: int) -> None:
-        """Take the time of a sample, or of a look in dense time."""
+        """Set the time of a sample, or of a look in dense time."""
         self._point = time
         for topic in self.topics.values():
             topic.evidence.judge(time)
 
     def _points(self, due: int) -> Sequence[int]:
-        """Return the points to judge; after a gap only the last one."""
+        """Return the points to evaluate; after a gap only the last point."""
         last, period = self._point, self.settings.period
         if last is None or self._resume_after_gap(due):
             return [due]
         return range(last + period, due + 1, period)
 
     def _resume_after_gap(self, now: int) -> bool:
-        """Return whether nothing was judged for a while; runs on samples end then."""
+        """Return whether nothing was evaluated during a gap; runs on samples end then."""
         gap, last = self.settings.gap, self._point
         if last is None or now - last <= gap:
             return False
         for judge in self._judges:
             suspension = Suspension(now - last, now, self.settings.period, gap)
-            judge.account.suspend(suspension)
+            judge.history.suspend(suspension)
         for judge in self._sampled:
             judge.interrupt()
         self._judge(now)
@@ -167,17 +166,17 @@ class Judges:
     def reset(self, now: int) -> Sequence[RequirementReport]:
         """Start all runs again on request; return the reports until they start.
 
-        Points that are due but not judged yet belong to no run.
+        Points that are due but not evaluated yet belong to no run.
         """
         if self._point is not None and now > self._point:
             self._point = now - (now - self._point) % self.settings.period
         return [judge.reset(now) for judge in self._judges]
 
     def resume(self, arrivals: Mapping[str, Sequence[tuple[Any, int, int]]], now: int) -> None:
-        """Take the messages that an earlier node held; the runs start at ``now``.
+        """Take the last messages of earlier monitors; the runs start at ``now``.
 
         Args:
-            arrivals: For each topic messages, their times and their arrivals.
+            arrivals: The messages of each topic, with their times and arrivals.
             now: The time of the clock.
         """
         for topic, messages in arrivals.items():
@@ -192,10 +191,10 @@ class Judges:
 
     def standing(self) -> Sequence[RequirementReport]:
         """Return the reports while a simulated clock stands still."""
-        return [judge.account.standing() for judge in self._judges]
+        return [judge.history.with_still_clock() for judge in self._judges]
 
     def _follow_clock(self, now: int, time: int) -> None:
-        """Drop what arrived after a time to which the clock went back.
+        """Drop messages from after ``now`` if the clock went back.
 
         Messages from before the start of a simulated clock get ``time``.
         """

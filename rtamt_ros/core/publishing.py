@@ -15,7 +15,7 @@ from rtamt_ros.middleware import Level, Middleware, Publisher
 
 
 class Statuses:
-    """Makes messages of ``diagnostic_msgs/DiagnosticArray``, whose class is ``array``."""
+    """Creates messages of ``diagnostic_msgs/DiagnosticArray``; ``array`` is their class."""
 
     def __init__(self, middleware: Middleware) -> None:
         self._middleware = middleware
@@ -25,7 +25,7 @@ class Statuses:
         )
 
     def message(self, time: int, rows: Iterable[tuple[str, Level, str, Mapping[str, str]]]) -> Any:  # noqa: ANN401 - the classes of ROS have no types
-        """Return a message; a row is a name, a level, a text, and values by name."""
+        """Return a message; a row has a name, a level, a text, and values by name."""
         message = self.array()
         self._middleware.set_stamp(message, time)
         message.status = [self._row(*row) for row in rows]
@@ -46,8 +46,8 @@ class Statuses:
 class Combined:
     """Publishes one ``diagnostic_msgs/DiagnosticArray`` per sample with all requirements.
 
-    Every ROS has this type, and nobody has to build it. The stamp is the time of the sample.
-    Robustness that is late has its own time, and is within the bounds of the same message.
+    Every ROS has this type, and nobody has to build it. The stamp is the time of the sample. Late
+    robustness has its own time, and is within the bounds of the same message.
     """
 
     def __init__(self, middleware: Middleware, topic: str) -> None:
@@ -89,17 +89,19 @@ def _exact_seconds(time: int) -> str:
     return "{}.{:09d}".format(*divmod(time, 1_000_000_000))
 
 
+COMBINED = ("diagnostic_msgs", "DiagnosticArray")
+"""The package and the name of the class of combined messages."""
 BOUNDS = {"lower": "Float64", "upper": "Float64", "verdict": "Int8"}
-"""What is published of a requirement beside its robustness, and the messages of ``std_msgs``."""
+"""The topics of a requirement besides robustness, with their classes in ``std_msgs``."""
 
 _SECOND = 1_000_000_000
 _MINUTE = 60 * _SECOND
 _LINES = 10
-"""The lines of a requirement in the log in a minute."""
+"""The maximum number of log lines of a requirement per minute."""
 
 
 class Publishing:
-    """Publishes the robustness, the bounds and the verdict of requirements."""
+    """The publishers of robustness, bounds and verdict of all requirements."""
 
     def __init__(
         self,
@@ -111,15 +113,15 @@ class Publishing:
     ) -> None:
         self._middleware = middleware
         self._open: list[Publisher] = []
-        self._of: dict[str, list[_Outgoing | _Bounds]] = {name: [] for name in bounds}
+        self._topics: dict[str, list[_RobustnessTopic | _Bounds]] = {name: [] for name in bounds}
         try:
             for output in outputs:
                 message = classes[output.package, output.message]
                 fields = [*output.formulas.values()]
                 publisher = self._publisher(output.topic, message, fields)
-                outgoing = _Outgoing(output, publisher, lateness)
+                topic_of_output = _RobustnessTopic(output, publisher, lateness)
                 for name in dict.fromkeys(name for name, _ in output.formulas):
-                    self._of[name].append(outgoing)
+                    self._topics[name].append(topic_of_output)
             for name, topic in bounds.items():
                 publishers = {
                     name_of_bound: self._publisher(
@@ -127,15 +129,15 @@ class Publishing:
                     )
                     for name_of_bound, message in BOUNDS.items()
                 }
-                self._of[name].append(_Bounds(publishers))
+                self._topics[name].append(_Bounds(publishers))
         except InputError:
             self.close()
             raise
 
     def publish(self, report: RequirementReport) -> None:
         """Publish a report; bounds and verdict only if they changed."""
-        for outgoing in self._of[report.name]:
-            outgoing.publish(report)
+        for topic in self._topics[report.name]:
+            topic.publish(report)
 
     def close(self) -> None:
         """Close every publisher."""
@@ -153,11 +155,11 @@ class Publishing:
 class _Bounds:
     """The bounds and the verdict of a requirement, published only when they change.
 
-    Their topics are latched, and a message costs as much as a hundred samples of a monitor.
+    The topics are latched. A message costs as much as a hundred samples of a monitor.
     """
 
     def __init__(self, publishers: Mapping[str, Publisher]) -> None:
-        self._bounds = [_Bound(what, publisher) for what, publisher in publishers.items()]
+        self._bounds = [_Bound(name, publisher) for name, publisher in publishers.items()]
         self._last: tuple[float | None, float | None, Verdict | None] = None, None, None
 
     def publish(self, report: RequirementReport) -> None:
@@ -172,30 +174,30 @@ class _Bounds:
 
 
 class _Bound:
-    """The messages of one bound, or of the verdict."""
+    """The topic of a bound or of the verdict."""
 
-    def __init__(self, what: str, publisher: Publisher) -> None:
-        self._of = attrgetter(what)
+    def __init__(self, name: str, publisher: Publisher) -> None:
+        self._value = attrgetter(name)
         self._publisher = publisher
         self._last = ""
 
     def publish(self, report: RequirementReport) -> None:
-        value = self._of(report)
+        value = self._value(report)
         if value is None:
             return
-        written = float(value).hex()  # distinguishes -0.0 from 0.0, and equates nan
-        if written != self._last:
-            self._last = written
+        text = float(value).hex()  # distinguishes -0.0 from 0.0, and equates nan
+        if text != self._last:
+            self._last = text
             message = self._publisher.message()
             message.data = int(value) if isinstance(value, Verdict) else value
             self._publisher.publish(message)
 
 
-class _Outgoing:
-    """The messages of one topic, one for each time that its fields are about.
+class _RobustnessTopic:
+    """The topic of one or several formulas: a message for each time of their robustness.
 
     A field that is known earlier waits for the others. While an input is stale, unknown fields are
-    nan in the messages that wait, and at the time of the sample.
+    nan, in the messages that wait and in the message of the sample.
     """
 
     def __init__(
@@ -214,8 +216,8 @@ class _Outgoing:
 
     def publish(self, report: RequirementReport) -> None:
         unknown = report.robustness is not None and math.isnan(report.robustness)
-        if self._only is not None:  # nothing to wait for
-            news = (report.time, math.nan) if unknown else self._found(self._only, report)
+        if self._only is not None:  # no other field to wait for
+            news = (report.time, math.nan) if unknown else self._new_value(self._only, report)
             if news is not None:
                 self._send(news[0], (news[1],))
             return
@@ -226,14 +228,16 @@ class _Outgoing:
             if len(self._waiting[time]) == len(self._formulas):
                 values = self._waiting[time]
                 self._send(time, [values[key] for key in self._formulas])
-                self._waiting = {at: its for at, its in self._waiting.items() if at > time}
-        if self._waiting:  # older ones come no more; newer ones precede a jump back
+                self._waiting = {t: fields for t, fields in self._waiting.items() if t > time}
+        if self._waiting:  # no older value follows; newer times are from before a jump back
             oldest = report.time - self._longest
             self._waiting = {
-                at: its for at, its in self._waiting.items() if oldest <= at <= report.time
+                t: fields for t, fields in self._waiting.items() if oldest <= t <= report.time
             }
 
-    def _found(self, key: tuple[str, str], report: RequirementReport) -> tuple[int, float] | None:
+    def _new_value(
+        self, key: tuple[str, str], report: RequirementReport
+    ) -> tuple[int, float] | None:
         """Return the value of a formula in a report, with its time; None if it is not new."""
         name = key[1]
         value = report.values.get(name) if name else report.robustness
@@ -243,14 +247,14 @@ class _Outgoing:
         return about, value
 
     def _add(self, key: tuple[str, str], report: RequirementReport) -> None:
-        news = self._found(key, report)
+        news = self._new_value(key, report)
         if news is not None:
             self._waiting.setdefault(news[0], {})[key] = news[1]
 
     def _add_nan(self, key: tuple[str, str], time: int) -> None:
         self._waiting.setdefault(time, {})
-        for at, values in self._waiting.items():
-            if at < time:
+        for earlier, values in self._waiting.items():
+            if earlier < time:
                 values.setdefault(key, math.nan)
         self._waiting[time][key] = math.nan
 
@@ -259,8 +263,57 @@ class _Outgoing:
         self._last = None if any(map(math.isnan, values)) else time
 
 
+def lease_of(period: int) -> int:
+    """Return the nanoseconds after which a silent monitor is dead: five periods, at least 1 s."""
+    return max(_SECOND, 5 * period)
+
+
+class States:
+    """Publishes level, verdict and bounds of each requirement on ``TOPIC/state``.
+
+    A message is a ``diagnostic_msgs/DiagnosticArray`` with one status. On ROS 2 the publishers
+    offer liveliness by topic, so subscribers learn that the monitor hangs or is dead.
+
+    Args:
+        middleware: The node of ROS.
+        topics: The topic of each requirement.
+        period: The nanoseconds between looks.
+    """
+
+    def __init__(self, middleware: Middleware, topics: Mapping[str, str], period: int) -> None:
+        self._publishers: dict[str, Publisher] = {}
+        try:
+            self._statuses = Statuses(middleware)
+        except InputError:  # `Diagnostics` logs the error
+            return
+        for name, topic in topics.items():
+            self._publishers[name] = middleware.publisher(
+                f"{topic}/state", self._statuses.array, latched=False, lease=lease_of(period)
+            )
+
+    def publish(self, reports: Iterable[RequirementReport], now: int | None = None) -> None:
+        """Publish reports with the time of their samples, or with ``now``."""
+        for report in reports:
+            publisher = self._publishers.get(report.name)
+            time = report.time if now is None else now
+            if publisher is not None and time > 0:
+                level = Level(report.level)
+                row = report.name, level, report.text, exact_values(report)
+                publisher.publish(self._statuses.message(time, [row]))
+
+    def assert_alive(self) -> None:
+        """Inform subscribers that the monitor runs."""
+        for publisher in self._publishers.values():
+            publisher.assert_alive()
+
+    def close(self) -> None:
+        """Close every publisher."""
+        while self._publishers:
+            self._publishers.popitem()[1].close()
+
+
 class LogLimit:
-    """The lines of a requirement in the log: at most 10 a minute, and every restart."""
+    """The log lines of a requirement: at most 10 per minute, and every restart."""
 
     def __init__(self) -> None:
         self._times: list[int] = []
@@ -290,13 +343,13 @@ class Diagnostics:
     ``diagnostic_msgs`` there are no diagnostics, which the log reports.
 
     Attributes:
-        around: The result of `Middleware.around`, which becomes a state of its own when it is new.
+        ros_state: The last result of `Middleware.ros_state`; None while ROS has no problem.
     """
 
     def __init__(self, middleware: Middleware, formulas: Mapping[str, str]) -> None:
         self._middleware = middleware
-        self.around: tuple[Level, str] | None = None
-        self._last_around: tuple[Level, str] | None = None
+        self.ros_state: tuple[Level, str] | None = None
+        self._last_ros_state: tuple[Level, str] | None = None
         self._formulas = formulas
         self._limits: dict[str, LogLimit] = {}
         self._states: list[tuple[Any, ...]] = []
@@ -311,11 +364,11 @@ class Diagnostics:
                 "/diagnostics", self._statuses.array, latched=False
             )
 
-    def tell(self, reports: Sequence[RequirementReport], now: int) -> bool:
-        """Publish and log news; return whether it was time to."""
+    def publish(self, reports: Sequence[RequirementReport], now: int) -> bool:
+        """Publish and log new states; return whether it published."""
         states, before = [*map(_STATE, reports)], self._states
-        around = self.around
-        news = around is not None and around != self._last_around
+        ros_state = self.ros_state
+        news = ros_state is not None and ros_state != self._last_ros_state
         if states == before and not news and 0 <= now - self._last_time < _SECOND:
             return False
         missing = [None] * (len(states) - len(before))
@@ -326,22 +379,22 @@ class Diagnostics:
         for report in changed:
             if line := self._limits.setdefault(report.name, LogLimit()).line(report, now):
                 self._middleware.log(report.level, line)
-        if around is not None and news:
-            self._last_around = around
-            self._middleware.log(*around)
+        if ros_state is not None and news:
+            self._last_ros_state = ros_state
+            self._middleware.log(*ros_state)
         if self._publisher is not None:
             node = self._middleware.name.strip("/")
             rows: list[tuple[str, Level, str, Mapping[str, str]]] = [
                 (
-                    f"{node}: {each.name}",
-                    each.level,
-                    each.text,
-                    _numbers(each, self._formulas[each.name]),
+                    f"{node}: {report.name}",
+                    report.level,
+                    report.text,
+                    _numbers(report, self._formulas[report.name]),
                 )
-                for each in reports
+                for report in reports
             ]
-            if around is not None:
-                rows.append((f"{node}: ROS", *around, {}))
+            if ros_state is not None:
+                rows.append((f"{node}: ROS", *ros_state, {}))
             self._publisher.publish(self._statuses.message(now, rows))
         return True
 
@@ -352,11 +405,11 @@ class Diagnostics:
 
 
 _STATE = attrgetter("level", "unrecorded", "restarts", "loses")
-"""What makes the state of a requirement another."""
+"""The fields that make up the state of a requirement."""
 
 
 def _numbers(report: RequirementReport, formula: str) -> dict[str, str]:
-    """Return the numbers of a report for a reader."""
+    """Return the numbers of a report as texts."""
     return {
         "formula": formula,
         "robustness": _number(report.robustness),

@@ -1,4 +1,4 @@
-"""A CSV file of samples or events, in the format that ``rtamt monitor`` reads."""
+"""CSV files of samples or events, in the format that ``rtamt monitor`` reads."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from rtamt import InputError
 
 
 class CsvRecord:
-    """Writes a file for each run of a monitor: ``run.csv``, ``run-2.csv``, ``run-3.csv``.
+    """A file for each run of a monitor: ``run.csv``, ``run-2.csv``, ``run-3.csv``.
 
-    It skips numbers of existing files. Times are dates of the clock of ROS, to the nanosecond. If a
-    file cannot be written, only the record ends.
+    Numbers of existing files are skipped. Times are dates of the ROS clock, to the nanosecond. If a
+    file cannot be written, the record ends and the monitor continues.
 
     Args:
         path: The file of the first run.
         columns: The columns after the time.
         companion: The columns after the time of a second file for each run, ``run-verdicts.csv``;
-            none without columns.
+            empty for no second file.
 
     Raises:
         InputError: If the folder does not exist, or the path is a folder.
@@ -35,9 +35,9 @@ class CsvRecord:
 
     def __init__(self, path: Path, columns: Sequence[str], companion: Sequence[str] = ()) -> None:
         if not path.parent.is_dir():
-            raise InputError(f"expected a folder for the record, there is no {path.parent}")
+            raise InputError(f"record: there is no folder {path.parent}")
         if path.is_dir():
-            raise InputError(f"expected a file for the record, {path} is a folder")
+            raise InputError(f"record: expected a file, {path} is a folder")
         self._path = path
         self._columns = ("time", *columns)
         self._companion = companion
@@ -115,7 +115,7 @@ class CsvRecord:
 
 
 VERDICTS = "lower", "upper", "verdict"
-"""The columns of a record about a run up to a time; the verdict is -1, 0 or 1."""
+"""The columns about the run up to a time; the verdict is -1, 0 or 1."""
 
 
 def _nowhere(_row: Sequence[object]) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import copysign
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from rtamt import Verdict
 from rtamt.inputs.stamps import AHEAD
-from rtamt_ros.core.losses import Suspension
+from rtamt_ros.core.inputs import TopicEvidence
 from rtamt_ros.core.record import CsvRecord
 from rtamt_ros.core.requirements import SubscribedRequirement
 from rtamt_ros.middleware import Level
@@ -18,34 +18,34 @@ _NO_VALUES: Mapping[str, float] = MappingProxyType({})
 
 
 class RequirementReport(NamedTuple):
-    """The report of a monitor on a requirement at one time.
+    """The state of a requirement at one time.
 
     Attributes:
         name: The name of the requirement.
-        time: Nanoseconds of the clock of ROS: the time of the last sample; in dense time the time
-            up to which the robustness is known; otherwise, the time of the look.
+        time: Nanoseconds of the ROS clock: the time of the last sample, or in dense time the time
+            up to which robustness is known; without a sample, the time of the look.
         level: The severity.
-        problem: Why there is no robustness, or what is wrong with an input; empty if nothing is.
-        robustness: None while it is unknown: an input is missing, or the latency has not passed.
-            nan while an input is stale.
+        problem: Why there is no robustness, or what is wrong with an input; otherwise empty.
+        robustness: None while an input is missing or the latency has not passed; nan while an input
+            is stale.
         about: The time of the robustness: `time` minus the latency. None without a robustness.
         lower: The minimum robustness of the run over all continuations and ends. nan while an input
-            is stale, unless stale values are unknown values; None before the first sample.
-        upper: The maximum.
-        verdict: The verdict on the run. UNDECIDED while an input is stale, unless stale values are
-            unknown values; None before the first sample.
+            is stale, unless stale values count as unknown; None before the first sample.
+        upper: The maximum, likewise.
+        verdict: The verdict on the run. UNDECIDED while an input is stale, unless stale values
+            count as unknown; None before the first sample.
         values: The robustness of every named formula, nan until its latency has passed.
-        asked: For each implication under an outer ``always``, the number of samples of the run at
-            which its left side certainly holds; None if they are not counted.
+        asked: The number of triggers in the run of each implication under an outer ``always``; None
+            if they are not counted.
         worst: The minimum robustness since the start or reset of the node; None before the first.
         worst_time: The time of `worst`.
         stale: The stale inputs.
-        waiting: The inputs without a message, or whose default does not count yet.
-        defaults: The inputs whose default counts, with its value: ``limit = 0.5``.
+        waiting: The inputs that have neither a message nor a default that counts.
+        defaults: The inputs with a default that counts, as texts: ``limit = 0.5``.
         violations: The number of runs since the start or reset with a certain violation.
-        violated_at: The time of the first of them.
-        missed: The number of samples judged after the next was due; their values are right.
-        out_of_order: The number of messages left out because they are older than the one before.
+        violated_at: The time of the first certain violation.
+        missed: The number of samples evaluated after the next was due; their values are right.
+        out_of_order: The number of messages left out because an earlier message is newer.
         strays: The number of messages left out because their stamps are out of line.
         ahead: The number of messages whose stamps are ahead of the clock.
         errors: The number of messages left out because a field was nan or missing.
@@ -53,11 +53,11 @@ class RequirementReport(NamedTuple):
         restarted_because: The reason for the last restart.
         resets: The number of resets on request.
         reset_at: The time of the last reset; None before.
-        late_arrivals: The number of messages that arrived before a judged sample and were taken
-            after it.
-        lost: The number of messages that were sent and never taken, as far as it is known.
-        losses: The same for each topic, or why it is unknown.
-        unrecorded: Why the record has ended; empty if it has not.
+        late_arrivals: The number of messages that arrived before a sample and were taken after its
+            evaluation.
+        lost: The known number of messages that were sent but never taken.
+        losses: A text for each topic: the number of lost messages, or why it is unknown.
+        unrecorded: Why the record has ended; empty while it continues.
     """
 
     name: str
@@ -123,7 +123,7 @@ class RequirementReport(NamedTuple):
         if self.strays:
             parts.append(f"{counted(self.strays, 'message')} out of line left out")
         if self.unrecorded:
-            parts.append(f"nothing is recorded any more: {self.unrecorded}")
+            parts.append(f"the record has ended: {self.unrecorded}")
         return "; ".join(part for part in parts if part)
 
     def _robustness_text(self) -> str:
@@ -145,36 +145,75 @@ class RequirementReport(NamedTuple):
 
 
 def holds(robustness: float) -> bool:
-    """Return `rtamt.holds` of one number, in a hundredth of the time."""
+    """Return `rtamt.holds` of a number, a hundred times as fast."""
     return copysign(1.0, robustness) > 0
 
 
 def seconds(nanoseconds: float, digits: int = 1) -> str:
-    """Return a duration or a time for a reader: ``0.4 s``."""
+    """Return a duration or a time as a text: ``0.4 s``."""
     return f"{nanoseconds / 1e9:.{digits}f} s"
 
 
-def counted(count: int, what: str) -> str:
-    """Return a count for a reader: ``2 samples``."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
+def counted(count: int, noun: str) -> str:
+    """Return a count as a text: ``2 samples``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 _NAN = float("nan")
 _NOTHING = None, None, None, None, None, _NO_VALUES, None
-"""The fields of a report from `robustness` to `asked` while nothing was known yet."""
+"""The fields of a report from `robustness` to `asked` before the first sample."""
 _UNKNOWN = _NAN, None, _NAN, _NAN, Verdict.UNDECIDED, _NO_VALUES, None
-"""What is reported in place of what is no longer known."""
+"""These fields while a known state is no longer current."""
 
 
-class Account:
-    """The history of a requirement since the node started or was reset; it makes the reports.
+class Suspension:
+    """A time in which nothing was evaluated, such as SIGSTOP or an overload of the computer.
+
+    Just after it, an input may be stale only because its messages still wait in a queue.
+
+    Args:
+        duration: Its duration in nanoseconds.
+        now: Its end in nanoseconds.
+        period: The nanoseconds after it in which waiting messages may arrive at once.
+        gap: The nanoseconds after it in which an input may be stale for this reason.
+    """
+
+    def __init__(self, duration: int, now: int, period: int, gap: int) -> None:
+        self._duration = duration
+        self._since: dict[TopicEvidence, tuple[int, int]] = {}
+        self.counts_until = now + period
+        self.until = now + gap
+
+    def add(self, topics: Iterable[TopicEvidence]) -> Suspension:
+        """Count the messages of topics since the last sample; return itself."""
+        for topic in topics:
+            taken, lost = topic.since
+            self._since[topic] = topic.taken - taken, topic.loss.lost - lost
+        return self
+
+    @property
+    def text(self) -> str:
+        """The reason for a restart."""
+        parts = [f"nothing was evaluated for {self._duration / 1e9:.1f} s"]
+        for topic, (taken, lost) in self._since.items():
+            count = topic.taken - taken
+            words = "message" if count == 1 else "messages"
+            missing = f"{topic.loss.lost - lost} were lost"
+            missing = "loss unknown" if topic.loss.unknown else missing
+            if count:
+                parts.append(f"{count} {words} of {topic.topic} came at once, {missing}")
+        return "; ".join(parts)
+
+
+class RequirementHistory:
+    """The history of a requirement since the start or reset of the node; it makes the reports.
 
     Attributes:
         last: The last report.
         missed: As in `RequirementReport`.
         restarts: As in `RequirementReport`.
         resets: As in `RequirementReport`.
-        why_suspended: Why the last run was interrupted while nothing was judged.
+        why_suspended: The reason for the last suspension.
     """
 
     def __init__(self, requirement: SubscribedRequirement, record: CsvRecord | None = None) -> None:
@@ -197,18 +236,15 @@ class Account:
         self._violated_at: int | None = None
 
     def begin(self, why: str) -> None:
-        """Start a run, with the reason for the end of the one before."""
+        """Start a run; ``why`` is the reason for the end of the last run."""
         if self._began and not self._waits_for_run:
             self.restarts += 1
             self._why = why
         self._began, self._waits_for_run = True, False
 
     def reset(self, now: int) -> RequirementReport:
-        """Return the report of a reset on request, with the state that it ends.
-
-        The next run is not a restart.
-        """
-        was = "nothing was judged yet"
+        """Return the report of a reset, with the last state; the next run is not a restart."""
+        was = "nothing was evaluated yet"
         if self.last is not None:
             last = self.last._replace(violations=self._violations, violated_at=self._violated_at)
             was = f"was: {last.text}"
@@ -218,14 +254,14 @@ class Account:
         self._worst = self._worst_time = self._violated_at = None
         self._violations = 0
         unknown = _UNKNOWN if self._began else _NOTHING
-        return self._report(now, Level.WARN, f"begins anew; {was}", unknown)
+        return self._report(now, Level.WARN, f"new run; {was}", unknown)
 
-    def found(self, robustness: float, about: int) -> None:
-        """Take a robustness, and the time that it is about."""
+    def add_robustness(self, robustness: float, about: int) -> None:
+        """Update the minimum with a robustness and its time."""
         if self._worst is None or robustness < self._worst:
             self._worst, self._worst_time = robustness, about
 
-    def violated(self, time: int) -> None:
+    def add_violation(self, time: int) -> None:
         """Count a certain violation, once per run."""
         self._violations += 1
         if self._violated_at is None:
@@ -235,41 +271,43 @@ class Account:
         """Return the report before the start of a simulated clock."""
         return self._report(0, Level.WARN, "waiting for the clock")
 
-    def standing(self) -> RequirementReport:
+    def with_still_clock(self) -> RequirementReport:
         """Return the report while a simulated clock stands still."""
         time = self.last.time if self.last is not None else 0
         unknown = _UNKNOWN if self._began else _NOTHING
         return self._report(time, Level.STALE, "the clock stands still", unknown)
 
     def why_gone(self, now: int) -> str:
-        """Return why a run ends whose inputs are missing or stale."""
+        """Return the reason for the end of a run with missing or stale inputs."""
         for source in self.inputs:
             if source.blocked:
                 return f"there were {source.several}"
         gone = [source.name for source in self.inputs if source.is_gone(now)]
         return f"{', '.join(gone)} {'was' if len(gone) == 1 else 'were'} stale"
 
-    def without(self, now: int) -> RequirementReport:
+    def without_inputs(self, now: int) -> RequirementReport:
         """Return the report while inputs are missing or stale."""
-        waiting = [each for each in self.inputs if each.is_awaited() and not each.blocked]
+        waiting = [source for source in self.inputs if source.is_awaited() and not source.blocked]
         stale = [source for source in self.inputs if source.is_stale(now)]
-        parts = ["waiting for " + ", ".join(each.name for each in waiting)] if waiting else []
-        parts += [f"{each.name} stale {seconds(each.age(now))}" for each in stale]
-        parts += [each.error for each in (*waiting, *stale) if each.error]
-        level = Level.ERROR if any(each.error for each in waiting) else Level.WARN
+        parts = []
+        if waiting:
+            parts.append("waiting for " + ", ".join(source.name for source in waiting))
+        parts += [f"{source.name} stale {seconds(source.age(now))}" for source in stale]
+        parts += [source.error for source in (*waiting, *stale) if source.error]
+        level = Level.ERROR if any(source.error for source in waiting) else Level.WARN
         return self._report(
             now,
             Level.STALE if stale else level,
             "; ".join(parts),
             _UNKNOWN if self._began else _NOTHING,
-            stale=tuple(each.name for each in stale),
-            waiting=tuple(each.name for each in waiting),
+            stale=tuple(source.name for source in stale),
+            waiting=tuple(source.name for source in waiting),
         )
 
     def without_values(
         self, time: int, ages: Mapping[str, int], bounds: tuple[float, float], verdict: Verdict
     ) -> RequirementReport:
-        """Return the report of a sample in a run that continues without stale inputs.
+        """Return the report of a sample with stale inputs, in a run that continues.
 
         Args:
             time: The time of the sample.
@@ -288,11 +326,11 @@ class Account:
         )
 
     def suspend(self, suspension: Suspension) -> None:
-        """Take a time in which nothing was judged."""
+        """Add a time in which nothing was evaluated."""
         self._suspension = suspension.add(self._topics)
 
     def resumes(self, now: int) -> bool:
-        """Return whether inputs may be stale only because nothing was judged for a while."""
+        """Return whether inputs may be stale only because nothing was evaluated for a while."""
         suspension = self._suspension
         if suspension is None:
             return False
@@ -305,7 +343,7 @@ class Account:
         return any(source.is_stale(now) for source in self.inputs)
 
     def suspended(self, now: int) -> RequirementReport:
-        """Return the report after a suspension, until messages arrive or inputs are stale."""
+        """Return the report just after a suspension."""
         unknown = _UNKNOWN if self._began else _NOTHING
         stale = tuple(source.name for source in self.inputs if source.is_stale(now))
         waiting = tuple(
@@ -317,7 +355,7 @@ class Account:
         return self._report(now, Level.STALE, text, unknown, stale, waiting)
 
     def failed(self, time: int, reason: str) -> RequirementReport:
-        """Return the report of values without a robustness, such as ``sqrt(-1)``."""
+        """Return the report of a sample without a robustness, such as of ``sqrt(-1)``."""
         return self._report(time, Level.ERROR, reason, _UNKNOWN)
 
     def judged(
@@ -334,8 +372,7 @@ class Account:
     ) -> RequirementReport:
         """Return the report of a sample with all inputs.
 
-        A negative robustness is not an error while it ``may_rise``, as for a goal without a
-        deadline.
+        With ``may_rise`` a negative robustness is not an error, as for a goal without a deadline.
         """
         errors = [source.error for source in self.inputs if source.error]
         problem = "; ".join(errors) if errors else ""
@@ -356,7 +393,7 @@ class Account:
         stale: tuple[str, ...] = (),
         waiting: tuple[str, ...] = (),
     ) -> RequirementReport:
-        """Return a report; ``found`` has its fields from `robustness` to `asked`."""
+        """Return a report; ``fields`` are those from `robustness` to `asked`."""
         out_of_order = strays = ahead = errors = 0
         defaults: tuple[str, ...] = ()
         for source in self.inputs:
@@ -385,7 +422,7 @@ class Account:
             self._loss_state = state
             self._losses = tuple([topic.text for topic in self._topics])
         unrecorded = "" if self._record is None else self._record.error
-        # Keywords for its 24 fields would take half the time of a judgement.
+        # Keywords for the fields would take half the time of an evaluation.
         self.last = RequirementReport._make(
             (
                 self.name,

@@ -1,4 +1,4 @@
-"""The requirements of a node, and the topics that they read and publish."""
+"""The requirements of a node, and their topics."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SubscribedRequirement:
         specification: The requirement alone, with the formulas that it uses.
         cells: For each variable an input, and the place in its values.
         inputs: The inputs that it reads.
-        origin: The index of its specification.
+        origin: The index of its specification in the node.
     """
 
     name: str
@@ -38,12 +38,12 @@ def requirements_of(
 ) -> tuple[SubscribedRequirement, ...]:
     """Return the requirements of specifications, with the inputs that they read.
 
-    Requirements that read the same fields of a topic share an input. Other requirements have their
-    own, so an unreadable field affects only them. Equal names get a number: ``out``, ``out_2``.
+    Requirements that read the same fields of a topic share an input. Otherwise, each has its own
+    input, so an unreadable field affects no others. Equal names get a number: ``out``, ``out_2``.
 
     Raises:
-        SpecificationError: If a topic has no message class, or two.
-        InputError: If a setting names a topic that nothing reads.
+        SpecificationError: If a topic has two message classes, or no class.
+        InputError: If a setting names a topic that no requirement reads.
     """
     requirements: dict[str, SubscribedRequirement] = {}
     for origin, specification in enumerate(specifications):
@@ -52,8 +52,8 @@ def requirements_of(
             candidates = itertools.chain((title,), numbered)
             name = next(candidate for candidate in candidates if candidate not in requirements)
             cells = _cells(part, settings)
-            read = tuple(dict.fromkeys(source for source, _ in cells.values()))
-            requirements[name] = SubscribedRequirement(name, part, cells, read, origin)
+            inputs = tuple(dict.fromkeys(source for source, _ in cells.values()))
+            requirements[name] = SubscribedRequirement(name, part, cells, inputs, origin)
     _check(
         [source for requirement in requirements.values() for source in requirement.inputs], settings
     )
@@ -61,7 +61,7 @@ def requirements_of(
 
 
 def _sharing(requirements: Iterable[SubscribedRequirement]) -> tuple[SubscribedRequirement, ...]:
-    """Return the requirements with one input for all that read the same fields of a topic."""
+    """Return the requirements; those that read the same fields of a topic share an input."""
     known: dict[object, Input] = {}
 
     def shared(source: Input) -> Input:
@@ -71,7 +71,9 @@ def _sharing(requirements: Iterable[SubscribedRequirement]) -> tuple[SubscribedR
     return tuple(
         replace(
             requirement,
-            cells={name: (shared(of), place) for name, (of, place) in requirement.cells.items()},
+            cells={
+                name: (shared(source), index) for name, (source, index) in requirement.cells.items()
+            },
             inputs=tuple(map(shared, requirement.inputs)),
         )
         for requirement in requirements
@@ -82,17 +84,18 @@ def _cells(specification: Specification, settings: Settings) -> dict[str, tuple[
     """Return the input of each variable, and its place among the values of the input."""
     inputs: dict[tuple[str, float | None], Input] = {}
     cells = {}
-    for each in specification.subscriptions():
-        key = each.topic, _default(specification, each)
-        source = inputs.setdefault(key, Input(each.variable, each.topic, settings, key[1]))
-        _agree(source, each.package, each.message, each.variable)
-        for field in each.fields:
+    for subscription in specification.subscriptions():
+        topic, variable = subscription.topic, subscription.variable
+        default = _default(specification, subscription)
+        source = inputs.setdefault((topic, default), Input(variable, topic, settings, default))
+        _agree(source, subscription.package, subscription.message, variable)
+        for field in subscription.fields:
             cells[field.variable] = (source, source.add(field))
     return cells
 
 
 def unbounded(specification: Specification, formula: Formula | None = None) -> str:
-    """Return "always" or "eventually" if the formula is it without bounds; otherwise ""."""
+    """Return "always" or "eventually" if that is the unbounded outer operator; otherwise ""."""
     formula = specification.formula if formula is None else formula
     begin, end = specification.bounds(formula.interval)
     single = formula.op is not None and formula.op.name in ("always", "eventually")
@@ -100,7 +103,7 @@ def unbounded(specification: Specification, formula: Formula | None = None) -> s
 
 
 def _check(inputs: Collection[Input], settings: Settings) -> None:
-    """Refuse topics without a class or with two, and settings of topics that nothing reads."""
+    """Raise an error for a topic without one class, or for a setting of an unread topic."""
     first: dict[str, Input] = {}
     for source in inputs:  # prefer an input with a known class
         known = first.setdefault(source.topic, source)
@@ -113,45 +116,45 @@ def _check(inputs: Collection[Input], settings: Settings) -> None:
         _agree(known, source.package, source.message, source.name)
         if source.message is None:
             raise SpecificationError(
-                f"expected the class of the message '{source.name}', got none; declare it: "
-                f"from PACKAGE.msg import CLASS, then input CLASS {source.name}"
+                f"The message '{source.name}' has no class. Declare one: from PACKAGE.msg "
+                f"import CLASS, then input CLASS {source.name}"
             )
     for topic in settings.stale_of:
         if topic not in first:
             hint = nearest(topic, first) or f"; the topics are {', '.join(first)}"
-            raise InputError(f"stale speaks of the topic {topic}, which nothing reads{hint}")
+            raise InputError(f"stale: no specification reads the topic {topic}{hint}")
 
 
 def _default(specification: Specification, subscription: Subscription) -> float | None:
-    """Return the value before the first message, which a plain variable may declare."""
+    """Return the value before the first message, if a plain variable declares one."""
     values = {specification.defaults.get(field.variable) for field in subscription.fields}
     return values.pop() if len(values) == 1 else None
 
 
 def _agree(source: Input, package: str | None, message: str | None, name: str) -> None:
-    """Give an input the message class of the variable ``name``; refuse a second class."""
+    """Set the message class of an input from the variable ``name``; a second class is an error."""
     if message is None:
         return
     if source.message is None:
         source.package, source.message = package, message
-    name_of_first, other = f"{source.package}/{source.message}", f"{package}/{message}"
-    if name_of_first != other:
+    first, second = f"{source.package}/{source.message}", f"{package}/{message}"
+    if first != second:
         raise SpecificationError(
-            f"expected one class of messages on the topic {source.topic}, got {name_of_first} as "
-            f"'{source.name}' and {other} as '{name}'"
+            f"expected one class of messages on the topic {source.topic}, got {first} as "
+            f"'{source.name}' and {second} as '{name}'"
         )
 
 
 @dataclass(slots=True)
 class Output:
-    """A topic, and the formulas whose robustness its messages carry.
+    """A topic, and the formulas whose robustness is published on it.
 
     Attributes:
         topic: The topic, as in the specification or derived from a name.
         package: The package of the message class.
         message: The name of the message class.
-        formulas: For each requirement and formula the path to its field; the result is the formula
-            ``""``.
+        formulas: The path to the field of each requirement and formula; the formula ``""`` is the
+            result.
     """
 
     topic: str
@@ -163,26 +166,26 @@ class Output:
 def outputs_of(
     requirements: Sequence[SubscribedRequirement], *, dense: bool = False
 ) -> list[Output]:
-    """Return the topics of requirements, and of the named formulas that they use.
+    """Return the topics of requirements and of the named formulas that they use.
 
     Formulas that are named after fields of one message, ``out.value`` and ``out.part``, share the
-    topic of ``out``. A default topic that is taken gets a number: ``rtamt/out_2``.
+    topic of ``out``. A default topic that exists gets a number: ``rtamt/out_2``.
 
     Raises:
-        SpecificationError: If two results, or formulas of two texts, have one topic, if a result
-            has the topic of an input of its text, if a formula has the name of a message; in dense
-            time, if formulas are named after several fields of one message.
+        SpecificationError: If two results, or formulas of two texts, have one topic; if a result
+            has the topic of its own input; if a formula has the name of a message; in dense time,
+            if formulas are named after several fields of one message.
     """
     outputs: dict[tuple[int, str], Output] = {}
-    taken = {
-        topic for publication in requirements for topic in publication.specification.topics.values()
+    topics = {
+        topic for requirement in requirements for topic in requirement.specification.topics.values()
     }
     for requirement in requirements:
         publications = requirement.specification.publications(requirement.name)
         for publication in publications:
             key = (requirement.origin, publication.variable)
             if key not in outputs:
-                topic = publication.topic or _free(publication.default, taken)
+                topic = publication.topic or _free(publication.default, topics)
                 _refuse_no_number(requirement.specification, publication)
                 _refuse_twice(topic, outputs.values(), publication.variable)
                 _refuse_loop(topic, requirement, publication.variable)
@@ -210,11 +213,11 @@ def bound_topics(outputs: Sequence[Output]) -> dict[str, str]:
     return topics
 
 
-def _free(topic: str, taken: set[str]) -> str:
-    """Return a default topic, with a number if it is taken."""
+def _free(topic: str, topics: set[str]) -> str:
+    """Add a default topic to topics and return it, with a number if it exists."""
     numbered = (f"{topic}_{count}" for count in itertools.count(2))
-    free = next(name for name in itertools.chain((topic,), numbered) if name not in taken)
-    taken.add(free)
+    free = next(name for name in itertools.chain((topic,), numbered) if name not in topics)
+    topics.add(free)
     return free
 
 
@@ -231,7 +234,7 @@ def _refuse_twice(topic: str, outputs: Iterable[Output], name: str) -> None:
     for other in outputs:
         if other.topic == topic:
             raise SpecificationError(
-                f"expected a topic for '{name}' that nothing else is published on, got {topic}; "
+                f"expected a topic for '{name}' on which nothing else is published, got {topic}; "
                 f"write another: @ topic({name}, PATH)"
             )
 
@@ -241,7 +244,7 @@ def _refuse_several(variable: str, output: Output) -> None:
         fields = [".".join((variable, *path)) for path in output.formulas.values()]
         raise SpecificationError(
             f"expected one field of the message '{variable}' in dense time, got "
-            f"{' and '.join(fields)}, whose values change at times of their own; declare a message "
+            f"{' and '.join(fields)}, whose values change at different times; declare a message "
             "for each, or sample"
         )
 
@@ -250,6 +253,6 @@ def _refuse_loop(topic: str, requirement: SubscribedRequirement, name: str) -> N
     for source in requirement.inputs:
         if source.topic == topic:
             raise SpecificationError(
-                f"expected a topic for '{name}' that is not the one of '{source.name}', which it "
-                f"reads, got {topic}; write another: @ topic({name}, PATH)"
+                f"'{name}' is published on {topic}, the topic of its own input '{source.name}'. "
+                f"Write another topic: @ topic({name}, PATH)"
             )

@@ -1,4 +1,4 @@
-"""A requirement on samples: the last values, once a period."""
+"""A requirement on samples: the last values, once per period."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from rtamt.machines.state import moved
 from rtamt.program.implications import implications
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
-from rtamt_ros.core.report import Account, RequirementReport, holds
+from rtamt_ros.core.report import RequirementHistory, RequirementReport, holds
 from rtamt_ros.core.requirements import SubscribedRequirement, unbounded
 from rtamt_ros.core.settings import Settings
 
 
 class Formulas:
-    """The robustness of every named formula of a requirement that no online monitor can run.
+    """The robustness of the named formulas of a requirement that no online monitor can run.
 
-    `Monitor` gives it, late by the latency of the formula; for an unbounded future inside the
-    formula, `EpisodeMonitor` gives the robustness if the run ended now.
+    `Monitor` computes it after the latency of the formula. If the formula itself has an unbounded
+    future inside, `EpisodeMonitor` computes its robustness as if the run ended now.
 
     Attributes:
         values: The robustness of every named formula after the last sample.
@@ -49,18 +49,18 @@ class Formulas:
             monitor = _monitor(
                 replace(specification, formula=formula, formulas={}, uses={}), options
             )
-            places = [variables.index(variable) for variable in monitor.variables]
-            self._monitors[name] = monitor, places
+            indices = [variables.index(variable) for variable in monitor.variables]
+            self._monitors[name] = monitor, indices
         self.latencies = dict.fromkeys(self._result, 0) | {
             name: monitor.latency if isinstance(monitor, Monitor) else 0
             for name, (monitor, _) in self._monitors.items()
         }
 
     def update(self, sample: Sequence[float], robustness: float) -> None:
-        """Take a sample, with which the requirement has this robustness."""
+        """Update the formulas with a sample; ``robustness`` is that of the requirement."""
         self.values = dict.fromkeys(self._result, robustness)
-        for name, (monitor, places) in self._monitors.items():
-            self.values[name] = monitor.update(*[sample[place] for place in places])
+        for name, (monitor, indices) in self._monitors.items():
+            self.values[name] = monitor.update(*[sample[index] for index in indices])
 
     def reset(self) -> None:
         """Forget every sample."""
@@ -76,16 +76,16 @@ def _monitor(specification: Specification, options: Mapping[str, Any]) -> Monito
 
 
 class TriggerCounts:
-    """Counts the triggers of implications that a requirement checks at every sample.
+    """The number of triggers of implications that a requirement checks at every sample.
 
-    These are implications in ``always(p implies q)``, or in several of them joined by ``and``. The
-    counts are those of `rtamt.judge` on the whole trace; a sample counts when the latency of the
-    left side has passed.
+    These are implications in ``always(p implies q)``, also if several of these are joined by
+    ``and``. The counts are the same as from `rtamt.judge` on the whole trace. A sample counts when
+    the latency of the left side has passed.
 
     Attributes:
         counts: The triggers of each implication, in the order of the text. None if they cannot be
-            counted: there are no such implications or also others, a left side has an unbounded
-            future, or a value was unknown.
+            counted: there are no such implications, or others too; a left side has an unbounded
+            future; or a value was unknown.
     """
 
     def __init__(
@@ -104,8 +104,8 @@ class TriggerCounts:
             except SpecificationError:  # an unbounded future
                 self._countable = False
                 break
-            places = [variables.index(name) for name in monitor.variables]
-            self._monitors.append((monitor, places))
+            indices = [variables.index(name) for name in monitor.variables]
+            self._monitors.append((monitor, indices))
         self.reset()
 
     def reset(self) -> None:
@@ -117,13 +117,13 @@ class TriggerCounts:
             monitor.reset()
 
     def update(self, sample: Sequence[float]) -> None:
-        """Take a sample."""
+        """Update the counts with a sample."""
         if self.counts is not None:
             values = [
-                monitor.update(*[sample[place] for place in places])
-                for monitor, places in self._monitors
+                monitor.update(*[sample[index] for index in indices])
+                for monitor, indices in self._monitors
             ]
-            # nan while the latency of the left side has not passed.
+            # A value is nan until the latency of the left side has passed.
             triggers = [value == value and holds(value) for value in values]  # noqa: PLR0124
             self.counts = tuple(map(sum, zip(self.counts, triggers, strict=True)))
 
@@ -150,14 +150,14 @@ def _always_implications(
 
 
 class SampledJudge:
-    """Judges a requirement on the last values, once a period.
+    """The monitor of a requirement on the last values, once per period.
 
-    `Monitor` gives the robustness; `EpisodeMonitor` does if no online monitor can run the
-    requirement. `Formulas` does the same for every named formula.
+    `Monitor` computes robustness; if no online monitor can run the requirement, `EpisodeMonitor`
+    and, for named formulas, `Formulas` do.
 
-    Under ``stale_as="unknown"`` a run continues while inputs are stale: `EpisodeMonitor` takes
-    their values as unknown, so bounds and verdict are about the whole run. `Monitor` and
-    `Formulas`, which need every value, start again when all inputs are there.
+    Under ``stale_as="unknown"`` a run continues while inputs are stale: their values are unknown to
+    `EpisodeMonitor`, so bounds and verdict are about the whole run. `Monitor` and `Formulas`, which
+    need every value, start again when all inputs are back.
 
     Attributes:
         account: The history of the requirement.
@@ -171,7 +171,7 @@ class SampledJudge:
         settings: Settings,
         record: CsvRecord | None = None,
     ) -> None:
-        self.account = Account(requirement, record)
+        self.history = RequirementHistory(requirement, record)
         self.inputs = requirement.inputs
         options: Any = {
             "period": f"{settings.period}ns",
@@ -192,15 +192,15 @@ class SampledJudge:
         outermost = unbounded(requirement.specification)
         self._may_rise = self._monitor is None or outermost == "eventually"
         self._about_run = bool(outermost) and self._monitor is not None
-        order = {source: at for at, source in enumerate(self.inputs)}
+        order = {source: number for number, source in enumerate(self.inputs)}
         cells = [requirement.cells[name] for name in self._episode.variables]
-        self._places = [(order[source], place) for source, place in cells]
+        self._cells = [(order[source], index) for source, index in cells]
         named = requirement.specification.formulas
         result = [
             name for name, formula in named.items() if formula is requirement.specification.formula
         ]
         self._result = result[:1]
-        self._alone = result[0] if len(named) == len(result) == 1 else ""
+        self._only = result[0] if len(named) == len(result) == 1 else ""
         self._formulas: Formulas | None = None
         if named and self._monitor is None:
             self._formulas = Formulas(requirement.specification, self._episode.variables, options)
@@ -222,44 +222,44 @@ class SampledJudge:
         self._jumps = 0
 
     def stop(self, why: str) -> None:
-        """End the run; the next look with all inputs starts another."""
+        """End the run; the next look with all inputs starts a new run."""
         if self._running:
             self._why = why
             self._running = False
 
     def reset(self, now: int) -> RequirementReport:
-        """End the run on request; the next one starts with the next sample."""
+        """End the run on request; the next sample starts a new run."""
         self.stop("")
-        return self.account.reset(now)
+        return self.history.reset(now)
 
     def interrupt(self) -> None:
-        """End the run after a time in which nothing was judged."""
+        """End the run after a time in which nothing was evaluated."""
         self._interrupted |= self._running
         self._running = False
 
     def sample(self, time: int, *, late: bool = False) -> RequirementReport:
-        """Return the report of a time; the inputs hold the last values up to it.
+        """Return the report of a time; the inputs have the last values up to it.
 
         Args:
             time: The time of the sample.
             late: Whether the next sample is due too.
         """
-        if self.account.resumes(time):
-            return self.account.suspended(time)
+        if self.history.resumes(time):
+            return self.history.suspended(time)
         jumps = 0
         for source in self.inputs:
             if source.is_awaited() if self._unknown else source.is_gone(time):
-                self.stop(self.account.why_gone(time))
-                return self.account.without(time)
+                self.stop(self.history.why_gone(time))
+                return self.history.without_inputs(time)
             jumps += source.jumps
         if jumps != self._jumps:
             self._jumps = jumps
             self.stop(max(self.inputs, key=lambda source: source.jumped_at).why_jumped())
         if self._interrupted:
-            self._why = self.account.why_suspended
+            self._why = self.history.why_suspended
         if not self._running:
             self._begin()
-        self.account.missed += late
+        self.history.missed += late
         return self._judged(time)
 
     def _begin(self) -> None:
@@ -274,13 +274,13 @@ class SampledJudge:
     def _judged(self, time: int) -> RequirementReport:
         sample, stale = self._sample(time)
         try:
-            robustness = self._apart(sample) if stale else self._step(sample)
+            robustness = self._update_episode(sample) if stale else self._update(sample)
         except InputError as error:  # a term is not a number
             self.stop("there was no robustness")
-            return self.account.failed(time, str(error))
+            return self.history.failed(time, str(error))
         if self._fresh:
             self._fresh = False
-            self.account.begin(self._why)
+            self.history.begin(self._why)
             if self._record is not None:
                 self._record.begin()
         bounds, verdict = self._episode.bounds(), self._episode.verdict
@@ -289,15 +289,15 @@ class SampledJudge:
         known, about = None, time - self._latency
         if robustness == robustness:  # noqa: PLR0124 - not nan: the latency has passed
             known = robustness
-            self.account.found(robustness, about)
+            self.history.add_robustness(robustness, about)
         if not self._decided and verdict:
             self._decided = True
             if verdict is Verdict.VIOLATED:
-                self.account.violated(time)
+                self.history.add_violation(time)
         if stale:
-            ages = {each.name: each.age(time) for each in stale}
-            return self.account.without_values(time, ages, bounds, verdict)
-        return self.account.judged(
+            ages = {source.name: source.age(time) for source in stale}
+            return self.history.without_values(time, ages, bounds, verdict)
+        return self.history.judged(
             time,
             known,
             None if known is None else about,
@@ -313,14 +313,14 @@ class SampledJudge:
         stale = [source for source in self.inputs if source.is_stale(now)] if self._unknown else []
         values = [source.values for source in self.inputs]
         if not stale:
-            return [values[at][place] for at, place in self._places], stale
+            return [values[number][index] for number, index in self._cells], stale
         for source in stale:
-            at = self.inputs.index(source)
-            values[at] = [math.nan] * len(values[at])
-        return [values[at][place] for at, place in self._places], stale
+            number = self.inputs.index(source)
+            values[number] = [math.nan] * len(values[number])
+        return [values[number][index] for number, index in self._cells], stale
 
-    def _apart(self, sample: Sequence[float]) -> float:
-        """Take values of which some are unknown; there is no robustness."""
+    def _update_episode(self, sample: Sequence[float]) -> float:
+        """Update the episode monitor with a sample that has unknown values; return nan."""
         self._episode.update(*sample)
         if self._triggers is not None:
             self._triggers.stop()
@@ -330,7 +330,8 @@ class SampledJudge:
                 monitor.reset()
         return math.nan
 
-    def _step(self, sample: Sequence[float]) -> float:
+    def _update(self, sample: Sequence[float]) -> float:
+        """Update the monitors with a sample; return its robustness."""
         if self._triggers is not None:
             self._triggers.update(sample)
         if self._monitor is None:
@@ -347,8 +348,8 @@ class SampledJudge:
 
     def _values(self, robustness: float) -> Mapping[str, float]:
         """Return the robustness of every named formula; nan where it is not known yet."""
-        if self._alone:  # ten times as fast as Monitor.values
-            return {self._alone: robustness}
+        if self._only:  # ten times as fast as Monitor.values
+            return {self._only: robustness}
         if self._formulas is not None:
             return self._formulas.values
         values = {} if self._monitor is None else self._monitor.values

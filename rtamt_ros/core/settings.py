@@ -12,27 +12,27 @@ from rtamt import InputError
 from rtamt.errors import Argument
 
 StaleAs = Literal["restart", "unknown"]
-"""What a stale input does to a run: it ends it, or its values are not known in it."""
+"""The effect of a stale input: the run ends, or continues with unknown values."""
 
 Publishers = Literal["any", "one"]
-"""How many publishers a topic may have while a run continues."""
+"""The number of publishers that a topic may have while a run continues."""
 
 _SECOND = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """How a node samples, and when an input is stale.
+    """The settings of a node.
 
     Attributes:
         period: Nanoseconds between samples; in dense time, between checks for stale inputs.
         dense: Whether to monitor in dense time: each message is an event, and nothing is sampled.
         stamps: Whether the time of a message is its stamp, if it is set, and not its arrival.
         stale: Seconds without a message after which an input is stale; inf for never. None for five
-            periods, and at least half a second.
+            periods, at least half a second.
         stale_of: The same for single topics, named as in the specification.
         stale_as: The effect of a stale input. ``"restart"``: the run ends, and the next one starts
-            when every input is there again. ``"unknown"``: the run continues with unknown values;
+            when every input is current again. ``"unknown"``: the run continues with unknown values;
             bounds and verdict hold for all values.
         semantics: As for `rtamt.Monitor`.
         align: As for `rtamt.Monitor`; not in dense time.
@@ -69,25 +69,24 @@ class Settings:
             )
         if self.dense and self.align is not None:
             raise InputError(
-                "expected ", Argument("align"), " or dense time, which has no samples to round to"
+                Argument("align"), " cannot be set in dense time, which has no samples to round to"
             )
         if self.dense and self.combined:
             raise InputError(
-                "expected ",
                 Argument("combined"),
-                " or dense time, where requirements are known up to times of their own",
+                " cannot be set in dense time, where requirements are known up to different times",
             )
         for topic, seconds in {"": self.stale, **self.stale_of}.items():
             if seconds is not None and not seconds > 0:
                 where = f" of {topic}" if topic else ""
                 raise InputError(
-                    f"expected seconds until an input is stale{where}, more than 0, got {seconds}; "
-                    "inf is never"
+                    f"expected seconds above 0 until an input is stale{where}, got {seconds}; inf "
+                    "is never"
                 )
 
     @property
     def gap(self) -> int:
-        """The nanoseconds from which a delay is a gap: five periods, and at least half a second."""
+        """The nanoseconds from which a delay is a gap: five periods, at least half a second."""
         return max(5 * self.period, _SECOND // 2)
 
     def stale_after(self, topic: str) -> float:

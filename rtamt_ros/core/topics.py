@@ -1,22 +1,22 @@
-"""The topics of a node: their inputs, their publishers, and how long a default waits."""
+"""The topics of a node: their inputs, their publishers and their subscriptions."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rtamt.inputs.stamps import StampedMessage, StampOrder
-from rtamt_ros.core.inputs import Input
-from rtamt_ros.core.losses import TopicEvidence
+from rtamt_ros.core.inputs import Input, TopicEvidence
 from rtamt_ros.core.settings import Settings
-from rtamt_ros.middleware import Level, TopicPublisher
+from rtamt_ros.middleware import Handle, Level, Middleware, Reception, TopicPublisher
 
 _SECOND = 1_000_000_000
 DISCOVERY = _SECOND
 """The nanoseconds after a subscription from which the graph of ROS is complete."""
 DEFAULT_WAIT = 2 * _SECOND
-"""The nanoseconds after a subscription at which a default counts in any case."""
+"""The nanoseconds after a subscription from which a default always counts."""
 
 
 class Topic:
@@ -25,10 +25,10 @@ class Topic:
     Attributes:
         name: The topic, as in the specification.
         inputs: Its inputs.
-        evidence: The counts on which verdicts rest.
+        evidence: The counts of its messages.
         publishers: The publishers that the graph shows.
-        several: The publishers in words if there are several; otherwise empty.
-        may_keep: Whether a publisher may still give a kept message to the node; None while unknown.
+        several: A text that names the publishers if there are several; otherwise empty.
+        may_keep: Whether a publisher may still send a kept message to the node; None while unknown.
         subscribed: The nanoseconds of a steady clock at the subscription; None before.
     """
 
@@ -53,12 +53,12 @@ class Topic:
         source.waits = source.default is not None
         source.order, source.evidence = self.order, self.evidence
         self.inputs.append(source)
-        self.evidence.topic = ", ".join(dict.fromkeys(each.name for each in self.inputs))
+        self.evidence.topic = ", ".join(dict.fromkeys(source.name for source in self.inputs))
 
     def take(self, message: Any, time: int, came: int) -> Iterator[set[Input]]:  # noqa: ANN401 - the classes of ROS have no types
-        """Pass a message to the inputs; yield for each accepted message the inputs that took it.
+        """Pass a message to the inputs; yield the inputs that took it, for each accepted message.
 
-        With stamps an earlier message may be accepted too, or this one may have to wait.
+        With stamps, an earlier message may be accepted too, or this one may wait.
         """
         accepted = [StampedMessage(time, came, message)]
         if self.order is not None:
@@ -66,11 +66,11 @@ class Topic:
                 self.order.forget()
             self._came = came
             accepted = self.order.take(time, came, message)
-        for each in accepted:
-            yield {source for source in self.inputs if source.take(*each)}
+        for stamped in accepted:
+            yield {source for source in self.inputs if source.take(*stamped)}
 
     def restore(self, message: Any, time: int, came: int) -> None:  # noqa: ANN401
-        """Pass a message to the inputs that an earlier node accepted."""
+        """Pass a message that earlier monitors accepted to the inputs."""
         for source in self.inputs:
             source.take(time, came, message)
         if self.order is not None and not self.order.started:
@@ -102,7 +102,7 @@ class Topic:
         return self.waits and steady - (self.subscribed or 0) >= DISCOVERY
 
     def look(self, steady: int) -> None:
-        """Let defaults count if the time of a steady clock is late enough."""
+        """Let defaults count if enough time of a steady clock has passed since the subscription."""
         if self.subscribed is None or not self.waits:
             return
         age = steady - self.subscribed
@@ -116,7 +116,7 @@ class Topic:
         return any(source.waits and source.time is None for source in self.inputs)
 
     def follow(self, publishers: Sequence[TopicPublisher], full_name: str) -> None:
-        """Take the publishers of the topic; it is never stale if all keep their last message."""
+        """Set the publishers of the topic; it is never stale if all keep their last message."""
         self.publishers = tuple(publishers)
         count = len(publishers)
         nodes = ", ".join(sorted(publisher.node for publisher in publishers))
@@ -126,19 +126,131 @@ class Topic:
         for source in self.inputs:
             source.several = self.several
             source.blocked = self._one and count > 1
-        kept = bool(publishers) and all(publisher.keeps for publisher in publishers)
+        all_keep = bool(publishers) and all(publisher.keeps for publisher in publishers)
         for source in self.inputs:
-            source.stale_after = math.inf if kept and self._never_stale else self._stale_after
+            source.stale_after = math.inf if all_keep and self._never_stale else self._stale_after
 
     def news(self) -> tuple[Level, str]:
-        """Return the line of the log about the number of publishers."""
+        """Return the level and the text of a log line about the number of publishers."""
         if not self.several:
             return Level.OK, f"no more than 1 publisher of {self._full_name}"
-        effect = "no run until there is one" if self._one else "their messages are mixed"
+        effect = "no run until one is left" if self._one else "their messages are mixed"
         killed = "a killed one stays in the graph of ROS 2 for up to 20 s"
         return Level.WARN, f"{self.several}; {effect}; {killed}"
 
     def latest(self) -> list[tuple[Any, int]]:
         """Return the messages that the inputs hold, with their arrivals, in order of arrival."""
-        held = {id(each.latest[0]): each.latest for each in self.inputs if each.latest is not None}
-        return sorted(held.values(), key=lambda arrival: arrival[1])
+        arrivals = [source.latest for source in self.inputs if source.latest is not None]
+        by_message = {id(arrival[0]): arrival for arrival in arrivals}
+        return sorted(by_message.values(), key=lambda arrival: arrival[1])
+
+
+MessageCallback = Callable[[Any, Reception], None]
+"""A callback that takes a message and its reception."""
+Arrivals = list[tuple[Any, int]]
+"""Messages with the times of their arrivals in nanoseconds, in order of arrival."""
+
+
+class OpenSubscription:
+    """A subscription that passes messages to a callback, and stores them while it has none.
+
+    Attributes:
+        message: The class of the messages.
+        subscribed: The nanoseconds of a steady clock at the subscription.
+        callback: The callback; None while the node changes its specifications.
+        evidence: The counts of the topic, for the next callback.
+        order: The order of the stamps, for the next callback; None if stamps do not count.
+    """
+
+    def __init__(
+        self, middleware: Middleware, topic: str, message: type, callback: MessageCallback
+    ) -> None:
+        self.message = message
+        self.callback: MessageCallback | None = callback
+        self.order: StampOrder | None = None
+        self._now = middleware.now
+        self._lock = threading.RLock()
+        self._stored: Arrivals = []
+        self.evidence: TopicEvidence | None = None
+        self.subscribed = middleware.steady()
+        self._handle: Handle = middleware.subscribe(topic, message, self._receive, receptions=True)
+
+    def detach(self) -> None:
+        """Store messages from now on; wait for a callback in progress."""
+        with self._lock:
+            self.callback = None
+
+    def keep(self, arrivals: Arrivals) -> None:
+        """Store messages that arrived before those that are stored already."""
+        with self._lock:
+            self._stored[:0] = arrivals
+
+    def take_stored(self) -> Arrivals:
+        """Remove and return the stored messages."""
+        with self._lock:
+            stored, self._stored = self._stored, []
+        return stored
+
+    def attach(self, callback: MessageCallback) -> None:
+        """Pass messages to a callback, first the stored ones."""
+        with self._lock:
+            for message, came in self.take_stored():
+                callback(message, Reception(came))
+            self.callback = callback
+
+    def close(self) -> None:
+        """End the subscription."""
+        self._handle.close()
+
+    def _receive(self, message: Any, reception: Reception) -> None:  # noqa: ANN401 - the classes of ROS have no types
+        with self._lock:
+            if self.callback is None:
+                self._stored.append((message, reception.received or self._now()))
+            else:
+                self.callback(message, reception)
+
+
+class Subscriptions:
+    """The open subscriptions of a node, by topic.
+
+    A change of specifications detaches all subscriptions, attaches those with the same topic and
+    class again, and closes the others. This way, messages that were sent only once are not lost.
+    """
+
+    def __init__(self, middleware: Middleware) -> None:
+        self._middleware = middleware
+        self._open: dict[str, OpenSubscription] = {}
+
+    def detached(self, topic: str, message: type) -> OpenSubscription | None:
+        """Return the detached subscription of a topic and class, if there is one."""
+        known = self._open.get(topic)
+        return known if known is not None and known.message is message else None
+
+    def open(self, topic: str, message: type, callback: MessageCallback) -> OpenSubscription:
+        """Subscribe to a topic; a subscription with another class is closed.
+
+        Raises:
+            InputError: If ROS refuses the topic.
+        """
+        if (before := self._open.pop(topic, None)) is not None:
+            before.close()
+        self._open[topic] = OpenSubscription(self._middleware, topic, message, callback)
+        return self._open[topic]
+
+    def detach(self) -> None:
+        """Store the messages of all subscriptions from now on."""
+        for subscription in self._open.values():
+            subscription.detach()
+
+    def keep(self, topics: Mapping[str, Topic]) -> None:
+        """Store the last messages of topics, for the next callback of their subscriptions."""
+        for name, topic in topics.items():
+            if name in self._open:
+                self._open[name].keep(topic.latest())
+                self._open[name].order = topic.order
+                self._open[name].evidence = topic.evidence
+
+    def close(self, topics: Sequence[str] | None = None) -> None:
+        """Close all subscriptions except those of some topics."""
+        for topic in [topic for topic in self._open if topic not in (topics or ())]:
+            self._open.pop(topic).close()

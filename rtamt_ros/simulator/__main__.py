@@ -7,7 +7,7 @@ from rtamt_ros.process import run_module
 
 def main() -> int:
     """Run the command; return the exit code."""
-    return run_module("rtamt_ros.simulator.command")
+    return run_module("rtamt_ros.simulator.robots")
 
 
 if __name__ == "__main__":

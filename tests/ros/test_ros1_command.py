@@ -70,7 +70,7 @@ def test_a_monitor_is_reset_by_a_service(world: World) -> None:
         ears.wait(lambda: ears.heard(now)[-1].message.data > 0, "the other number")
         good, said = talker.ask("call", "/gate/reset")
         assert good
-        assert said.splitlines()[1].startswith("out: begins anew; was: violated, robustness -1; ")
+        assert said.splitlines()[1].startswith("out: new run; was: violated, robustness -1; ")
         ears.wait(lambda: ears.heard(verdict)[-1].message.data == 0, "begun anew")
         monitor.ask_to_end()
         assert monitor.ended() == 0, monitor.output

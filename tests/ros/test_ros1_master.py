@@ -53,7 +53,7 @@ def told(ears: Probe) -> list[tuple[int, str]]:
 
 def test_a_monitor_is_found_again_at_a_master_that_came_back(network: Ros) -> None:
     uri = network.environment["ROS_MASTER_URI"]
-    gone = f"no master answers at {uri}: nodes that start now do not find this one"
+    gone = f"no master answers at {uri}: nodes that start now do not find this node"
     again = f"registered again (1): the master at {uri} did not know this node"
     watch = monitor(network)
     with World(network, network) as world, probe(network, TOPICS) as before:
@@ -125,7 +125,7 @@ def test_of_two_monitors_with_one_name_the_first_ends_with_code_4(network: Ros) 
     patiently(lambda: "waiting for x" in first.output)
     second = monitor(network, "second")
     assert first.ended() == 4, first.output
-    said = "[ERROR] another node has the name /watch; give each its own: __name:=NAME"
+    said = "[ERROR] another node has the name /watch; give each node its own name: __name:=NAME"
     assert said in plain(first)
     assert "Traceback" not in first.output
     patiently(lambda: "waiting for x" in second.output)

@@ -173,7 +173,7 @@ def test_a_topic_that_is_remapped_to_what_ros_cannot_have_is_refused(world: Worl
 def test_an_argument_that_rospy_chokes_on_is_an_input_error(world: World) -> None:
     peer = world.peer("refused", {"_gain": "{"})
     assert peer.process.wait(PATIENCE) == 1
-    assert "InputError: no node of ROS: invalid command-line parameters: " in peer.log()
+    assert "InputError: cannot start the node: invalid command-line parameters: " in peer.log()
 
 
 def test_a_node_that_ended_has_left_the_master(world: World) -> None:

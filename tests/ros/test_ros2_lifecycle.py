@@ -74,8 +74,8 @@ def test_an_active_monitor_is_reset_by_a_service(tools: Client) -> None:
     answer = monitor.call(Trigger, "reset")
     assert answer.success
     first, second = answer.message.splitlines()
-    assert first.startswith("1 requirement begins anew at ")
-    assert second.startswith("out: begins anew; was: violated, robustness -1; violated 1 time")
+    assert first.startswith("new run of 1 requirement at ")
+    assert second.startswith("out: new run; was: violated, robustness -1; violated 1 time")
     assert "WARN" in monitor.process.output
     assert monitor.do("deactivate")
     assert monitor.do("activate")
@@ -148,8 +148,8 @@ def test_parameters_leave_a_kept_limit(tools: Client) -> None:
         ("period", 0, "period: expected a number above 0, got 0"),
         ("unit", "h", "unit: expected 's', 'ms', 'us' or 'ns', got 'h'"),
         ("stale", "soon", "stale: expected seconds or TOPIC=SECONDS, got 'soon'"),
-        ("qos", "reliable", "qos is of subscriptions: deactivate the node, then set it"),
-        ("depth", 1, "depth is of subscriptions: deactivate the node, then set it"),
+        ("qos", "reliable", "qos is fixed while the node is active: deactivate it, then set qos"),
+        ("depth", 1, "depth is fixed while the node is active: deactivate it, then set depth"),
     ],
 )
 def test_a_refused_parameter_changes_nothing(

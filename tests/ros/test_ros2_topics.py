@@ -40,10 +40,9 @@ def test_a_publisher_that_cannot_be_heard_is_reported_with_the_way_out(tools: Cl
     diagnostics = tools.hear("/diagnostics", DiagnosticArray)
     monitor = tools.monitor("deaf", spec=BOTH, period=20, qos="reliable")
     assert diagnostics.next(lambda each: messages(each) == ["waiting for x"])  # and not for y
-    reason = (
-        "[deaf.stl_monitor]: a publisher of /deaf/x is not reliable: none of its messages come; "
-    )
-    tools.until(lambda: f"{reason}set qos to best_effort\n" in monitor.process.output)
+    reason = "[deaf.stl_monitor]: a publisher of /deaf/x is not reliable: "
+    effect = "its messages are not received; "
+    tools.until(lambda: f"{reason}{effect}set qos to best_effort\n" in monitor.process.output)
     assert robustness.all() == []
     assert monitor.do("deactivate")
     assert monitor.set(qos="best_effort") == ""

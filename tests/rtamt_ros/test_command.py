@@ -45,9 +45,9 @@ ERRORS = {
     "--spec x>1 --period 1h": "argument --period: expected a number, got '1h'; "
     "100 ms is --period 100 --unit ms; see ros_stl_monitor.py --help",
     "--spec x>1 --stale soon": "--stale: expected seconds or TOPIC=SECONDS, got 'soon'",
-    "--spec x>1 --stale x=-1": "expected seconds until an input is stale of x, more than 0, "
+    "--spec x>1 --stale x=-1": "expected seconds above 0 until an input is stale of x, "
     "got -1.0; inf is never",
-    "--spec x>1 --stale rtamt/y=2": "stale speaks of the topic rtamt/y, which nothing reads; "
+    "--spec x>1 --stale rtamt/y=2": "--stale: no specification reads the topic rtamt/y; "
     "did you mean 'rtamt/x'?",
     "--spec eventually[0:0.25](x>1)": "STL:1:11: bound 0.25 s is not a multiple of the period "
     "0.1 s (2.5 steps)\n"
@@ -61,8 +61,8 @@ ERRORS = {
     "  hint: look a time d away with eventually[0:d], or leave out --dense",
     "--spec x>1 --align up": "argument --align: invalid choice: 'up' (choose from 'outward', "
     "'inward', 'nearest'); see ros_stl_monitor.py --help",
-    "--spec x>1 --dense --align inward": "expected --align or dense time, which has no samples to "
-    "round to",
+    "--spec x>1 --dense --align inward": "--align cannot be set in dense time, which has no "
+    "samples to round to",
     "--spec x>1 --perod 3": "unrecognized arguments: --perod 3; did you mean '--period'? see "
     "ros_stl_monitor.py --help",
     "follows.stl --period 1": "unrecognized arguments: follows.stl; write --stl follows.stl; see "
@@ -86,7 +86,7 @@ def test_an_error_in_a_file_names_the_file(
     errors = {
         "x >": "STL:1:4: expected an operand",
         "once[0:0.25](x > 1)": "STL:1:5: bound 0.25 s is not a multiple of the period 0.1 s",
-        "m.a > 1": "expected the class of the message 'm', got none",
+        "m.a > 1": "The message 'm' has no class. Declare one: ",
     }
     for text, error in errors.items():
         bad.write_text(text)
@@ -101,7 +101,7 @@ def test_align_rounds_bounds(played: Played) -> None:
 
 
 REMAPPED = ("--ros-args", "-r", "odom:=wheels")
-UNSEEN = "; a virtual environment sees what is installed if --system-site-packages made it"
+UNSEEN = "; a virtual environment needs --system-site-packages to import it"
 CHOICES = {
     ("rospy", ()): 1,
     ("rclpy", ()): 2,
@@ -115,12 +115,18 @@ CHOICES = {
     ("", ()): "expected rospy of ROS 1 or rclpy of ROS 2, found neither. ROS 1: apt-get install "
     "python3-rospy python3-diagnostic-msgs (Debian), or source the setup.bash of ROS 1. "
     "ROS 2: source the setup.bash of ROS 2" + UNSEEN,
-    ("rospy", REMAPPED): "ROS 1 does not know --ros-args -r odom:=wheels: write remappings as they "
+    (
+        "rospy",
+        REMAPPED,
+    ): "ROS 1 does not accept --ros-args -r odom:=wheels: write remappings as they "
     "are, odom:=robot1/odom",
-    ("rospy", ("--ros-args", "-p", "period:=50")): "ROS 1 does not know --ros-args -p period:=50: "
+    (
+        "rospy",
+        ("--ros-args", "-p", "period:=50"),
+    ): "ROS 1 does not accept --ros-args -p period:=50: "
     "write parameters as options, which --help lists, and remappings as they are, "
     "odom:=robot1/odom",
-    ("rclpy", ("odom:=wheels", "_x:=1")): "ROS 2 does not know odom:=wheels _x:=1: "
+    ("rclpy", ("odom:=wheels", "_x:=1")): "ROS 2 does not accept odom:=wheels _x:=1: "
     "write --ros-args -r odom:=wheels",
 }
 
@@ -137,7 +143,7 @@ def test_installed_or_requested_ros_runs(
     expected = CHOICES[libraries, arguments]
     if isinstance(expected, int):
         asked = int(arguments[1]) if arguments else None
-        assert generation.chosen(asked) == expected
+        assert generation.choose_generation(asked) == expected
     else:
         assert main([*SPEC, *arguments]) == 2
         assert capsys.readouterr().err == f"ros_stl_monitor.py: error: {expected}\n"
@@ -147,8 +153,8 @@ def test_installed_or_requested_ros_runs(
 def test_ros_version_decides_between_both(version: int, monkeypatch: pytest.MonkeyPatch) -> None:
     installed(monkeypatch, ["rospy", "rclpy"])
     monkeypatch.setenv("ROS_VERSION", str(version))
-    assert generation.chosen(None) == version
-    assert generation.chosen(3 - version) == 3 - version
+    assert generation.choose_generation(None) == version
+    assert generation.choose_generation(3 - version) == 3 - version
 
 
 def test_ros_is_imported_late(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -30,17 +30,17 @@ def test_signals_end_and_handlers_are_restored(number: signal.Signals) -> None:
     timer.start()
     ending.wait()
     timer.join()
-    assert ending.asked
+    assert ending.requested
     assert [signal.getsignal(each) for each in SIGNALS] == before
 
 
 def test_it_ends_for_good_and_for_all_who_wait() -> None:
     ending = Ending()
-    assert not ending.asked
+    assert not ending.requested
     waiting = [threading.Thread(target=ending.wait) for _ in range(3)]
     for each in waiting:
         each.start()
-    ending.ask()
+    ending.request()
     for each in waiting:
         each.join(5)
     assert not any(each.is_alive() for each in waiting)
@@ -62,7 +62,7 @@ def at_once() -> Iterator[None]:
 def test_a_signal_before_it_is_waited_for_counts(number: signal.Signals) -> None:
     ending = Ending()
     os.kill(os.getpid(), number)
-    assert ending.asked
+    assert ending.requested
     ending.wait()
 
 
@@ -92,7 +92,7 @@ sys.exit(run_module(sys.argv[1], sys.argv[3:]))
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("event", [1, 3, 30, 100, 300])
-@pytest.mark.parametrize("module", ["rtamt_ros.command", "rtamt_ros.simulator.command"])
+@pytest.mark.parametrize("module", ["rtamt_ros.command", "rtamt_ros.simulator.robots"])
 def test_ctrl_c_before_there_is_a_node_says_nothing(module: str, event: int) -> None:
     """At whatever Python does: at the number of an event that it announces to who audits it."""
     words = [module, str(event), "--ros", "1"] + ["--spec", "x > 1"] * ("command" in module)

@@ -21,7 +21,7 @@ from ruamel.yaml import YAML
 from rtamt import load
 from rtamt_gym.__main__ import main
 from rtamt_ros.command import _parser
-from rtamt_ros.generation import split
+from rtamt_ros.generation import split_arguments
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, read
 
@@ -43,7 +43,7 @@ def published() -> set[str]:
 
 def given(words: str) -> dict[str, Any]:
     """The options in words of the command; they are such that a monitor starts."""
-    options, _ = split(_parser(), shlex.split(words))
+    options, _ = split_arguments(_parser(), shlex.split(words))
     found = vars(options)
     found["spec_file"] = found.pop("stl")
     specifications, _ = read({**DEFAULTS, **{k: v for k, v in found.items() if k != "ros"}})

@@ -221,7 +221,7 @@ def test_field_errors_show_their_place(
         (
             ["robot.pose.x > 0"],
             (
-                "expected the class of the message 'robot', got none; declare it: from PACKAGE.msg "
+                "The message 'robot' has no class. Declare one: from PACKAGE.msg "
                 "import CLASS, then input CLASS robot"
             ),
         ),
@@ -235,15 +235,15 @@ def test_field_errors_show_their_place(
         (
             ["float64 x; @ topic(out, c); out = x > 0", "float64 x; @ topic(p, c); p = x > 1"],
             (
-                "expected a topic for 'p' that nothing else is published on, got c; write another: "
-                "@ topic(p, PATH)"
+                "expected a topic for 'p' on which nothing else is published, got c; write "
+                "another: @ topic(p, PATH)"
             ),
         ),
         (
             ["float64 x; @ topic(x, speed); @ topic(out, speed); out = x > 0"],
             (
-                "expected a topic for 'out' that is not the one of 'x', which it reads, got speed; "
-                "write another: @ topic(out, PATH)"
+                "'out' is published on speed, the topic of its own input 'x'. "
+                "Write another topic: @ topic(out, PATH)"
             ),
         ),
         (
@@ -268,7 +268,7 @@ def test_constructor_refuses_missing_classes() -> None:
     ros = MemoryMiddleware(missing={"rtamt_msgs"})
     with pytest.raises(InputError, match="rtamt_msgs is not installed"):
         MonitorNode(ros, [PAPER])
-    with pytest.raises(InputError, match="expected a specification or more, got none"):
+    with pytest.raises(InputError, match="expected one or more specifications, got an empty list"):
         MonitorNode(ros, [])
 
 

@@ -165,7 +165,7 @@ def test_stamps_that_went_back_for_good_begin_anew() -> None:
 
 @pytest.mark.parametrize("dense", [False, True])
 def test_standing_clock_clears_verdict(monkeypatch: pytest.MonkeyPatch, *, dense: bool) -> None:
-    monkeypatch.setattr("rtamt_ros.node.STANDS", 0.02)
+    monkeypatch.setattr("rtamt_ros.node.CLOCK_PERIOD", 0.02)
     ros, node = started("historically(x > 0)", dense=dense)
     ros.simulated = True
     send(ros, "x", 3.0)
@@ -182,7 +182,7 @@ def test_standing_clock_clears_verdict(monkeypatch: pytest.MonkeyPatch, *, dense
 
 
 def test_a_monitor_goes_on_with_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rtamt_ros.node.STANDS", 0.2)
+    monkeypatch.setattr("rtamt_ros.node.CLOCK_PERIOD", 0.2)
     ros, node = started("historically(x > 0)")
     ros.simulated = True
     send(ros, "x", 3.0)
@@ -198,7 +198,7 @@ def test_a_monitor_goes_on_with_the_clock(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_the_wall_clock_may_stand_for_a_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rtamt_ros.node.STANDS", 0.01)
+    monkeypatch.setattr("rtamt_ros.node.CLOCK_PERIOD", 0.01)
     ros, _ = started("historically(x > 0)")
     send(ros, "x", 3.0)
     ros.tick()

@@ -131,7 +131,7 @@ def test_combined_message_of_stale_and_reset() -> None:
     ros.call("reset")
     reset = ros.on(TOPIC)[-1]
     assert reset.header.stamp.ns == START
-    assert reset.status[0].message.startswith("begins anew; was: violated, robustness -1")
+    assert reset.status[0].message.startswith("new run; was: violated, robustness -1")
     assert rows(reset)["bounded"] | {"asked": ""} == {
         "robustness": "nan",
         "at": "",
@@ -171,7 +171,7 @@ def test_combined_errors() -> None:
     with pytest.raises(InputError) as caught:
         Settings(dense=True, combined=TOPIC)
     assert str(caught.value) == (
-        "expected combined= or dense time, where requirements are known up to times of their own"
+        "combined= cannot be set in dense time, where requirements are known up to different times"
     )
     for topic in ("rtamt/bounded", "rtamt/x"):
         node = MonitorNode(
@@ -180,7 +180,9 @@ def test_combined_errors() -> None:
         with pytest.raises(InputError, match="expected one type of messages on /rtamt/"):
             node.start()
     node = MonitorNode(MemoryMiddleware(), ["x > 0"], Settings(combined="/diagnostics"))
-    with pytest.raises(InputError, match=r"^combined: expected a topic of its own, got /diagn"):
+    with pytest.raises(
+        InputError, match=r"^combined: /diagnostics has the states of all nodes; write"
+    ):
         node.start()
     with pytest.raises(InputError, match=r"^diagnostic_msgs is not installed"):
         MonitorNode(

@@ -57,9 +57,9 @@ def test_diagnostics_rate_and_content(generation: int) -> None:
         "last reset at": "",
     }
     assert ros.lines[:5] == [
-        (Level.OK, "hears /rtamt/x (std_msgs/Float64) as x"),
-        (Level.OK, "hears /rtamt/y (std_msgs/Float64) as y"),
-        (Level.OK, "hears /rtamt/z (std_msgs/Float64) as z"),
+        (Level.OK, "subscribes to /rtamt/x (std_msgs/Float64) as x"),
+        (Level.OK, "subscribes to /rtamt/y (std_msgs/Float64) as y"),
+        (Level.OK, "subscribes to /rtamt/z (std_msgs/Float64) as z"),
         (Level.OK, "publishes /rtamt/bounded (std_msgs/Float64)"),
         (Level.OK, "publishes /rtamt/other (std_msgs/Float64)"),
     ]
@@ -89,8 +89,8 @@ BACK = Level.OK, "registered again"
 @pytest.fixture
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nodes look around at once, and again and again."""
-    monkeypatch.setattr(rtamt_ros.node, "SOON", 0.0)
-    monkeypatch.setattr(rtamt_ros.node, "AROUND", 0.001)
+    monkeypatch.setattr(rtamt_ros.node, "SEARCH_AFTER", 0.0)
+    monkeypatch.setattr(rtamt_ros.node, "WATCH_PERIOD", 0.001)
 
 
 def states(ros: MemoryMiddleware) -> list[list[tuple[str, int, str]]]:

@@ -110,8 +110,8 @@ def test_run_after_a_gap_is_new() -> None:
     assert ros.data("rtamt/spec_2/verdict") == [0, -1, 0]
     past, always = node.reports
     assert past.text == (
-        "satisfied, robustness 4; restarted 1 time because nothing was judged for 0.7 s; 1 message "
-        "of x came at once, loss unknown"
+        "satisfied, robustness 4; restarted 1 time because nothing was evaluated for 0.7 s; 1 "
+        "message of x came at once, loss unknown"
     )
     assert always.violations == 1
     assert always.violated_at == START + 100 * MS
@@ -119,7 +119,7 @@ def test_run_after_a_gap_is_new() -> None:
     assert always.level == Level.WARN
     assert always.text == (
         "holds so far, robustness 4; violated 1 time since start, first at 1000.100 s; "
-        "restarted 1 time because nothing was judged for 0.7 s; "
+        "restarted 1 time because nothing was evaluated for 0.7 s; "
         "1 message of x came at once, loss unknown"
     )
 
@@ -201,11 +201,11 @@ def test_when_an_input_is_stale_can_be_said(
         ({"period": 0.5}, "expected a whole number of nanoseconds as the period, got 0.5"),
         (
             {"stale": 0.0},
-            "expected seconds until an input is stale, more than 0, got 0.0; inf is never",
+            "expected seconds above 0 until an input is stale, got 0.0; inf is never",
         ),
         (
             {"stale_of": {"/odom": math.nan}},
-            "expected seconds until an input is stale of /odom, more than 0, got nan; inf is never",
+            "expected seconds above 0 until an input is stale of /odom, got nan; inf is never",
         ),
     ],
 )
@@ -219,12 +219,12 @@ def test_a_topic_that_nothing_reads_is_never_stale() -> None:
     with pytest.raises(InputError) as error:
         started("x > 0", stale_of={"rtamt/y": 2.0})
     assert str(error.value) == (
-        "stale speaks of the topic rtamt/y, which nothing reads; did you mean 'rtamt/x'?"
+        "stale: no specification reads the topic rtamt/y; did you mean 'rtamt/x'?"
     )
     with pytest.raises(InputError) as error:
         started("x > 0 and y > 0", stale_of={"/odom": 2.0})
     assert str(error.value) == (
-        "stale speaks of the topic /odom, which nothing reads; the topics are rtamt/x, rtamt/y"
+        "stale: no specification reads the topic /odom; the topics are rtamt/x, rtamt/y"
     )
 
 

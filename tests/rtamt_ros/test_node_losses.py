@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from memory_middleware import SECOND, MemoryMiddleware, message
 from memory_nodes import MS, started
 
-from rtamt_ros.core.losses import LossCount
+from rtamt_ros.core.inputs import LossCount
 from rtamt_ros.middleware import Reception, TopicPublisher
 from rtamt_ros.node import MonitorNode
 
@@ -88,7 +88,7 @@ def resumed(**settings: Any) -> tuple[MemoryMiddleware, MonitorNode]:  # noqa: A
 def test_a_suspension_is_the_reason_of_a_restart() -> None:
     ros, node = resumed()
     (report,) = node.reports
-    reason = "nothing was judged for 3.3 s; 13 messages of x came at once, 20 were lost"
+    reason = "nothing was evaluated for 3.3 s; 13 messages of x came at once, 20 were lost"
     assert report.restarted_because == reason
     assert (report.robustness, report.violations) == (2.0, 0)  # what came meanwhile is not judged
     assert "stale" not in report.text
@@ -104,7 +104,7 @@ def test_a_suspension_waits_for_messages(*, dense: bool) -> None:
     ros.send("rtamt/x", number(1.0), Reception(ros.time, 1))
     ros.tick()
     ros.tick(START + 3300 * MS)  # the messages have not been read yet
-    assert node.reports[0].text.startswith("nothing was judged for 3.3 s")
+    assert node.reports[0].text.startswith("nothing was evaluated for 3.3 s")
     assert math.isnan(ros.latched("rtamt/out"))
     ros.time += 50 * MS
     ros.send("rtamt/x", number(2.0), Reception(ros.time, 34))
@@ -112,7 +112,7 @@ def test_a_suspension_waits_for_messages(*, dense: bool) -> None:
     ros.tick()
     (report,) = node.reports
     assert report.restarted_because == (
-        "nothing was judged for 3.3 s; 1 message of x came at once, 32 were lost"
+        "nothing was evaluated for 3.3 s; 1 message of x came at once, 32 were lost"
     )
 
 

@@ -146,10 +146,10 @@ def test_dense_record_holds_events(tmp_path: Path) -> None:
 def test_record_folder_errors(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         started("x > 0", record=tmp_path / "no" / "run.csv")
-    assert str(error.value) == f"expected a folder for the record, there is no {tmp_path / 'no'}"
+    assert str(error.value) == f"record: there is no folder {tmp_path / 'no'}"
     with pytest.raises(InputError) as error:
         started("x > 0", record=tmp_path)
-    assert str(error.value) == f"expected a file for the record, {tmp_path} is a folder"
+    assert str(error.value) == f"record: expected a file, {tmp_path} is a folder"
 
 
 def test_full_disk_ends_the_record_only() -> None:
@@ -157,7 +157,7 @@ def test_full_disk_ends_the_record_only() -> None:
     for n in range(25):
         send(ros, "x", 5.0 - n % 4)
         ros.tick(1000 * SECOND + n * 100 * MS)
-    said = "nothing is recorded any more: /dev/full: No space left on device"
+    said = "the record has ended: /dev/full: No space left on device"
     texts = [text for _, text in ros.lines if said in text]
     assert texts == [f"spec: holds so far, robustness 4; {said}"]
     last = ros.on("/diagnostics")[-1].status[0].message

@@ -69,10 +69,10 @@ def test_reset_forgets_violations(dense: bool) -> None:  # noqa: FBT001
     at = "1000.450 s"
     assert good
     first, bounded, other = said.splitlines()
-    assert first == f"2 requirements begin anew at {at}"
-    assert bounded.startswith("bounded: begins anew; was: violated, robustness -1")
+    assert first == f"new run of 2 requirements at {at}"
+    assert bounded.startswith("bounded: new run; was: violated, robustness -1")
     assert "violated 1 time since start, first at 1000.100 s" in bounded
-    assert other == "other: begins anew; was: waiting for y"
+    assert other == "other: new run; was: waiting for y"
     assert ros.lines[-1] == (Level.WARN, said)
     # Until the next sample the topics say that nothing is known; y has never come.
     for part in ("", "/lower", "/upper"):
@@ -111,7 +111,7 @@ def test_resets_and_restarts_are_counted_apart() -> None:
     (report,) = node.reports
     assert (report.restarts, report.resets) == (1, 2)
     assert report.restarted_because == (
-        "nothing was judged for 1.9 s; 1 message of x came at once, loss unknown"
+        "nothing was evaluated for 1.9 s; 1 message of x came at once, loss unknown"
     )
     (status,) = ros.on("/diagnostics")[-1].status
     values = {value.key: value.value for value in status.values}
@@ -177,7 +177,7 @@ def test_reset_service_exists_while_running() -> None:
     assert [service.topic for service in ros.services] == ["reset"]
     node.stop()
     assert not ros.services
-    with pytest.raises(InputError, match=r"^expected a monitor that runs; start it, or activate"):
+    with pytest.raises(InputError, match=r"^the monitor does not run; start it, or activate"):
         node.reset()
     ros = MemoryMiddleware(missing={"std_srvs"})
     node = MonitorNode(ros, ["always(x < 3)"])
@@ -188,8 +188,8 @@ def test_reset_service_exists_while_running() -> None:
     )
     play(ros, [1.0], START)
     first, second = node.reset().splitlines()
-    assert first == "1 requirement begins anew at 1000.000 s"
-    assert second == "spec: begins anew; was: holds so far, robustness 2"
+    assert first == "new run of 1 requirement at 1000.000 s"
+    assert second == "spec: new run; was: holds so far, robustness 2"
     node.stop()
 
 
@@ -199,6 +199,6 @@ def test_reset_before_a_simulated_clock() -> None:
     node.start()
     assert ros.call("reset") == (
         False,
-        "expected a node that runs, and a clock that has begun",
+        "the node does not run, or its clock has not started",
     )
     node.stop()

@@ -241,7 +241,7 @@ def test_a_gap_of_the_timer_begins_anew() -> None:
     (report,) = node.reports
     assert (report.restarts, report.missed) == (1, 0)
     assert report.restarted_because == (
-        "nothing was judged for 0.6 s; 2 messages of x came at once, loss unknown"
+        "nothing was evaluated for 0.6 s; 2 messages of x came at once, loss unknown"
     )
 
 

@@ -8,7 +8,8 @@ import pytest
 from memory_middleware import SECOND, MemoryMiddleware
 from memory_nodes import MS, send, started
 
-from rtamt_ros.node import MonitorNode, lease_of
+from rtamt_ros.core.publishing import lease_of
+from rtamt_ros.node import MonitorNode
 
 START = 1000 * SECOND
 

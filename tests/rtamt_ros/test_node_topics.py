@@ -108,7 +108,7 @@ def test_named_formulas_of_unbounded_requirements(text: str, values: list[float]
 def test_silent_topics_are_logged_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(rtamt_ros.node, "SOON", 0.0)
+    monkeypatch.setattr(rtamt_ros.node, "SEARCH_AFTER", 0.0)
     ros = MemoryMiddleware(known={"/robot0/odom", "/there"})
     topics_of = {"a": "", "b": "there", "c": "robot/odom", "d": "/lonely"}
     text = "".join(f"@ topic({name}, {topic})\n" for name, topic in topics_of.items() if topic)
@@ -236,7 +236,7 @@ def test_dense_refuses_several_fields() -> None:
         started(f"{HEAD}out.a = x > 0\nout.inner.x = y > 0", dense=True)
     assert str(refused.value) == (
         "expected one field of the message 'out' in dense time, got out.a and out.inner.x, whose "
-        "values change at times of their own; declare a message for each, or sample"
+        "values change at different times; declare a message for each, or sample"
     )
 
 

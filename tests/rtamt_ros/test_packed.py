@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from memory_middleware import CLASSES
 
-from rtamt_ros.packed import Made, Packed
+from rtamt_ros.packed import MessageMaker, MessagePacker
 
 PARTS = CLASSES["my_msgs", "Parts"]
 
@@ -38,14 +38,14 @@ def serialized(message: Any) -> bytes:  # noqa: ANN401
 def test_bytes_are_those_of_the_message(
     time: int, numbers: list[float], order: list[tuple[str, ...]]
 ) -> None:
-    made = Made(PARTS, order, set_stamp)
-    assert Packed(made, serialized)(time, numbers) == serialized(made(time, numbers))
+    made = MessageMaker(PARTS, order, set_stamp)
+    assert MessagePacker(made, serialized)(time, numbers) == serialized(made(time, numbers))
 
 
 @given(time=st.integers(0, 2**31 * 10**9), number=st.floats())
 def test_a_message_without_a_header_has_no_time(time: int, number: float) -> None:
-    made = Made(CLASSES["std_msgs", "Float64"], [("data",)], set_stamp)
-    assert Packed(made, serialized)(time, [number]) == serialized(made(time, [number]))
+    made = MessageMaker(CLASSES["std_msgs", "Float64"], [("data",)], set_stamp)
+    assert MessagePacker(made, serialized)(time, [number]) == serialized(made(time, [number]))
 
 
 def shortened(message: Any) -> bytes:  # noqa: ANN401
@@ -63,6 +63,6 @@ def summed(message: Any) -> bytes:  # noqa: ANN401
 
 @pytest.mark.parametrize("odd", [shortened, doubled, summed])
 def test_bytes_of_another_kind_are_refused(odd: Callable[[Any], bytes]) -> None:
-    made = Made(CLASSES["std_msgs", "Float64"], [("data",)], set_stamp)
+    made = MessageMaker(CLASSES["std_msgs", "Float64"], [("data",)], set_stamp)
     with pytest.raises(ValueError, match="bytes"):
-        Packed(made, odd)
+        MessagePacker(made, odd)

@@ -11,8 +11,7 @@ from rtamt_envs.mobile_robot import ROUTE, SCENARIO
 from scenario_courses import course, made, random_actions
 
 from rtamt import InputError
-from rtamt_ros.simulator.command import main
-from rtamt_ros.simulator.robots import Robot, RobotController, Stuck, Surge
+from rtamt_ros.simulator.robots import Robot, RobotController, Stuck, Surge, main
 
 ODOM, CMD = "robot0/odom", "robot0/cmd_vel"
 
@@ -141,7 +140,7 @@ def test_surge_duration() -> None:
     assert speeds[7:11] == [-0.5] * 4
     assert speeds[:7] == [each.linear.x for each in calm.on(CMD)][:7]
     assert -0.5 not in speeds[11:]
-    assert [text for _, text in controller.lines] == ["-0.5 m/s are commanded"]
+    assert [text for _, text in controller.lines] == ["the command is -0.5 m/s"]
 
 
 @pytest.mark.parametrize(

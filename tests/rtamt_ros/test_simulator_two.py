@@ -15,8 +15,7 @@ from scenario_courses import course, made, random_actions
 
 from rtamt import InputError, Verdict, load
 from rtamt_ros.node import MonitorNode
-from rtamt_ros.simulator.command import main
-from rtamt_ros.simulator.robots import ServiceController, ServiceRobots
+from rtamt_ros.simulator.robots import ServiceController, ServiceRobots, main
 
 PERIOD = 100_000_000
 

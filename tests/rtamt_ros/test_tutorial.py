@@ -21,8 +21,8 @@ from rtamt_ros.command import _parser as parser_of_monitor
 from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, read
-from rtamt_ros.simulator.command import _parser as parser_of_robot
 from rtamt_ros.simulator.robots import Robot, RobotController
+from rtamt_ros.simulator.robots import _parser as parser_of_robot
 
 BEGIN = 1_795_333_330_934_702_000
 ROBOT = BEGIN + 5 * SECOND + 40 * MS
@@ -86,7 +86,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Logging:
             ros.tick()
         if time == BEGIN + 3 * SECOND:
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(rtamt_ros.node, "SOON", 0.0)
+                patch.setattr(rtamt_ros.node, "SEARCH_AFTER", 0.0)
                 ros.tick()
                 until(lambda: sum("nobody" in line for line in ros.shown) == 2)
     ros.said = node.reports[0].text

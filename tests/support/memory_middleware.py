@@ -13,7 +13,7 @@ import numpy as np
 from rtamt import InputError
 from rtamt_ros.callbacks import answered
 from rtamt_ros.middleware import Handle, Level, Publisher, Reception, TopicPublisher
-from rtamt_ros.packed import Made
+from rtamt_ros.packed import MessageMaker
 
 __all__ = ["CLASSES", "MemoryMiddleware", "message"]
 
@@ -96,7 +96,7 @@ class _Publisher:
     middleware: MemoryMiddleware
     topic: str
     message: type
-    made: Made
+    made: MessageMaker
     latched: bool
     lease: int | None = None
     asserted: int = 0
@@ -131,7 +131,7 @@ class MemoryMiddleware:
         waiting: Messages that wait for `take_waiting`.
         publishing: The publishers of topics.
         known: What `published_topics` gives.
-        standing: What `around` gives.
+        standing: What `ros_state` gives.
         remapped: Whole names of topics, instead of those that they would have.
     """
 
@@ -218,7 +218,7 @@ class MemoryMiddleware:
     ) -> Publisher:
         if topic in self.refused:
             raise InputError(f"{topic} is refused")
-        made = Made(message, fields, self.set_stamp)
+        made = MessageMaker(message, fields, self.set_stamp)
         self.publishers.append(_Publisher(self, topic, message, made, latched, lease))
         return self.publishers[-1]
 
@@ -226,7 +226,7 @@ class MemoryMiddleware:
         self.timers.append(_Open(self.timers, callback, period=period, begin=self.time))
         return self.timers[-1]
 
-    def around(self) -> tuple[Level, str] | None:
+    def ros_state(self) -> tuple[Level, str] | None:
         return self.standing
 
     def trigger(self, name: str, act: Callable[[], str]) -> Handle:

@@ -239,7 +239,7 @@ class RobotContract:
         self.publish(world, key, 1.0, 0.2)
         monitor.signal(signal.SIGCONT)
         self.publish(world, key, 1.0, 2.0)
-        assert "restarted 1 time because nothing was judged for 2." in monitor.output
+        assert "restarted 1 time because nothing was evaluated for 2." in monitor.output
         assert "messages of x came at once, " in monitor.output
         assert "x stale" not in monitor.output
         assert -1.0 not in [value for _, value in world.listener.ask("kept", topic)]

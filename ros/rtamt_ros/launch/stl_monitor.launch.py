@@ -14,7 +14,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The node, its parameters from a file, and those that change most as arguments."""
+    """Return the node; arguments override the parameters of the file."""
     config = Path(get_package_share_directory("rtamt_ros"), "config")
     follows, parameters = str(config / "follows.stl"), str(config / "stl_monitor.yaml")
     return LaunchDescription(

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Monitors the topics that specifications name: what ``roslaunch`` starts on ROS 1."""
+"""Monitors the topics that specifications name; ``roslaunch`` of ROS 1 starts this program."""
 
 import sys
 
