@@ -79,7 +79,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         >>> env = gym.make("rtamt/AutomaticTransmission-v0")
         >>> run = simulate(env, env.unwrapped.requirements["AT2"], policy=lambda obs: [100, 0])
         >>> run.histories
-        {'AT2': <Course of always[0:10](rpm < 4750): VIOLATED at sample 611, robustness -1.41>}
+        {'AT2': <History of always[0:10](rpm < 4750): VIOLATED at sample 611, robustness -1.41>}
     """
 
     metadata = {  # noqa: RUF012 - as Gymnasium declares it

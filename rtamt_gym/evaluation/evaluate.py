@@ -35,12 +35,11 @@ from rtamt_gym.options.evaluation import (
     seconds_of,
 )
 from rtamt_gym.play.campaign import run_campaign
-from rtamt_gym.play.episodes import Episodes
+from rtamt_gym.play.episodes import Episodes, VectorEpisodes
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.play.runner import Requirements, Runner
-from rtamt_gym.play.vector import VectorEpisodes
 from rtamt_gym.results.intervals import IntervalKind
 from rtamt_gym.results.statistics import rank
 from rtamt_gym.results.trial import Trial
@@ -52,7 +51,7 @@ from rtamt_gym.systems.registry import make
 from rtamt_gym.systems.system import no_exit
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.play.workers import ClusterBackend
+    from rtamt_gym.play.parallel_runner import ClusterBackend
 
 
 @documents_options("episodes")
@@ -154,7 +153,7 @@ def evaluate_policy(
     runner: Episodes | VectorEpisodes = kind(
         env,
         specs,
-        made=made,
+        first=made,
         policy=policy,
         signals=signals,
         deterministic=deterministic,

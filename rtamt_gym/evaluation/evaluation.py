@@ -26,8 +26,7 @@ from rtamt_gym.evaluation.repeating import (
     warn_of_difference,
 )
 from rtamt_gym.play.record import Record
-from rtamt_gym.play.run import Run
-from rtamt_gym.play.run_files import plain_run, run_fields
+from rtamt_gym.play.run import Run, plain_run, run_fields
 from rtamt_gym.results.codec import (
     document,
     fraction_of,

@@ -13,15 +13,21 @@ from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.folder import Folder, digest
 from rtamt_gym.play.loop import Task
+from rtamt_gym.play.parallel_runner import (
+    Chunks,
+    NumberedTrials,
+    ParallelRunner,
+    Recipe,
+    check_workers,
+)
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.runner import CaseLike, Runner
-from rtamt_gym.play.workers import Chunks, Elsewhere, NumberedTrials, Recipe, check_workers
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
 
 if TYPE_CHECKING:
-    from rtamt_gym.play.workers import ClusterBackend
+    from rtamt_gym.play.parallel_runner import ClusterBackend
 
 
 Enough = Callable[[Trial], bool]
@@ -44,8 +50,8 @@ def run_campaign(
 ) -> Record:
     """Run a case with its seed for each task; return a record with a row for each.
 
-    The record does not depend on the number of workers, or on which run is over first. A worker
-    gets about a second's work at once, or as many tasks as run side by side.
+    The record depends neither on the number of workers nor on the order in which runs finish. A
+    worker gets about a second's work at once, or as many tasks as run side by side.
 
     Args:
         runner: Runs the cases. Other processes make it again.
@@ -53,27 +59,27 @@ def run_campaign(
         n_jobs: How many runs, or batches, run at once, each in its own process; -1: one for each
             core. None: one after the other in this process, unless ``backend`` or ``timeout`` is
             given.
-        backend: ``"dask"``: the workers of the present Dask client; ``"ray"``: those of Ray. None:
-            this machine.
+        backend: ``"dask"``: the workers of the current Dask client; ``"ray"``: Ray's workers.
+            None: this machine.
         timeout: The seconds that a run may take. A longer run is ended and has a ``TimeoutError``
             in its row; a run that ends its process twice has a ``ChildProcessError``. The first
             run may have code to compile.
-        folder: Stores finished runs. An interrupted campaign continues there. The folder stores
-            hashes and versions of what runs, `Runner.fingerprint`, and is refused if they have
-            changed.
+        folder: Stores finished runs. An interrupted campaign continues there. The folder also
+            stores hashes and versions of the code that runs, `Runner.fingerprint`; if they have
+            changed, it is an error.
         accept_changed: Whether to use the runs in the folder although the model has changed;
             ``provenance.reuse`` of the record states it.
         about: Metadata of the record for JSON, which distinguishes the campaign from others.
         what: The name of the campaign on the progress bar.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        enough: Gets each row in the order of the tasks, and returns whether no more are needed.
+        enough: Called with each row in the order of the tasks; returns whether no more are needed.
 
     Returns:
-        A row for each task, in their order, up to the one that was enough.
+        A row for each task, in their order, up to the row that was enough.
 
     Raises:
-        KeyboardInterrupt: On Ctrl-C, with the attributes ``record``, the rows up to the first run
-            that is not over, and ``lost``, the maximum number of further runs that had started.
+        KeyboardInterrupt: On Ctrl-C, with the attributes ``record``, the rows up to the first
+            unfinished run, and ``lost``, the maximum number of further runs that had started.
         InputError: If an argument is wrong, the folder holds another campaign, or another process
             cannot make the system.
         InputTypeError: If the system cannot be sent to another process.
@@ -104,7 +110,7 @@ def run_campaign(
         if n_jobs is None and backend is None and timeout is None:
             results: Iterator[NumberedTrials] = (_run_here(runner, chunk) for chunk in chunks)
         else:
-            elsewhere = stack.enter_context(Elsewhere(runner, n_jobs, backend, timeout))
+            elsewhere = stack.enter_context(ParallelRunner(runner, n_jobs, backend, timeout))
             results = stack.enter_context(elsewhere.spread(chunks))
         note = _Note(runner.duration, rows.trials.values())
         bar = shown_progress(what, len(listed) if progress else 0, "run")
@@ -133,7 +139,7 @@ def run_campaign(
         except KeyboardInterrupt as pressed:
             rows.take(getattr(pressed, "finished", []))  # of a chunk that ran in this process
             rows.over()
-            # Runs that are over early may be short ones: stop at the first that is not over.
+            # Runs that finish early may be short: stop at the first unfinished run.
             count = next(i for i in itertools.count() if i not in rows.trials)
             started = len(listed) - len(chunks) - count
             carried: Any = pressed
@@ -148,7 +154,7 @@ class _Rows:
 
     Attributes:
         trials: The rows.
-        count: How many were passed to ``enough`` in the order of their tasks; all without it.
+        count: The number of rows that ``enough`` has seen, in the order of tasks; all without it.
     """
 
     def __init__(self, store: Folder | None, tasks: int, enough: Enough | None) -> None:

@@ -16,7 +16,7 @@ from typing import Any, Final
 from rtamt_gym.recorded.progress import silence
 
 _EVERY: Final = 0.05
-"""Seconds between messages with rows: if the process dies, the rows after the last run again."""
+"""Seconds between messages with rows; if the process dies, later rows run again."""
 
 
 class Making:
@@ -46,10 +46,10 @@ def main(pipe: int, alive: int, idle: float) -> None:
             if not tasks:
                 break
             cases, seeds = zip(*tasks, strict=True)
-            given = None if seeds[0] is None else seeds  # a system without seeds has none
+            own_seeds = None if seeds[0] is None else seeds  # of a system that takes seeds
             rows: list[Any] = []
             sent = time.monotonic()
-            for over in runner.run(cases, given, above=above):
+            for over in runner.run(cases, own_seeds, above=above):
                 rows.append(over)
                 if (now := time.monotonic()) - sent >= _EVERY:
                     connection.send((rows, False))

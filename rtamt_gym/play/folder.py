@@ -18,11 +18,11 @@ from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.play.record import Record
-from rtamt_gym.play.record_files import (
+from rtamt_gym.play.record import (
     CAMPAIGN,
     PARTS,
     RECORD,
+    Record,
     finished,
     part_name,
     part_number,
@@ -35,7 +35,7 @@ from rtamt_gym.results.trial import Trial
 WRITING: Final = "writing-"
 """The prefix of the name of an incomplete file."""
 
-_WHAT: Final = "a campaign with folder="
+_CALLER: Final = "a campaign with folder="
 """The feature that needs pyarrow, for messages."""
 
 
@@ -118,27 +118,27 @@ class Folder(LockedFolder):
             raise
 
     def reuse(self, reused: int, total: int) -> Reuse:
-        """Return how many results come from the folder, for the provenance of a record."""
+        """Return the number of results from the folder, for the provenance of a record."""
         mixtures = self._mixtures if reused else ()
         notes, unseen = tuple(self._notes), self._fingerprint.unseen
         return Reuse(str(self.path), reused, total, mixtures, notes, unseen)
 
     def rows(self) -> dict[int, Trial]:
         """Return the finished runs, by task number."""
-        return finished(self.path, _WHAT)
+        return finished(self.path, _CALLER)
 
     def parts(self) -> Iterator[tuple[list[int], list[Trial], dict[str, Any]]]:
         """Yield the task numbers, the runs and the metadata of each file."""
-        return parts(self.path, _WHAT)
+        return parts(self.path, _CALLER)
 
     def add(self, rows: Sequence[tuple[int, Trial]], also: Mapping[str, Any] | None = None) -> None:
-        """Write finished runs with their task numbers; a kill afterwards loses none."""
+        """Write finished runs with their task numbers; a kill afterwards loses no run."""
         record = Record((row for _, row in rows), self._requirements, self._system)
         numbers = [number for number, _ in rows]
         self._number += 1
         self._write(
             "part.parquet",
-            lambda path: record.write(path, _WHAT, {**(also or {}), "tasks": numbers}),
+            lambda path: record.write(path, _CALLER, {**(also or {}), "tasks": numbers}),
             lambda path: part_name(self._number, path),
         )
 
@@ -146,7 +146,7 @@ class Folder(LockedFolder):
         """Replace the parts by one file of all runs, with further metadata."""
         metadata = {**self._about, **(also or {})}
         if also is not None or not (self.path / RECORD).exists():
-            self._write(RECORD, lambda path: record.write(path, _WHAT, metadata))
+            self._write(RECORD, lambda path: record.write(path, _CALLER, metadata))
         for part in self.path.glob(PARTS):
             part.unlink()
 
@@ -202,12 +202,12 @@ def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
     return hashed.hexdigest()[:32]
 
 
-def locked(path: Path, what: str = "the campaign") -> IO[str]:
+def locked(path: Path, activity: str = "the campaign") -> IO[str]:
     """Lock a folder; the system releases the lock however the process ends.
 
     Args:
         path: The folder.
-        what: What another process runs in it, for the message.
+        activity: The activity of another process that holds the lock, for the error.
     """
     name = path / "lock"
     try:
@@ -229,7 +229,7 @@ def locked(path: Path, what: str = "the campaign") -> IO[str]:
     except OSError as error:
         lock.close()
         raise InputError(
-            f"another process runs {what} in {path}; wait for it, or end it"
+            f"another process runs {activity} in {path}; wait for it, or end it"
         ) from error
     return lock
 
@@ -239,9 +239,9 @@ def is_own(name: str) -> bool:
     return name == "lock" or name.startswith(WRITING)
 
 
-def differing(found: Mapping[str, Any], key: str) -> str:
+def differing(identity: Mapping[str, Any], key: str) -> str:
     """Return the stored value of a key of an identity, for messages."""
-    return f"is {short_text(found[key])}" if key in found else "is not said"
+    return f"is {short_text(identity[key])}" if key in identity else "is missing"
 
 
 def short_text(value: Any) -> str:  # noqa: ANN401 - as in JSON

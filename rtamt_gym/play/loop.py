@@ -1,7 +1,7 @@
 """`play`: the loop that plays tasks in a batch of places, and the simplest batches.
 
 A batch adapts one system (`OneByOne`), several environments with one model (`SideBySide`), a vector
-environment (`rtamt_gym.play.vector`) or native rollouts (`rtamt_gym.play.native`).
+environment (`rtamt_gym.play.episodes`) or native rollouts (`rtamt_gym.play.native`).
 """
 
 from __future__ import annotations
@@ -189,7 +189,7 @@ class SideBySide(PlayBatch):
     def step(self, running: Sequence[int]) -> float:
         since = time.perf_counter()
         shown = {position: episode.observation for position, episode in self._episodes.items()}
-        instead = shown[running[0]]
+        substitute = shown[running[0]]  # for places without an episode, and without a first sample
         seen = [shown.get(position) for position in range(self.size)]
-        self._actions = [*self._policies.act([instead if obs is None else obs for obs in seen])]
+        self._actions = [*self._policies.act([substitute if obs is None else obs for obs in seen])]
         return time.perf_counter() - since

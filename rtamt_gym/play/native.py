@@ -37,7 +37,7 @@ from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.systems.system import step_limit
 
 _STEPS: Final = 100
-"""The steps of a call of ``rollout``. A run that is over within a call discards the rest."""
+"""The steps of a call of ``rollout``. A run that ends within a call discards the rest."""
 
 _REWARD: Final = 0.0
 """The sum of rewards: ``rollout`` returns observations only, and scenarios have requirements."""
@@ -318,8 +318,8 @@ class NativeBatch(PlayBatch):
             for name, (_, judge) in monitor_set.monitors.items()
         }
         moments = {
-            name: (each["decided_at"], each["ended_at"])
-            for name, each in monitor_set.outcomes(np.array(places)).by_name().items()
+            name: (columns_of["decided_at"], columns_of["ended_at"])
+            for name, columns_of in monitor_set.outcomes(np.array(places)).by_name().items()
         }
         progress = monitor_set.progress
         for row, position in enumerate(places):
@@ -387,7 +387,7 @@ class _Place:
 
 
 def _range(entry: float | Waveform) -> tuple[float, float]:
-    """Return the smallest and the largest value of an entry of a case."""
+    """Return the minimum and the maximum of an entry of a case."""
     if isinstance(entry, Waveform):
         return min(entry.values), max(entry.values)
     return (entry, entry) if math.isfinite(entry) else (math.inf, -math.inf)

@@ -65,18 +65,18 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
     last = any(c.decided_at == run.last_sample for c in run.histories.values())
     begin, end = float(times[0]), float(times[-1])
     end += (end - begin) * _AFTER * last or float(end == begin)
-    signal_axes, course_axes = np.split(axes, [len(run.signals)])
+    signal_axes, history_axes = np.split(axes, [len(run.signals)])
     ax: Axes
     for ax, (name, values) in zip(signal_axes, run.signals.items(), strict=True):
         drawing.tidy(ax, name)
         ax.plot(times, values, color=drawing.SIGNAL, linewidth=1.6)
         ax.margins(y=0.15)
-    for ax, (name, course) in zip(course_axes, run.histories.items(), strict=True):
-        _draw_course(ax, name, course, run, end)
-        text = f"{verdict_text(course.verdict, course.final)}, {course.final_text('+.3g')}"
-        if decided := course.decided_text(run.period):
+    for ax, (name, history) in zip(history_axes, run.histories.items(), strict=True):
+        _draw_history(ax, name, history, run, end)
+        text = f"{verdict_text(history.verdict, history.final)}, {history.final_text('+.3g')}"
+        if decided := history.decided_text(run.period):
             text += f", at {decided}"
-        drawing.show_verdict(ax, course.verdict, text)
+        drawing.show_verdict(ax, history.verdict, text)
     axes[-1].set_xlim(begin, end)
     axes[-1].annotate(
         "time in s" if run.period else "samples",
@@ -93,14 +93,14 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
     )
 
 
-def _draw_course(ax: Axes, name: str, course: History, run: RunRecord, end: float) -> None:
+def _draw_history(ax: Axes, name: str, history: History, run: RunRecord, end: float) -> None:
     times = run.times
-    curves = (course.robustness, course.lower, course.upper)
-    robustness, lower, upper = drawing.robustness_panel(ax, name, course.formula, 64, curves)
+    curves = (history.robustness, history.lower, history.upper)
+    robustness, lower, upper = drawing.robustness_panel(ax, name, history.formula, 64, curves)
     ax.fill_between(times, lower, upper, color=drawing.BOUNDS, alpha=0.5, linewidth=0)
-    if course.decided_at is not None:
-        colour = drawing.VERDICT_COLOURS[course.verdict]
-        time = float(times[max(course.decided_at - run.first_sample, 0)])
+    if history.decided_at is not None:
+        colour = drawing.VERDICT_COLOURS[history.verdict]
+        time = float(times[max(history.decided_at - run.first_sample, 0)])
         ax.axvspan(time, end, color=colour, alpha=0.18, linewidth=0)
         ax.axvline(time, color=colour, linewidth=1.6)
     ax.plot(times, robustness, color=drawing.ROBUSTNESS, linewidth=1.6)

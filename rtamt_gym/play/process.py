@@ -1,7 +1,7 @@
 """Runs tasks in watched processes: a run may end its process or hang in it.
 
-The worker of joblib that has the tasks watches the process: a thread here, a process of a cluster
-elsewhere. So a run that kills its process does not end a worker.
+The worker of joblib that has the tasks watches the process: a thread on this machine, a process on
+a cluster. Therefore a run that kills its process does not end a worker.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _IDLE: Final = 60.0
 """Seconds without tasks after which a process ends by itself: workers of a cluster live on."""
 
 _LOOK: Final = 0.5
-"""Seconds between checks of a silent process: one of its children can keep the pipe open."""
+"""Seconds between checks of a silent process: its children can keep the pipe open."""
 
 _THREADS: Final = (
     "MKL_NUM_THREADS",
@@ -54,7 +54,7 @@ class Setup:
 def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Trial]]:
     """Run tasks; return their rows with the task numbers.
 
-    If a process dies, its unfinished tasks run again, each alone; if its process dies again, a task
+    If a process dies, its unfinished tasks run again, each alone. A task whose process dies again
     has an error in its row.
     """
     rows: dict[int, Trial] = {}
@@ -213,7 +213,7 @@ def _take(setup: Setup) -> _Process:
         if setup.name in _over:
             raise InputError("the campaign is over")
         for name, waiting in _idle.items():
-            for process in [process_state for process_state in waiting if process_state.ended]:
+            for process in [item for item in waiting if item.ended]:
                 waiting.remove(process)
                 _all[name].discard(process)
                 process.free()

@@ -1,15 +1,19 @@
-"""`Record`: the table of many simulations, a row for each; sweeps, searches and campaigns share it.
+"""`Record`: the table of many simulations, in a Parquet file or in the folder of a campaign.
 
-A row stores the case, the outcome of every requirement, and the cost of a simulation.
+Sweeps, searches and campaigns share it. A row stores the case, the outcome of every requirement,
+and the cost of a simulation.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +23,54 @@ from rtamt.errors import nearest
 from rtamt.renamed import OldName
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
-from rtamt_gym.play.record_files import load_record, save_record
+from rtamt_gym.inputs.case import Case, Waveform
+from rtamt_gym.inputs.space import Parameter, Signal, Space
 from rtamt_gym.results.codec import plain_results
 from rtamt_gym.results.outcome import order
-from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
+from rtamt_gym.results.provenance import (
+    Fingerprint,
+    Mixture,
+    Provenance,
+    Reuse,
+    file_hash,
+    plain_provenance,
+    provenance_of,
+)
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import MEASURES, OF_TRIAL, Measure, Trial
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
     import pandas as pd
+
+CAMPAIGN: Final = "campaign.json"
+"""Identifies the campaign of a folder."""
+
+PARTS: Final = "part-*.parquet"
+"""Finished runs, until all are finished: ``part-000001-0123456789abcdef.parquet`` and so on.
+
+The name contains the first 16 digits of the SHA-256 of the file; names of older files do not.
+"""
+
+RECORD: Final = "record.parquet"
+"""All runs, once the campaign is finished."""
+
+_PART: Final = re.compile(r"part-(\d+)(?:-([0-9a-f]{16}))?\.parquet")
+
+_REMOVE: Final = "remove it, and its runs are made again, or give another folder"
+
+_OTHER: Final = "give another folder, or remove this one"
+
+_KEY = b"rtamt.record"
+"""The key of the file's metadata, which stores as JSON everything that is not a cell."""
+
+_FIELDS: Final[dict[str, type]] = {
+    "system": str,
+    "requirements": dict,
+    "also": dict,
+    "identity": dict,
+}
+"""The required fields of ``campaign.json``."""
 
 
 class Record(Results):
@@ -197,8 +239,8 @@ class Record(Results):
         """
         self.write(path, "Record.save", {})
 
-    def write(self, path: str | os.PathLike[str], what: str, also: Mapping[str, Any]) -> None:
-        """Write the file of `save` with further metadata; ``what`` names the method."""
+    def write(self, path: str | os.PathLike[str], caller: str, also: Mapping[str, Any]) -> None:
+        """Write the file of `save` with further metadata; errors name the method ``caller``."""
         metadata = {
             "system": self.system,
             "requirements": dict(self.requirements),
@@ -209,7 +251,7 @@ class Record(Results):
             "also": also,
             **plain_provenance(self.provenance),
         }
-        save_record(Path(path), self.columns(), self.kinds(), metadata, what)
+        save_record(Path(path), self.columns(), self.kinds(), metadata, caller)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Record:
@@ -221,9 +263,9 @@ class Record(Results):
         return Record.read(path, "Record.load")[0]
 
     @staticmethod
-    def read(path: str | os.PathLike[str], what: str) -> tuple[Record, Mapping[str, Any]]:
+    def read(path: str | os.PathLike[str], caller: str) -> tuple[Record, Mapping[str, Any]]:
         """Read a record, and the further metadata of `write`."""
-        rows, metadata = load_record(Path(path), what)
+        rows, metadata = load_record(Path(path), caller)
         record = Record(rows, metadata["requirements"], metadata["system"], provenance_of(metadata))
         return record, metadata["also"]
 
@@ -246,10 +288,10 @@ class Record(Results):
 def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:
     """Raise InputError if a column of a case has the name of another column."""
     case = list(case)
-    taken = {measure.name for measure in OF_TRIAL}
-    taken |= {f"{measure.name}({name})" for name in requirements for measure in MEASURES}
+    reserved = {measure.name for measure in OF_TRIAL}
+    reserved |= {f"{measure.name}({name})" for name in requirements for measure in MEASURES}
     for name in case:
-        if name in taken:
+        if name in reserved:
             raise InputError(
                 f"a varied parameter cannot have the name {name!r}, a column of every record; "
                 "rename it"
@@ -279,3 +321,197 @@ def _shapes(rows: Iterable[Trial]) -> dict[str, dict[str, Any] | None]:
                     f"kind in row {number}: {entry!r}"
                 )
     return shapes
+
+
+def save_record(
+    path: Path,
+    columns: Mapping[str, list[Any]],
+    kinds: Mapping[str, str],
+    metadata: Mapping[str, Any],
+    caller: str,
+) -> None:
+    """Write a record; the error about a missing pyarrow names ``caller``."""
+    pa, parquet = _pyarrow(caller)
+    if path.suffix.lower() != ".parquet":
+        raise InputError(
+            f"cannot write {path}: expected a name that ends in .parquet, the format that holds "
+            "all of a record; to_frame() has the columns for other formats"
+        )
+    types = {"number": pa.float64(), "whole": pa.int64(), "text": pa.string()}
+    arrays = {name: pa.array(cells, types[kinds[name]]) for name, cells in columns.items()}
+    table = pa.table(arrays).replace_schema_metadata({_KEY: json.dumps(metadata)})
+    parquet.write_table(table, path)
+
+
+def load_record(path: Path, caller: str) -> tuple[list[Trial], dict[str, Any]]:
+    """Read rows and metadata of a file, or the finished rows of a campaign's folder."""
+    pa, parquet = _pyarrow(caller)
+    if path.is_dir():
+        rows, campaign = finished(path, caller), read_campaign(path)
+        return [rows[number] for number in sorted(rows)], _with_reuse(campaign, path, rows)
+    try:
+        table = parquet.read_table(path)
+    except pa.ArrowInvalid as error:
+        raise InputError(f"cannot read {path}: it is not a Parquet file") from error
+    stored = table.schema.metadata or {}
+    if _KEY not in stored:
+        raise InputError(f"{path} is not a record: expected a file of Record.save or Sweep.save")
+    metadata: dict[str, Any] = json.loads(stored[_KEY])
+    return [_row(cells, metadata) for cells in table.to_pylist()], metadata
+
+
+def holds_run(path: Path) -> bool:
+    """Return whether a Parquet file stores one run, as `Run.save` writes it."""
+    pa, parquet = _pyarrow("a file of runs")
+    try:
+        return b"rtamt.run" in (parquet.read_schema(path).metadata or {})
+    except pa.ArrowInvalid as error:
+        raise InputError(f"cannot read {path}: it is not a Parquet file") from error
+
+
+def written_space(space: Space) -> dict[str, Any]:
+    """Return a space as plain values for JSON; `read_space` is the inverse."""
+    return {
+        "duration": space.duration,
+        "entries": [{"kind": type(entry).__name__, **asdict(entry)} for entry in space],
+    }
+
+
+def read_space(written: Mapping[str, Any]) -> Space:
+    """Read a space that `written_space` wrote."""
+    kinds: dict[str, Any] = {"Signal": Signal, "Parameter": Parameter}
+    entries = [
+        kinds[entry["kind"]](**{key: value for key, value in entry.items() if key != "kind"})
+        for entry in written["entries"]
+    ]
+    return Space(entries, duration=written["duration"])
+
+
+def part_name(number: int, path: Path) -> str:
+    """Return the file name of a part, with the checksum of its content."""
+    return f"part-{number:06d}-{file_hash(path)[:16]}.parquet"
+
+
+def part_number(path: Path) -> int:
+    """Return the number in the file name of a part."""
+    return int(_match(path)[1])
+
+
+def finished(path: Path, caller: str) -> dict[int, Trial]:
+    """Read the finished runs of a folder, by task number."""
+    read_campaign(path)
+    rows: dict[int, Trial] = {}
+    for numbers, trials, _ in parts(path, caller):
+        rows |= zip(numbers, trials, strict=True)
+    return rows
+
+
+def parts(path: Path, caller: str) -> Iterator[tuple[list[int], list[Trial], dict[str, Any]]]:
+    """Yield the task numbers, the runs and the metadata of each file of finished runs.
+
+    The file of a finished campaign comes first. A search that continues with a larger budget adds
+    further files.
+    """
+    if (path / RECORD).exists():
+        rows, also = _load_part(path / RECORD, caller, _OTHER)
+        yield list(range(len(rows))), rows, also
+    for part in sorted(path.glob(PARTS)):
+        checksum = _match(part)[2]
+        _check_regular(part, _REMOVE)
+        if checksum is not None and file_hash(part)[:16] != checksum:
+            raise InputError(
+                f"{part} is damaged: its content does not match the checksum in its name; {_REMOVE}"
+            )
+        rows, also = _load_part(part, caller, _REMOVE)
+        tasks = also.get("tasks")
+        if not isinstance(tasks, list) or len(tasks) != len(rows):
+            raise InputError(f"{part} is damaged: it does not number its runs; {_REMOVE}")
+        yield tasks, rows, also
+
+
+def read_campaign(path: Path) -> dict[str, Any]:
+    """Read the description of the campaign in a folder."""
+    file = path / CAMPAIGN
+    if file.exists():
+        _check_regular(file, _OTHER)
+    try:
+        campaign: Any = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path} holds no campaign: there is no {CAMPAIGN} in it") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{file} is damaged: {error}; {_OTHER}") from error
+    for key, kind in _FIELDS.items():
+        if not isinstance(campaign, dict) or not isinstance(campaign.get(key), kind):
+            raise InputError(f"{file} is damaged: expected an object with {key!r}; {_OTHER}")
+    try:
+        Fingerprint.read(campaign.get("fingerprint"))
+        list(map(Mixture.read, campaign.get("mixtures", ())))
+    except (InputError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{file} is damaged: expected a fingerprint and mixtures; {_OTHER}"
+        ) from error
+    result: dict[str, Any] = campaign
+    return result
+
+
+def _pyarrow(caller: str) -> tuple[Any, Any]:
+    """Import pyarrow and its Parquet module; an error names the caller and the extra."""
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, caller, "search") from error
+    return pa, pq
+
+
+def _match(path: Path) -> re.Match[str]:
+    match = _PART.fullmatch(path.name)
+    if match is None:
+        raise InputError(
+            f"expected parts of a campaign as part-NUMBER-CHECKSUM.parquet, got {path}; {_REMOVE}"
+        )
+    return match
+
+
+def _check_regular(path: Path, fix: str) -> None:
+    """Raise InputError for a pipe, which would block a reader forever, or a device."""
+    if not path.is_file():
+        raise InputError(f"{path} is damaged: expected a regular file; {fix}")
+
+
+def _load_part(path: Path, caller: str, fix: str) -> tuple[list[Trial], dict[str, Any]]:
+    _check_regular(path, fix)
+    try:
+        rows, metadata = load_record(path, caller)
+        also: dict[str, Any] = {**metadata["also"]}
+    except Exception as error:  # reading a damaged file can raise anything
+        reason = f"{type(error).__name__}: {error}".partition("\n")[0]
+        raise InputError(f"{path} is damaged: {reason}; {fix}") from error
+    return rows, also
+
+
+def _with_reuse(campaign: dict[str, Any], path: Path, rows: Collection[int]) -> dict[str, Any]:
+    """Add known changes of the model to the description of a campaign."""
+    unseen = campaign.get("fingerprint", {}).get("unseen", ())
+    mixtures = tuple(map(Mixture.read, campaign.get("mixtures", ())))
+    reuse = Reuse(str(path), len(rows), len(rows), mixtures, (), tuple(unseen))
+    return {**campaign, "reuse": reuse.plain()}
+
+
+def _row(cells: Mapping[str, Any], metadata: Mapping[str, Any]) -> Trial:
+    case: dict[str, float | Waveform] = {}
+    for name, shape in metadata["shapes"].items():
+        if shape is None:
+            if cells[name] is not None:
+                case[name] = cells[name]
+            continue
+        values = [cells[f"{name}[{i}]"] for i in range(len(shape["times"]))]
+        if values[0] is not None:
+            case[name] = Waveform(shape["times"], values, shape["interpolation"])
+    return Trial.read(
+        cells,
+        Case(case),
+        metadata["requirements"],
+        timed=metadata.get("timed", True),  # version 1 does not store it
+        unconditional=metadata.get("unconditional", ()),
+    )

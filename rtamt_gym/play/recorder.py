@@ -160,13 +160,13 @@ class Recorder:
         specs: Mapping[str, rtamt.Specification],
         evidence: Mapping[str, Evidence[TriggerCount]],
     ) -> dict[str, History]:
-        """Return the course of every specification."""
+        """Return the history of every specification."""
         outcomes = self.monitor_set.outcomes()
-        courses = {}
+        histories = {}
         for name, (_, judge) in self.monitor_set.monitors.items():
             robustness, lower, upper = np.ascontiguousarray(np.array(self._curves[name]).T)
             outcome = outcomes[name]
-            courses[name] = History(
+            histories[name] = History(
                 str(specs[name].formula),
                 robustness,
                 lower,
@@ -183,7 +183,7 @@ class Recorder:
                 outcome.get("progress"),
                 outcome.get("ended_at"),
             )
-        return courses
+        return histories
 
     def _keep(self, values: Sequence[float]) -> None:
         for name, curve in self._curves.items():

@@ -1,21 +1,39 @@
-"""`Run`: one run of a simulation under specifications."""
+"""`Run`: one run of a simulation under specifications; its JSON and its Parquet file."""
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 import rtamt
-from rtamt import Explanation, InputError
+from rtamt import Explanation, InputError, Verdict
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
+from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.monitors import chosen, titled
 from rtamt_gym.judging.specs import SpecsLike, load_specs
-from rtamt_gym.play.run_record import Floats, RunRecord
+from rtamt_gym.play.run_record import CURVES, Floats, History, RunRecord
+from rtamt_gym.results.codec import VERSION, fraction_of, number_of, plain
+from rtamt_gym.results.outcome import asked_of
 
 if TYPE_CHECKING:  # it is optional
     import pandas as pd
+
+_OF_OUTCOME: Final = ("decided_at", "ended_at", "triggers", "vacuous", "progress")
+"""The fields of a history that are written as in its outcome."""
+
+_KEYS: Final = {"histories": "courses"}
+"""The keys in files of attributes with another name."""
+
+
+_KEY = b"rtamt.run"
+"""The key of the file's metadata, which stores as JSON everything except the arrays."""
 
 
 class Run(RunRecord):
@@ -27,7 +45,7 @@ class Run(RunRecord):
         system: Name of the system that ran.
         signals: The values of every variable and of every further recorded signal, from sample 0
             on.
-        histories: The course of every specification, by its name.
+        histories: The history of every specification, by its name.
         ended: Why the run is over: ``"violation"``, ``"decided"``, ``"known"``, ``"terminated"``,
             ``"truncated"`` or ``"duration"``; ``"error"`` of a run that an error carries.
         violated_by: The specification that was violated first, or None.
@@ -59,7 +77,7 @@ class Run(RunRecord):
         >>> run.violated_by, run.violated_at
         ('dry', 2)
         >>> run.histories
-        {'dry': <Course of always(level < 3): VIOLATED at sample 2, robustness -1>}
+        {'dry': <History of always(level < 3): VIOLATED at sample 2, robustness -1>}
         >>> run.replay()
         {'dry': array([-1., -1., -1.])}
     """
@@ -88,8 +106,8 @@ class Run(RunRecord):
         interfaces: dict[str, dict[str, Any]] = {}
         if specs is None:
             self._check_whole("replay(specs)")
-            interfaces = {name: course.interface for name, course in self.histories.items()}
-            specs = {name: course.specification for name, course in self.histories.items()}
+            interfaces = {name: history.interface for name, history in self.histories.items()}
+            specs = {name: history.specification for name, history in self.histories.items()}
         loaded = load_specs(specs)
         for name, spec in loaded.items():
             for variable in spec.variables:
@@ -119,9 +137,9 @@ class Run(RunRecord):
         Args:
             name: The specification. Default: the first violated specification; without a violation,
                 the specification with the smallest robustness at the end.
-            sample: The sample at which the formula is explained, counted from 0. None: the whole
-                run, that is sample 0, and with ``view="step"`` the worst of all samples
-                (``always`` of the formula).
+            sample: The number of the sample to explain, from 0. Default: the whole run, that is
+                sample 0, and with ``view="step"`` the worst of all samples (``always`` of the
+                formula).
 
         Raises:
             InputError: If the run has no such specification or no such sample, or has not recorded
@@ -140,10 +158,10 @@ class Run(RunRecord):
             1 s      4  level
         """
         self._check_whole("rtamt.explain(formula, run.signals, run.period)")
-        courses = self.histories
-        final = {key: course.final for key, course in courses.items()}
+        histories = self.histories
+        final = {key: history.final for key, history in histories.items()}
         name = chosen(name, final, self.violated_by)
-        spec = courses[name].specification
+        spec = histories[name].specification
         explanation = rtamt.explain(
             spec.always() if self.view == "step" and sample is None else spec,
             self.signals,
@@ -151,7 +169,7 @@ class Run(RunRecord):
             sample=0 if sample is None else sample,
             n=self.steps + 1,
             align=self.align,
-            **courses[name].interface,
+            **histories[name].interface,
         )
         return titled(explanation, name, spec.formula)
 
@@ -161,7 +179,7 @@ class Run(RunRecord):
         They are ``time``, the signals, and ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``
         of every specification. The index is the number of the sample, so
         ``frame.loc[run.violated_at]`` is the row of the violation. ``frame.attrs["view"]`` is the
-        view: with ``"step"`` the robustness is that of the newest instant, and the bounds hold for
+        view: with ``"step"`` it is the robustness of the newest instant, and the bounds hold for
         all instants. ``frame.attrs["by_end"]``, if present, lists the specifications that only the
         end violates. Needs the extra ``pandas``.
 
@@ -192,7 +210,7 @@ class Run(RunRecord):
         """Raise InputError if a run lacks the start of its episode."""
         if self.first_sample:
             raise InputError(
-                f"expected the samples of a whole episode, got those from sample "
+                f"expected the samples of a whole episode, got the samples from "
                 f"{self.first_sample} on; {way_out} takes sample {self.first_sample} for the "
                 "start of an episode"
             )
@@ -217,7 +235,7 @@ class Run(RunRecord):
         Raises:
             InputError: If the name does not end in ``.parquet``.
         """
-        from rtamt_gym.play.run_files import save_run
+        from rtamt_gym.play.run import save_run
 
         save_run(self, Path(path))
 
@@ -228,6 +246,119 @@ class Run(RunRecord):
         Raises:
             InputError: If the file does not hold a run.
         """
-        from rtamt_gym.play.run_files import load_run
+        from rtamt_gym.play.run import load_run
 
         return Run(**load_run(Path(path)))
+
+
+def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
+    """Return a run for JSON; without arrays, the names of its signals replace them."""
+    plain_fields = {
+        _KEYS.get(item.name, item.name): getattr(run, item.name) for item in fields(run)
+    }
+    plain_fields["signals"] = run.signals if arrays else list(run.signals)
+    outcomes = run.outcomes
+    plain_fields["courses"] = {
+        name: {
+            item.name: getattr(history, item.name)
+            for item in fields(history)
+            if item.name not in _OF_OUTCOME and (arrays or item.name not in CURVES)
+        }
+        | {"decided_at": outcomes[name].decided}
+        | ({} if history.ended_at is None else {"ended_at": outcomes[name].ended})
+        | dict(outcomes[name].evidence or {})
+        | ({} if history.progress is None else {"progress": history.progress})
+        | ({"by_end": True} if outcomes[name].by_end else {})
+        for name, history in run.histories.items()
+    }
+    written: dict[str, Any] = plain(plain_fields)
+    return written
+
+
+def run_fields(
+    stored: Mapping[str, Any], column: Callable[[str], Floats] | None = None
+) -> dict[str, Any]:
+    """Return the fields of a run that `plain_run` wrote; ``column`` reads arrays of a table."""
+    case = stored.get("case")
+    if not isinstance(case, str | None):  # version 1 stores it as text
+        case = json.dumps(case)
+    signals = stored["signals"]
+    converted = ("wall_time", "reward", "period", "case", "signals", "histories")
+    known = {field.name for field in fields(RunRecord)} - {*converted}
+    own = {name: value for name, value in stored.items() if name in known}
+    return own | {
+        "wall_time": number_of(stored["wall_time"]),
+        "reward": number_of(stored.get("reward")),
+        "period": fraction_of(stored["period"]),
+        "case": None if case is None else Case.from_json(case),
+        "signals": {name: column(name) if column else _array(signals[name]) for name in signals},
+        "histories": {
+            name: _history(
+                value, {c: column(f"{c}({name})") if column else _array(value[c]) for c in CURVES}
+            )
+            for name, value in stored["courses"].items()
+        },
+    }
+
+
+def _history(stored: Mapping[str, Any], curves: Mapping[str, Floats]) -> History:
+    return History(
+        formula=stored["formula"],
+        **curves,
+        final=number_of(stored["final"]),
+        verdict=Verdict[stored["verdict"]],
+        decided_at=_sample(stored["decided_at"]),
+        unit=stored.get("unit", "s"),
+        semantics=stored.get("semantics", "standard"),
+        inputs=tuple(stored.get("inputs", ())),
+        outputs=tuple(stored.get("outputs", ())),
+        triggers=asked_of(stored),
+        vacuous=stored.get("vacuous", False),
+        progress=number_of(stored.get("progress")),
+        ended_at=_sample(stored.get("ended_at")),
+    )
+
+
+def _sample(stored: Mapping[str, int] | int | None) -> int | None:
+    return stored["sample"] if isinstance(stored, Mapping) else stored  # a number in version 1
+
+
+def _array(stored: Sequence[float | str]) -> Floats:
+    return np.array([number_of(value) for value in stored], np.float64)
+
+
+def save_run(run: RunRecord, path: Path) -> None:
+    """Write a run: its columns, and everything else as metadata."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if path.suffix.lower() != ".parquet":
+        raise InputError(
+            f"cannot write {path}: expected a name that ends in .parquet, the format that holds "
+            "all of a run; run.to_frame() has the columns for other formats"
+        )
+    metadata = {"version": VERSION, **plain_run(run, arrays=False)}
+    text = json.dumps(metadata, allow_nan=False)
+    table = pa.table({name: np.asarray(values) for name, values in run.columns().items()})
+    pq.write_table(table.replace_schema_metadata({_KEY: text}), path)
+
+
+def load_run(path: Path) -> dict[str, Any]:
+    """Read the fields of a run that `save_run` has written."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path)
+    except pa.ArrowInvalid as error:
+        raise InputError(f"cannot read {path}: it is not a Parquet file") from error
+    metadata = table.schema.metadata or {}
+    if _KEY not in metadata:
+        raise InputError(f"{path} is not a run: expected a file of Run.save")
+    stored: dict[str, Any] = json.loads(metadata[_KEY])
+
+    def column(name: str) -> Floats:
+        array: Floats = table.column(name).to_numpy()
+        return array
+
+    return run_fields(stored, column)

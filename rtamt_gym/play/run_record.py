@@ -1,4 +1,4 @@
-"""The record of one run: every sample, and the course of each specification."""
+"""The record of one run: every sample, and the history of each specification."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from rtamt_gym.tables import sample_text
 Floats = NDArray[np.float64]
 
 CURVES = ("robustness", "lower", "upper")
-"""The arrays of a course."""
+"""The arrays of a history."""
 
 Stop = Literal["violation", "decided", "known", "verdicts", "end"]
 """When to stop a run: at the first certain violation; also once every verdict is certain; also once
@@ -69,7 +69,7 @@ def _same(left: object, right: object) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class History(_ComparesArrays):
-    """The course of one specification over a run: robustness and bounds at every sample.
+    """The history of one specification over a run: robustness and bounds at every sample.
 
     Attributes:
         formula: Its text.
@@ -130,13 +130,13 @@ class History(_ComparesArrays):
         return {"semantics": self.semantics, "inputs": self.inputs, "outputs": self.outputs}
 
     def outcome(self, period: Fraction | None) -> Outcome:
-        """Return the outcome of the specification, without its course."""
+        """Return the outcome of the specification, without its history."""
         bounds = self.final, float(self.lower[-1]), float(self.upper[-1])
         result = Outcome.at(bounds, self.verdict, self.decided_at, period, ended=self.ended_at)
         return replace(result, triggers=self.triggers, vacuous=self.vacuous, progress=self.progress)
 
     def decided_text(self, period: Fraction | None) -> str:
-        """Return when the verdict was decided: a time, a sample or "the end"; empty if open."""
+        """Return when the verdict was decided: a time, a sample or "the end"; empty while open."""
         if self.decided_at is not None:
             return sample_text(self.decided_at, period)
         return "" if self.verdict is Verdict.UNDECIDED else "the end"
@@ -145,16 +145,16 @@ class History(_ComparesArrays):
         decided = self.decided_text(None)
         when = f" at {decided}" if decided else ""
         verdict = verdict_text(self.verdict, self.final)
-        return f"<Course of {self.formula}: {verdict}{when}, robustness {self.final_text('.3g')}>"
+        return f"<History of {self.formula}: {verdict}{when}, robustness {self.final_text('.3g')}>"
 
 
-class CoursesOnDemand(Mapping[str, History]):
-    """Courses that are computed when the first of them is read."""
+class HistoriesOnDemand(Mapping[str, History]):
+    """Histories that are computed when the first of them is read."""
 
     def __init__(self, names: tuple[str, ...], compute: Callable[[], dict[str, History]]) -> None:
         self._names = names
         self._compute: Callable[[], dict[str, History]] | None = compute
-        self._courses: dict[str, History] = {}
+        self._histories: dict[str, History] = {}
 
     def __getitem__(self, name: str) -> History:
         return self._read()[name]
@@ -173,8 +173,8 @@ class CoursesOnDemand(Mapping[str, History]):
 
     def _read(self) -> dict[str, History]:
         if self._compute is not None:
-            self._courses, self._compute = self._compute(), None
-        return self._courses
+            self._histories, self._compute = self._compute(), None
+        return self._histories
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -225,8 +225,8 @@ class RunRecord(_ComparesArrays):
         takes the place of the times, which follow from the period.
         """
         columns = {"time": self.times, **self.signals}
-        for name, course in self.histories.items():
-            columns |= {f"{curve}({name})": getattr(course, curve) for curve in CURVES}
+        for name, history in self.histories.items():
+            columns |= {f"{curve}({name})": getattr(history, curve) for curve in CURVES}
         return columns
 
     @property
@@ -257,12 +257,12 @@ class RunRecord(_ComparesArrays):
     @property
     def verdict(self) -> Verdict:
         """The verdict on all specifications together, their worst verdict."""
-        return min(course.verdict for course in self.histories.values())
+        return min(history.verdict for history in self.histories.values())
 
     @property
     def outcomes(self) -> dict[str, Outcome]:
         """The outcome of each specification, by name."""
-        return {name: course.outcome(self.period) for name, course in self.histories.items()}
+        return {name: history.outcome(self.period) for name, history in self.histories.items()}
 
     def trial(self, case: Case | None = None, error: str = "") -> Trial:
         """Return the case and the outcomes, without the samples.
@@ -283,8 +283,8 @@ class RunRecord(_ComparesArrays):
         """
         if self.violated_by is None:
             return None
-        course = self.histories[self.violated_by]
-        return course.ended_at if course.decided_at is None else course.decided_at
+        history = self.histories[self.violated_by]
+        return history.ended_at if history.decided_at is None else history.decided_at
 
     @property
     def saved(self) -> int | None:
@@ -298,13 +298,13 @@ class RunRecord(_ComparesArrays):
         rows = [
             [
                 markup.plain(name),
-                markup.verdict(course.verdict, verdict_text(course.verdict, course.final)),
-                markup.plain(course.final_text(".6g")),
-                markup.plain(course.decided_text(self.period)),
-                markup.curve(course.robustness, f"robustness of {name}"),
-                markup.code(course.formula),
+                markup.verdict(history.verdict, verdict_text(history.verdict, history.final)),
+                markup.plain(history.final_text(".6g")),
+                markup.plain(history.decided_text(self.period)),
+                markup.curve(history.robustness, f"robustness of {name}"),
+                markup.code(history.formula),
             ]
-            for name, course in self.histories.items()
+            for name, history in self.histories.items()
         ]
         head = ["", "verdict", "robustness", "certain at", "over time", "formula"]
         return f"{markup.plain(repr(self)[1:-1])}{markup.table(head, rows)}"

@@ -51,12 +51,12 @@ from rtamt_gym.systems.system import Policy, System, no_exit
 from rtamt_gym.wrappers.monitor import monitor_of
 
 CaseLike = Mapping[str, float | Waveform]
-"""What one simulation is given: a number or a waveform for each name."""
+"""The inputs of one simulation: a number or a waveform for each name."""
 
 Requirements = SpecLike | Sequence[str] | Mapping[str, SpecLike]
-"""A requirement or several: the name of one that the system has (``"AT6a"``), a specification as
-for `rtamt_gym.simulate`, a sequence of names and texts, or a mapping from names to specifications.
-"""
+"""A requirement or several: the name of a requirement of the system (``"AT6a"``), a specification
+as for `rtamt_gym.simulate`, a sequence of names and texts, or a mapping from names to
+specifications."""
 
 
 @documents_options("runs")
@@ -178,7 +178,7 @@ class Runner:
 
     @property
     def origin(self) -> Any:  # noqa: ANN401
-        """The object from which another process makes the system."""
+        """The object that other processes make the system from."""
         return self._system
 
     def fingerprint(self) -> Fingerprint:
@@ -281,7 +281,7 @@ class Runner:
         policy: Policy | None = None,
         at_termination: AtTermination | None = None,
     ) -> Run:
-        """Run one case and keep every sample; given options replace those of the runner.
+        """Run one case and keep every sample; the arguments replace the options of the runner.
 
         Raises:
             RtamtError: As `rtamt_gym.simulate` does.
@@ -316,9 +316,8 @@ class Runner:
     def judge(self, name: str, trace: SimulatedTrace) -> float:
         """Return the robustness of a requirement on recorded samples."""
         spec = self.requirements[name]
-        options = self.evaluation_options.having(period=trace.period).from_monitors({name: spec})[
-            name
-        ]
+        reading = self.evaluation_options.having(period=trace.period)
+        options = reading.from_monitors({name: spec})[name]
         values = rtamt.evaluate(spec, trace.signals, n=trace.samples, **options)
         return float(values.min() if self.evaluation_options.view == "step" else values[0])
 
@@ -419,11 +418,11 @@ class Runner:
         self,
         batch: PlayBatch,
         tasks: Sequence[Task],
-        alone: Callable[[Task], Iterable[Played]],
+        play_single: Callable[[Task], Iterable[Played]],
         *,
         warns: bool = False,
     ) -> Iterator[Played]:
-        """Play tasks in a batch; after an error of the batch, play the remaining ones alone."""
+        """Play tasks in a batch; after an error of the batch, play the remaining tasks singly."""
         left = {task.number: task for task in tasks}
         try:
             for played in play(batch, tasks):
@@ -433,7 +432,7 @@ class Runner:
             known = False
             for task in left.values():
                 try:
-                    (again,) = alone(task)
+                    (again,) = play_single(task)
                 except Exception as own:  # noqa: BLE001
                     again = Played(task, failed(own, task.case, task.seed, 0.0), None)
                 known = known or bool(again.trial.error)
@@ -466,7 +465,7 @@ def _check_system(system: object) -> None:
 
 
 def _duration_of(ran: System, duration: float | None, period: Period | None) -> float | None:
-    """Return the maximum duration of a run: the given one, or the limit of an environment."""
+    """Return the maximum duration of a run: the argument, or the limit of an environment."""
     if duration is not None:
         return None if duration == math.inf else duration
     if not isinstance(ran, Environment) or ran.limit is None:
@@ -476,29 +475,29 @@ def _duration_of(ran: System, duration: float | None, period: Period | None) -> 
 
 
 def load_requirements(
-    given: Requirements | None, own: Mapping[str, rtamt.Specification], system: str
+    requirements: Requirements | None, own: Mapping[str, rtamt.Specification], system: str
 ) -> dict[str, rtamt.Specification]:
     """Load requirements, by name; None: all requirements of the system."""
-    if given is None:
+    if requirements is None:
         if not own:
             raise InputError(
                 f"{system} has no requirements of its own; give them after the system, such as "
                 '"always(x < 1)"'
             )
         return dict(own)
-    if isinstance(given, Mapping):
+    if isinstance(requirements, Mapping):
         return load_specs(
             {
                 name: own[spec] if isinstance(spec, str) and spec in own else spec
-                for name, spec in given.items()
+                for name, spec in requirements.items()
             }
         )
-    if not isinstance(given, Sequence) or isinstance(given, str):
-        return _named_requirements(given, own, system)
-    if not given:
+    if not isinstance(requirements, Sequence) or isinstance(requirements, str):
+        return _named_requirements(requirements, own, system)
+    if not requirements:
         raise InputError("expected at least one requirement, got none")
     loaded: dict[str, rtamt.Specification] = {}
-    for entry in given:
+    for entry in requirements:
         for name, spec in _named_requirements(entry, own, system).items():
             # Formulas without a name are called "spec", "spec2" and so on.
             new = f"{name}{len(loaded) + 1}" if name in loaded and name == "spec" else name
@@ -509,17 +508,18 @@ def load_requirements(
 
 
 def _named_requirements(
-    given: Any,  # noqa: ANN401 - other types are refused
+    requirement: Any,  # noqa: ANN401 - other types are refused
     own: Mapping[str, rtamt.Specification],
     system: str,
 ) -> dict[str, rtamt.Specification]:
-    if isinstance(given, str):
-        if given in own:
-            return {given: own[given]}
-        if given.isidentifier():
+    if isinstance(requirement, str):
+        if requirement in own:
+            return {requirement: own[requirement]}
+        if requirement.isidentifier():
             raise InputError(
-                f"{system} has no requirement {given!r}; it has {listing(own)}{nearest(given, own)}"
+                f"{system} has no requirement {requirement!r}; it has {listing(own)}"
+                f"{nearest(requirement, own)}"
             )
-    if isinstance(given, bytes | int | float):
-        raise InputTypeError(f"expected the name or the text of a requirement, got {given!r}")
-    return load_specs(given)
+    if isinstance(requirement, bytes | int | float):
+        raise InputTypeError(f"expected the name or the text of a requirement, got {requirement!r}")
+    return load_specs(requirement)

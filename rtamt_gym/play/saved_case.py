@@ -41,21 +41,10 @@ from rtamt_gym.systems.references import (
 _READING: Final = tuple(name for name in names_for("runs") if name != "period")
 
 _KEYS: Final = (
-    *(
-        "format",
-        "version",
-        "kind",
-        "rtamt",
-        "system",
-        "requirement",
-        "case",
-        "seed",
-        "duration",
-        "period",
-        "signals",
-    ),
-    *("policy", "reading", "expected", "versions"),
+    *("format", "version", "kind", "rtamt", "system", "requirement", "case", "seed"),
+    *("duration", "period", "signals", "policy", "reading", "expected", "versions"),
 )
+"""The required keys of a file."""
 
 _TYPES: Final[Mapping[str, tuple[Any, str]]] = {
     "system": (dict, "an object of JSON"),
@@ -71,12 +60,12 @@ _TYPES: Final[Mapping[str, tuple[Any, str]]] = {
 class SavedCase:
     """One case of a system with a requirement, and its outcome; `load` reads one.
 
-    A case is code of its author, as a pickle is. Loading never executes it, but `replay` imports
-    and runs what the file names, `imports`: modules, policies, models, FMUs. Replay cases only of
-    people whose programs you would run.
+    A case is code of its author, as a pickle is. Loading never executes code, but `replay` imports
+    and runs the modules, policies, models and FMUs that the file names, `imports`. Replay a case
+    only if you would run a program of its author.
 
-    `Falsification.save` writes strict JSON, in which infinities are the strings ``"inf"`` and
-    ``"-inf"``. ``rtamt replay case.json`` runs it.
+    `Falsification.save` writes strict JSON, with the strings ``"inf"`` and ``"-inf"`` for
+    infinities. ``rtamt replay case.json`` runs it.
 
     Attributes:
         system: The reference to the system: ``{"environment": ID}``, with ``"arguments"`` and
@@ -94,9 +83,9 @@ class SavedCase:
         evaluation_options: Evaluation options of `rtamt_gym.simulate`.
         robustness: The robustness of the run, which was stopped at its certain violation.
         verdict: The verdict of the run.
-        versions: The versions of Python and of packages with which it ran.
+        versions: The versions of Python and of the packages that it ran with.
         fingerprint: Hashes and versions of the system and the policy; None in older files.
-        folder: The folder of the file, to which paths are relative.
+        folder: The folder of the file; paths are relative to it.
     """
 
     system: Mapping[str, Any]
@@ -288,21 +277,21 @@ class SavedCase:
             InputError: If it holds no case.
             OSError: If the file does not exist.
         """
-        return read_as(path, "case", lambda kept: cls(**_read(kept), folder=Path(path).parent))
+        return read_as(path, "case", lambda stored: cls(**_read(stored), folder=Path(path).parent))
 
 
-def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
+def _read(stored: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a case from JSON."""
-    _check_keys("a case", kept, _KEYS, ("fingerprint",))
-    requirement, expected = kept["requirement"], kept["expected"]
+    _check_keys("a case", stored, _KEYS, ("fingerprint",))
+    requirement, expected = stored["requirement"], stored["expected"]
     _check_keys('"requirement"', requirement, ("name", "text"), ("unit",))
     _check_keys('"expected"', expected, ("verdict", "robustness"), ("by_end",))
-    _check_keys('"reading"', kept["reading"], (), _READING)
+    _check_keys('"reading"', stored["reading"], (), _READING)
     for key, (types, phrase) in _TYPES.items():
-        if not isinstance(kept[key], types) or isinstance(kept[key], bool):
-            raise InputError(f'expected "{key}" as {phrase}, got {kept[key]!r}')
-    if kept["seed"] is not None and kept["seed"] < 0:
-        raise InputError(f'expected "seed" as {_TYPES["seed"][1]}, got {kept["seed"]}')
+        if not isinstance(stored[key], types) or isinstance(stored[key], bool):
+            raise InputError(f'expected "{key}" as {phrase}, got {stored[key]!r}')
+    if stored["seed"] is not None and stored["seed"] < 0:
+        raise InputError(f'expected "seed" as {_TYPES["seed"][1]}, got {stored["seed"]}')
     if expected["verdict"] not in Verdict.__members__:
         raise InputError(
             f'expected "verdict" among {listing(Verdict.__members__)}, got {expected["verdict"]!r}'
@@ -314,45 +303,45 @@ def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
             f"{listing(spec.requirements)}"
         )
     return {
-        "system": kept["system"],
+        "system": stored["system"],
         "name": requirement["name"],
         "requirement": spec,
-        "case": Case.from_json(json.dumps(kept["case"])),
-        "seed": kept["seed"],
-        "signals": _pairs(kept["signals"]),
-        "policy": kept["policy"],
-        "period": kept["period"],
-        "duration": None if kept["duration"] is None else _number("duration", kept["duration"]),
-        "evaluation_options": kept["reading"],
+        "case": Case.from_json(json.dumps(stored["case"])),
+        "seed": stored["seed"],
+        "signals": _pairs(stored["signals"]),
+        "policy": stored["policy"],
+        "period": stored["period"],
+        "duration": None if stored["duration"] is None else _number("duration", stored["duration"]),
+        "evaluation_options": stored["reading"],
         "robustness": _number("robustness", expected["robustness"]),
         "verdict": Verdict[expected["verdict"]],
-        "versions": kept["versions"],
-        "fingerprint": Fingerprint.read(kept.get("fingerprint")),
+        "versions": stored["versions"],
+        "fingerprint": Fingerprint.read(stored.get("fingerprint")),
     }
 
 
 def _check_keys(
-    what: str, kept: object, needed: Sequence[str], possible: Sequence[str] = ()
+    name: str, stored: object, needed: Sequence[str], possible: Sequence[str] = ()
 ) -> None:
-    if not isinstance(kept, dict):
-        raise InputError(f"expected {what} as an object of JSON, got {kept!r}")
+    if not isinstance(stored, dict):
+        raise InputError(f"expected {name} as an object of JSON, got {stored!r}")
     for key in needed:
-        if key not in kept:
-            raise InputError(f"expected {what} with {key!r}, got {listing(kept)}")
-    for key in kept:
+        if key not in stored:
+            raise InputError(f"expected {name} with {key!r}, got {listing(stored)}")
+    for key in stored:
         if key not in (*needed, *possible):
             raise InputError(
-                f"expected {what} with {listing([*needed, *possible])}, got {key!r}"
+                f"expected {name} with {listing([*needed, *possible])}, got {key!r}"
                 f"{nearest(key, [*needed, *possible])}"
             )
 
 
-def _number(name: str, given: Any) -> float:  # noqa: ANN401 - what JSON holds
-    if given in ("inf", "-inf", "nan") or (
-        isinstance(given, int | float) and not isinstance(given, bool)
+def _number(name: str, value: Any) -> float:  # noqa: ANN401 - of JSON
+    if value in ("inf", "-inf", "nan") or (
+        isinstance(value, int | float) and not isinstance(value, bool)
     ):
-        return float(given)
-    raise InputError(f'expected "{name}" as a number, got {given!r}')
+        return float(value)
+    raise InputError(f'expected "{name}" as a number, got {value!r}')
 
 
 def _pairs(signals: Mapping[str, Any] | None) -> dict[str, Any] | None:
@@ -376,16 +365,16 @@ def _checked_signals(signals: Mapping[str, Any] | None) -> Mapping[str, Any] | N
             callable(part) for part in (signal if isinstance(signal, list | tuple) else [signal])
         ):
             raise InputError(
-                f"cannot save a case in which signal {name!r} is a function; use a selector, such "
+                f"cannot save a case: signal {name!r} is a function; use a selector, such "
                 f"as signals={{{name!r}: 'obs[0]'}}, or an environment that has the signal in its "
                 "info"
             )
     return signals
 
 
-def _policy_name(policy: object, given: str | None) -> str | None:
-    if policy is None or given is not None:
-        return given
+def _policy_name(policy: object, name: str | None) -> str | None:
+    if policy is None or name is not None:
+        return name
     path = import_path(policy)
     if path is None:
         phrase = getattr(policy, "__qualname__", None) or f"a {type(policy).__name__}"

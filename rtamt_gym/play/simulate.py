@@ -57,7 +57,7 @@ def simulate(
             of FMUs or keys of samples. Default: the system's own signals, and keys by name.
         case: Numbers and waveforms by name, such as a `Case`; attributes, model and data are
             restored afterwards.
-        start: The snapshot from which a `StepMonitor` branches. Default: its current state.
+        start: The snapshot where the branch of a `StepMonitor` starts. Default: its current state.
         policy: A function of the observation, or of model and data. Default: the ``baseline`` of
             the environment, if it has one.
         seed: The seed of an environment's reset.

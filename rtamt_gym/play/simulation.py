@@ -1,4 +1,4 @@
-"""`Simulator` prepares a system for runs under monitors; `Simulation` is one of these runs."""
+"""`Simulator` prepares a system for runs under monitors; `Simulation` is a run."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from rtamt_gym.play.run_record import (
     AT_VERDICTS,
     AT_VIOLATION,
     KNOWN_EVERY,
-    CoursesOnDemand,
+    HistoriesOnDemand,
     History,
     SimulatedTrace,
     Stop,
@@ -159,7 +159,7 @@ class Simulator:
         light: bool = False,
         live: RerunView | None = None,
     ) -> Simulation:
-        """Start a run; the arguments are those of `rtamt_gym.simulate`."""
+        """Start a run; `rtamt_gym.simulate` documents the arguments."""
         _check_stop(stop, above)
         if self.monitor is not None:
             _refuse_options({"above": above})
@@ -448,11 +448,11 @@ class Simulation:
             record.show_end()
             evidence = self._evidence() if self._samples else {}
             if self._samples:
-                self._outcomes = self._found(evidence)
+                self._outcomes = self._find_outcomes(evidence)
             if self._since is not None:
                 self.wall += time.perf_counter() - self._since
             if self._samples and not self._light:
-                self.run = self._made(evidence)
+                self.run = self._make_run(evidence)
         finally:
             self._system.close()
         # The results are copies, and after an error the monitors are complete.
@@ -470,7 +470,7 @@ class Simulation:
         samples = record.columns() if questions else {}
         return questions.answers(samples, len(record), self._end, verdicts)
 
-    def _found(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> dict[str, Outcome]:
+    def _find_outcomes(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> dict[str, Outcome]:
         period, progress = self._bound.period, self._monitor_set.progress
         return {
             name: Outcome.at(
@@ -485,13 +485,13 @@ class Simulation:
             for name, bounds, verdict, decided, ended in self._monitor_set.results()
         }
 
-    def _made(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> Run:
+    def _make_run(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> Run:
         simulator, bound, system = self._simulator, self._bound, self._system
         limits = [steps for steps in (self._most, system.limit) if steps is not None]
         return Run(
             system=system.name,
             signals=self._record.columns(),
-            histories=self._courses(evidence),
+            histories=self._histories(evidence),
             ended=self._ended,
             violated_by=self._monitor_set.violated_by,
             period=bound.period,
@@ -507,7 +507,7 @@ class Simulation:
             label=self._label,
         )
 
-    def _courses(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> Mapping[str, History]:
+    def _histories(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> Mapping[str, History]:
         """Return the histories; for monitors of a `Judge`, they are computed at their first use."""
         record, judge, specs, end = (
             self._record,
@@ -518,13 +518,13 @@ class Simulation:
         if judge is None:
             return record.histories(specs, evidence)
 
-        def courses() -> dict[str, History]:
+        def compute() -> dict[str, History]:
             monitor_set = judge.begin()
             result = record.replayed(monitor_set, end).histories(specs, evidence)
             judge.end(monitor_set)
             return result
 
-        return CoursesOnDemand(tuple(specs), courses)
+        return HistoriesOnDemand(tuple(specs), compute)
 
     def _fail(self, error: BaseException) -> None:
         """End the run with an error, which carries the run so far."""

@@ -35,16 +35,16 @@ def trial_of(episode: Episode) -> Trial:
 def run_table(episodes: Sequence[Episode]) -> list[str]:
     """Return a table with a row for every specification of every episode.
 
-    It shows when runs were stopped; without stopping, when verdicts were certain. At least one
-    episode must not have failed.
+    It shows when runs were stopped, or, if none could be stopped, when verdicts were certain. Not
+    all episodes may have failed.
     """
     runs = _runs(episodes)
     stops = any(run.stop != "end" for run in runs)
     at_head = "stopped" if stops else "certain"
-    asks = any(
+    has_triggers = any(
         outcome.trigger_count is not None for run in runs for outcome in run.outcomes.values()
     )
-    head = ("triggered",) if asks else ()
+    head = ("triggered",) if has_triggers else ()
     rows = [("ep", "driver", "steps", at_head, "spec", "robustness", "verdict", *head, "saved")]
     for count, run in enumerate(episodes, 1):
         if isinstance(run, Trial):
@@ -54,16 +54,16 @@ def run_table(episodes: Sequence[Episode]) -> list[str]:
                 rows.append((*at_front, *of_spec, "-"))
                 at_front = [""] * len(at_front)
             continue
-        for name, course in run.histories.items():
+        for name, history in run.histories.items():
             first = name == next(iter(run.histories))
             stopped = run.last_sample if run.ended in STOPPED else None
             if stops:
                 when = "-" if stopped is None else sample_text(stopped, run.period)
             else:
-                when = course.decided_text(run.period) or "-"
+                when = history.decided_text(run.period) or "-"
             of_run = (str(count), shorten(run.label, 16), str(run.steps), when)
-            asked = (times_text(course.outcome(run.period)) or "-",) if asks else ()
-            of_spec = (shorten(name, 15), course.final_text("+.3g"), course.verdict.name, *asked)
+            counts = (times_text(history.outcome(run.period)) or "-",) if has_triggers else ()
+            of_spec = (shorten(name, 15), history.final_text("+.3g"), history.verdict.name, *counts)
             if first:
                 rows.append((*of_run, *of_spec, _saved(run) if stops else ""))
             else:
@@ -84,8 +84,8 @@ def saved_note(episodes: Sequence[Episode]) -> list[str]:
 def runs_json(episodes: Sequence[Episode], reading: Mapping[str, Any]) -> str:
     """Return episodes of one environment as a result of the kind ``"runs"``."""
     first = _runs(episodes)[0]
-    texts = {name: course.formula for name, course in first.histories.items()}
-    specs = {name: course.specification for name, course in first.histories.items()}
+    texts = {name: history.formula for name, history in first.histories.items()}
+    specs = {name: history.specification for name, history in first.histories.items()}
     provenance = Provenance.of(specs)
     results = Results(map(trial_of, episodes), texts, first.system, provenance)
     trials = [{**plain_trial(trial_of(episode)), **_of_run(episode)} for episode in episodes]
@@ -100,7 +100,7 @@ def _runs(episodes: Sequence[Episode]) -> list[Run]:
 
 
 def _of_run(episode: Episode) -> dict[str, Any]:
-    """Return the entries of a run in JSON that its trial lacks."""
+    """Return the JSON entries of a run that its trial lacks."""
     if isinstance(episode, Trial):
         return {}
     return {
@@ -140,7 +140,7 @@ def record_table(record: Record) -> list[str]:
 def failures(record: Record, *, rated: bool = True) -> list[str]:
     """Return lines of 80 columns: how many simulations failed, and the first case and error.
 
-    ``rated`` is whether rates of episodes, in which failures count, are shown above.
+    ``rated`` is whether rates of episodes, where failures count, are shown above.
     """
     failed = record.failed()
     if not len(failed):

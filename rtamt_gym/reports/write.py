@@ -26,8 +26,7 @@ from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.methods import MethodComparison
 from rtamt_gym.evaluation.recording_changes import RecordingsComparison
-from rtamt_gym.play.record import Record
-from rtamt_gym.play.record_files import holds_run, read_space
+from rtamt_gym.play.record import Record, holds_run, read_space
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.saved_case import SavedCase
 from rtamt_gym.reports.comparisons import of_comparison, of_methods, of_recordings

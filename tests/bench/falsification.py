@@ -136,7 +136,7 @@ def search(requirement: str, optimizer: str, seed: int) -> Search:
     point at a time are therefore judged at their end: the same robustness, and no run is stopped.
     """
     system, budget, _ = ROWS[requirement]
-    whole = patch.object(searching, "judged_whole", return_value=True)
+    whole = patch.object(searching, "prefers_offline", return_value=True)
     begin = time.process_time()
     with whole if optimizer in ONE_BY_ONE else nullcontext():
         found = falsify(

@@ -27,11 +27,10 @@ from rtamt_gym.options.evaluation import (
     documents_options,
 )
 from rtamt_gym.play.folder import Folder
-from rtamt_gym.play.record import Record, check_columns
-from rtamt_gym.play.record_files import written_space
+from rtamt_gym.play.parallel_runner import ParallelRunner, Recipe, check_workers
+from rtamt_gym.play.record import Record, check_columns, written_space
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.play.runner import Requirements, Runner
-from rtamt_gym.play.workers import Elsewhere, Recipe, check_workers
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
@@ -49,7 +48,7 @@ from rtamt_gym.systems.system import Policy
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.play.workers import ClusterBackend
+    from rtamt_gym.play.parallel_runner import ClusterBackend
 
 import math
 from collections.abc import Callable, Iterator
@@ -298,7 +297,7 @@ def falsify(
 
     timeout = check_workers(n_jobs, backend, timeout)
     here = n_jobs is None and backend is None and timeout is None
-    elsewhere = partial(Elsewhere, n_jobs=n_jobs, backend=backend, timeout=timeout)
+    elsewhere = partial(ParallelRunner, n_jobs=n_jobs, backend=backend, timeout=timeout)
     runner = make(requirements, "violation")
     specs = runner.requirements
     varied = space_of(runner, space, "falsify")

@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike
 from rtamt import InputError, Specification, Verdict
 from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.inputs.space import Space
+from rtamt_gym.play.offline_runner import MakeRunner, OfflineRunner, prefers_offline
+from rtamt_gym.play.parallel_runner import ParallelRunner
 from rtamt_gym.play.run_record import SimulatedTrace
 from rtamt_gym.play.runner import Runner
-from rtamt_gym.play.whole import MakeRunner, Whole, judged_whole
-from rtamt_gym.play.workers import Elsewhere
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.falsification.effects import Effects, inputs_without_effect
 from rtamt_gym.search.falsification.kept import KeptSearch, Valued
@@ -78,7 +78,7 @@ class Search:
         seed: int,
         rng: np.random.Generator,
         scales: Mapping[str, float] | None,
-        elsewhere: Callable[..., Elsewhere] | None = None,
+        elsewhere: Callable[..., ParallelRunner] | None = None,
         kept: KeptSearch | None = None,
     ) -> None:
         self._elsewhere = elsewhere
@@ -102,7 +102,7 @@ class Search:
         self._traces: dict[int, SimulatedTrace] = {}
         self._valued = list(self._specs)
         self._least: list[str] = []
-        self._runner: Runner | Whole | Elsewhere = runner
+        self._runner: Runner | OfflineRunner | ParallelRunner = runner
         self.groups = _groups(space)
         self.rows: list[Trial] = []
         self.points: list[Floats] = []
@@ -198,7 +198,7 @@ class Search:
             if entry.low < entry.high
         }
         with ExitStack() as opened:
-            runner: Runner | Elsewhere = self._whole
+            runner: Runner | ParallelRunner = self._whole
             if self._elsewhere is not None:
                 runner = opened.enter_context(self._elsewhere(self._whole))
 
@@ -254,12 +254,12 @@ class Search:
             scaled = {f"{name} in scales": spec for name, spec in in_units.items()}
             self._valued = list(scaled)
         every = {**self._specs, **scaled}
-        complete = judged_whole(every, self._whole)
+        complete = prefers_offline(every, self._whole)
         if self._elsewhere is not None:
             runner = self._opened.enter_context(self._make(every, "known"))
-            self._runner = self._elsewhere(runner, whole=complete)
+            self._runner = self._elsewhere(runner, offline=complete)
         elif complete:
-            self._runner = Whole(self._make, every)
+            self._runner = OfflineRunner(self._make, every)
         else:
             self._runner = self._make(every, "known")
         self._opened.callback(self._runner.close)

@@ -20,8 +20,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.play.campaign import run_campaign
-from rtamt_gym.play.record import Record, check_columns
-from rtamt_gym.play.record_files import read_space, written_space
+from rtamt_gym.play.record import Record, check_columns, read_space, written_space
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.play.runner import Requirements, Runner
@@ -37,7 +36,7 @@ from rtamt_gym.systems.system import Policy
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.play.workers import ClusterBackend
+    from rtamt_gym.play.parallel_runner import ClusterBackend
 
 __all__ = ["FailedSimulationWarning", "Sweep", "space_of", "sweep", "tell_failures"]
 

@@ -16,7 +16,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.commands.errors import refusal
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.methods import MethodComparison
-from rtamt_gym.play.workers import Elsewhere
+from rtamt_gym.play.parallel_runner import ParallelRunner
 from rtamt_gym.reports.html import render
 from rtamt_gym.results import Record, Sweep
 from rtamt_gym.results.intervals import scipy_stats
@@ -115,7 +115,7 @@ DRAWING = ("rtamt_gym.drawing",)
             "search",
         ),
         (
-            lambda: Elsewhere(NONE, 2, None, None),
+            lambda: ParallelRunner(NONE, 2, None, None),
             "joblib",
             (),
             "n_jobs=",

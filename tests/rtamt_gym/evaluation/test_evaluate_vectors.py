@@ -13,7 +13,7 @@ from walks import SIGNALS, SPECS, Model, Walk
 
 from rtamt import InputError, StateError
 from rtamt_gym import StlMonitor, VectorStlMonitor, VectorStlReward, evaluate_policy
-from rtamt_gym.play.vector import VectorEpisodes
+from rtamt_gym.play.episodes import VectorEpisodes
 
 MODES = list(AutoresetMode)
 

@@ -246,7 +246,7 @@ def test_a_branch_is_saved_loaded_drawn_and_replayed_under_other_specifications(
     with pytest.raises(InputError) as refused:
         run.replay()
     assert str(refused.value) == (
-        "expected the samples of a whole episode, got those from sample 40 on; replay(specs) "
+        "expected the samples of a whole episode, got the samples from 40 on; replay(specs) "
         "takes sample 40 for the start of an episode"
     )
     assert repr(run) == "<Run of boxes: violation of calm at 0.59 s, 79 samples>"

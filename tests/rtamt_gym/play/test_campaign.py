@@ -25,8 +25,8 @@ from rtamt_gym.play import campaign
 from rtamt_gym.play import process as campaign_process
 from rtamt_gym.play.campaign import run_campaign
 from rtamt_gym.play.loop import Task
+from rtamt_gym.play.parallel_runner import Recipe, chosen_workers
 from rtamt_gym.play.process import Setup, end_processes, run_chunk
-from rtamt_gym.play.workers import Recipe, chosen_workers
 from rtamt_gym.results import Record, Sweep
 
 GRANTS = "rtamt/RequestGrant-v0"

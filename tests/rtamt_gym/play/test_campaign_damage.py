@@ -75,7 +75,7 @@ def test_a_changed_byte_of_a_part_is_found(folder: Path, place: float) -> None:
     raw = bytearray(part.read_bytes())
     raw[int(place * len(raw))] ^= 1
     part.write_bytes(bytes(raw))
-    said = f"{part} is damaged: its content has not the checksum of its name; {REMOVE}"
+    said = f"{part} is damaged: its content does not match the checksum in its name; {REMOVE}"
     assert refusal(folder) == said
     with pytest.raises(InputError, match="is damaged"):
         Record.load(folder)

@@ -187,5 +187,5 @@ def test_a_run_says_when_it_was_violated_and_first_by_what() -> None:
     assert (run.violated_by, run.violated_at) == ("low", 1)
     assert simulate(rows, "always(x < 9)").violated_at is None
     assert repr(run.histories["high"]) == (
-        "<Course of always(x < 5): VIOLATED at sample 2, robustness -1>"
+        "<History of always(x < 5): VIOLATED at sample 2, robustness -1>"
     )

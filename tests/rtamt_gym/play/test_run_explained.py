@@ -146,7 +146,7 @@ def test_a_run_that_lacks_the_begin_of_its_episode_is_not_explained() -> None:
     with pytest.raises(InputError) as refused:
         made.explain()
     assert str(refused.value) == (
-        "expected the samples of a whole episode, got those from sample 5 on; "
+        "expected the samples of a whole episode, got the samples from 5 on; "
         "rtamt.explain(formula, run.signals, run.period) takes sample 5 for the start of an episode"
     )
     explanation = rtamt.explain("always(z > -1)", made.signals, made.period)

@@ -63,7 +63,7 @@ def test_functions_among_signals_and_policies_are_refused(tmp_path: Path) -> Non
     space = [Parameter("env.gravity", 5, 25)]
     found = falsify(env, "always(angle < 9)", space, budget=2, at_termination="cut", **cart)
     assert refusal(found.save, tmp_path / "case.json") == (
-        "cannot save a case in which signal 'angle' is a function; use a selector, such as "
+        "cannot save a case: signal 'angle' is a function; use a selector, such as "
         "signals={'angle': 'obs[0]'}, or an environment that has the signal in its info"
     )
     cart["signals"] = {"angle": "obs[2]"}

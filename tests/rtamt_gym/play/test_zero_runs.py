@@ -56,7 +56,7 @@ def test_tables_and_pictures_say_what_a_zero_means() -> None:
     for line in ("kept              0  SATISFIED", "above             0  VIOLATED"):
         assert line in shown
     assert repr(run.histories["kept"]) == (
-        "<Course of always(gear == 1): SATISFIED at the end, robustness 0>"
+        "<History of always(gear == 1): SATISFIED at the end, robustness 0>"
     )
     labels = [axes.get_xlabel() for axes in draw([run]).axes]
     assert "SATISFIED, 0, at the end" in labels

@@ -19,7 +19,7 @@ from rtamt import Verdict
 from rtamt_gym import Case, StlMonitor, StlReward, VectorStlMonitor, evaluate_policy, simulate
 from rtamt_gym.learners.metrics import Satisfaction, ended_episodes, evaluation_metrics, metrics_of
 from rtamt_gym.play.record import Record
-from rtamt_gym.play.run_files import plain_run, run_fields
+from rtamt_gym.play.run import plain_run, run_fields
 from rtamt_gym.play.summaries import run_table
 from rtamt_gym.reports.numbers import ROOM
 from rtamt_gym.reports.write import section_of

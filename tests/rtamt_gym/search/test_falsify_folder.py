@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from rtamt import InputError
 from rtamt_gym import Parameter, Signal, falsify
 from rtamt_gym.__main__ import main
-from rtamt_gym.play.record_files import PARTS
-from rtamt_gym.play.record_files import RECORD as WHOLE
+from rtamt_gym.play.record import PARTS
+from rtamt_gym.play.record import RECORD as WHOLE
 from rtamt_gym.results import Falsification, Record, Sweep
 from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.search.falsification.protocol import Evaluate

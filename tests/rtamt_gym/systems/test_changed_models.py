@@ -19,8 +19,8 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym import Fmus, Parameter, compare, falsify, sweep
 from rtamt_gym.__main__ import main
+from rtamt_gym.play.parallel_runner import Recipe
 from rtamt_gym.play.runner import Runner
-from rtamt_gym.play.workers import Recipe
 from rtamt_gym.results import Evaluation, Record, SavedCase
 from rtamt_gym.results.provenance import Fingerprint
 from rtamt_gym.systems.fingerprints import fingerprint_of

@@ -1,4 +1,4 @@
-"""Runs cases on several processes or machines."""
+"""`ParallelRunner`: runs cases on several processes or machines."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.child import Making
 from rtamt_gym.play.loop import Task
+from rtamt_gym.play.offline_runner import OfflineRunner
 from rtamt_gym.play.process import Setup, end_processes, run_chunk
 from rtamt_gym.play.run_record import SimulatedTrace
 from rtamt_gym.play.runner import CaseLike, Runner
-from rtamt_gym.play.whole import Whole
 from rtamt_gym.results.provenance import Fingerprint, listed
 from rtamt_gym.results.trial import Trial
 
 ClusterBackend = Literal["dask", "ray"]
-"""The backends of joblib whose workers run on other machines."""
+"""The backends of joblib with workers on other machines."""
 
 NumberedTrials = list[tuple[int, Trial]]
 """Trials with the numbers of their tasks."""
@@ -43,7 +43,7 @@ _MOST: Final = 1000
 """The maximum number of tasks in a chunk."""
 
 _SIDE_BY_SIDE = ("batch", "n_envs")
-"""Options that set how many runs there are at once, and change no row."""
+"""Options that set the number of simultaneous runs, and change no row."""
 
 
 def check_workers(
@@ -77,7 +77,7 @@ class Chunks(Iterator[list[Task]]):
         self._wall = 0.0
 
     def share(self, workers: int) -> None:
-        """Limit chunks so that every worker gets one."""
+        """Limit the size of chunks so that every worker gets a chunk."""
         self._workers = workers
 
     def learn(self, rows: NumberedTrials) -> None:
@@ -107,10 +107,10 @@ class Recipe:
     """
 
     def __init__(
-        self, runner: Runner, *, whole: bool = False, fingerprint: Fingerprint | None = None
+        self, runner: Runner, *, offline: bool = False, fingerprint: Fingerprint | None = None
     ) -> None:
         self._fingerprint = fingerprint
-        self._whole = whole
+        self._offline = offline
         self._system = runner.origin
         self._requirements = runner.requirements
         self._kind = type(runner)
@@ -122,7 +122,7 @@ class Recipe:
         ):
             self._system = spec
 
-    def runner(self) -> Runner | Whole:
+    def runner(self) -> Runner | OfflineRunner:
         """Make the runner."""
         system = self._system
         if isinstance(system, EnvSpec):
@@ -133,10 +133,12 @@ class Recipe:
             here = runner.fingerprint()
             if changes := there.common(here).changes(here.common(there)):
                 raise InputError(f"{listed(changes)} since the run began, or on this machine")
-        return Whole(lambda _specs, _stop: runner, self._requirements) if self._whole else runner
+        if self._offline:
+            return OfflineRunner(lambda _specs, _stop: runner, self._requirements)
+        return runner
 
     def pickled(self, name: str) -> bytes:
-        """Return the recipe as bytes, with functions of the main program and nested functions."""
+        """Return the recipe as bytes, including functions of the main program and nested ones."""
         import cloudpickle
 
         try:
@@ -181,10 +183,10 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
     return getattr(value, "__qualname__", type(value).__qualname__)
 
 
-class Elsewhere:
+class ParallelRunner:
     """Runs cases on several processes or machines; the rows equal the runner's own rows.
 
-    The options are the options of `run_campaign`, and `whole`, which judges runs by a `Whole`.
+    The options are the options of `run_campaign`; `offline` makes it use an `OfflineRunner`.
     """
 
     def __init__(
@@ -194,7 +196,7 @@ class Elsewhere:
         backend: ClusterBackend | None,
         timeout: float | None,
         *,
-        whole: bool = False,
+        offline: bool = False,
     ) -> None:
         try:
             import_module("joblib")
@@ -208,7 +210,7 @@ class Elsewhere:
         self._runner = runner
         self._n_jobs, self._backend, self._timeout = n_jobs, backend, timeout
         self._name = uuid4().hex
-        recipe = Recipe(runner, whole=whole, fingerprint=runner.fingerprint())
+        recipe = Recipe(runner, offline=offline, fingerprint=runner.fingerprint())
         self._recipe = recipe.pickled(runner.name)
 
     def __enter__(self) -> Self:

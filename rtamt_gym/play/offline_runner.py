@@ -1,4 +1,4 @@
-"""`Whole`: runs cases to their end and judges them afterwards, if monitors would be slower."""
+"""`OfflineRunner`: runs cases to their end and judges them afterwards, where this is faster."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from rtamt_gym.results.trial import Trial
 MakeRunner = Callable[[Mapping[str, Specification], Stop], Runner]
 
 
-def judged_whole(specs: Mapping[str, Specification], runner: Runner) -> bool:
-    """Return whether runs are better judged after they are over.
+def prefers_offline(specs: Mapping[str, Specification], runner: Runner) -> bool:
+    """Return whether an `OfflineRunner` is faster than monitors.
 
-    They are if a window is over a combination of windows, as in ``always[0:30](p implies
+    It is if a window contains a combination of windows, as in ``always[0:30](p implies
     eventually[0:5] q)``. Updates of its monitor take ten times as long as the simulation of a
-    scenario, and the robustness of the whole trace a tenth. Unless it is violated, such a
-    requirement is hardly ever certain long before the end.
+    scenario, and the robustness of the whole trace a tenth. Unless it is violated, the verdict is
+    hardly ever certain long before the end.
     """
     return (
         runner.duration is not None
@@ -38,7 +38,7 @@ def judged_whole(specs: Mapping[str, Specification], runner: Runner) -> bool:
     )
 
 
-class Whole:
+class OfflineRunner:
     """Runs cases to the end, and judges them by their samples.
 
     `Runner` returns the same rows, except that a run without a violation is never stopped, and that
@@ -79,10 +79,10 @@ class Whole:
         for index, row, trace in self._runner.whole(listed, seeds):
             if row.simulated < self._horizon:
                 continue
-            with suppress(RtamtError):  # these samples cannot be judged
-                heights = {name: self.judge(name, trace) for name in self._names}
-                if not np.signbit(list(heights.values())).any():
-                    satisfied[index] = self._satisfied(row, heights, trace)
+            with suppress(RtamtError):  # the loop below runs these cases again
+                robustness = {name: self.judge(name, trace) for name in self._names}
+                if not np.signbit(list(robustness.values())).any():
+                    satisfied[index] = self._satisfied(row, robustness, trace)
         yield from satisfied.items()
         for index in range(len(listed)):
             if index not in satisfied:
@@ -90,38 +90,40 @@ class Whole:
                 for _, row in self._runner.run([listed[index]], own, above=above):
                     yield index, row
 
-    def _satisfied(self, row: Trial, heights: Mapping[str, float], trace: SimulatedTrace) -> Trial:
+    def _satisfied(
+        self, row: Trial, robustness: Mapping[str, float], trace: SimulatedTrace
+    ) -> Trial:
         """Return the row of a run that satisfies all requirements."""
         period, reading = trace.period, self._runner.evaluation_options
         if period not in self._questions:
             specs = self._runner.requirements
             self._questions[period] = Questions(specs, reading.having(period=period))
-        verdicts = dict.fromkeys(heights, Verdict.SATISFIED)
+        verdicts = dict.fromkeys(robustness, Verdict.SATISFIED)
         terminated = row.ended == "terminated"
         end = (reading.at_termination or "complete") if terminated else reading.at_truncation
-        stands_on = self._questions[period].answers(trace.signals, trace.samples, end, verdicts)
+        evidence = self._questions[period].answers(trace.signals, trace.samples, end, verdicts)
         last = round(row.simulated / (period or 1))
         outcomes = {
             name: Outcome.at(
-                [height] * 3,
+                [value] * 3,
                 Verdict.SATISFIED,
                 last,
                 period,
-                stands_on[name],
+                evidence[name],
                 1.0 if stages(self._runner.requirements[name]) else None,
             )
-            for name, height in heights.items()
+            for name, value in robustness.items()
         }
         return replace(row, outcomes=outcomes)
 
 
 def _nests(formula: Formula) -> bool:
-    """Return whether a window is over a combination of windows."""
+    """Return whether a window contains a combination of windows."""
     return any(_timed(node) and any(map(_combines, node.args)) for node in formula.nodes())
 
 
 def _combines(node: Any) -> bool:  # noqa: ANN401 - a formula or a term
-    """Return whether a node combines formulas, one of which has a window."""
+    """Return whether a node combines formulas, and one of them has a window."""
     if len(node.args) > 1 and any(_timed(part) for arg in node.args for part in arg.nodes()):
         return True
     return any(map(_combines, node.args))

@@ -11,8 +11,8 @@ import rtamt_envs  # noqa: F401 - registers the scenarios
 import rtamt
 from rtamt import Specification, Verdict
 from rtamt_gym import Runner, Space
+from rtamt_gym.play.offline_runner import OfflineRunner, prefers_offline
 from rtamt_gym.play.run_record import Stop
-from rtamt_gym.play.whole import Whole, judged_whole
 from rtamt_gym.results.outcome import Moment
 from rtamt_gym.results.trial import Trial
 
@@ -42,10 +42,10 @@ def test_windows_over_combinations_of_windows_are_judged_at_the_end(
             yield {"x": top}
 
     with Runner(system, text, period=0.5, duration=3) as runner:
-        assert judged_whole(runner.requirements, runner) is expected
+        assert prefers_offline(runner.requirements, runner) is expected
     for options in ({"view": "step"}, {"semantics": "output-robustness"}, {"duration": None}):
         with Runner(system, text, period=0.5, **{"duration": 3, **options}) as runner:  # type: ignore[arg-type]
-            assert not judged_whole(runner.requirements, runner)
+            assert not prefers_offline(runner.requirements, runner)
 
 
 @pytest.mark.slow(keep=1)
@@ -64,8 +64,8 @@ def test_rows_are_those_of_monitored_runs(system: str, names: list[str], count: 
         cases = [space.case(point) for point in points]
         seeds = range(count)
         expected = dict(runner.run(cases, seeds))
-        whole = Whole(make, runner.requirements)
-        assert judged_whole(runner.requirements, runner)
+        whole = OfflineRunner(make, runner.requirements)
+        assert prefers_offline(runner.requirements, runner)
         found = dict(whole.run(cases, seeds))
         whole.close()
     assert sorted(found) == list(range(count))
@@ -107,7 +107,7 @@ def test_what_fails_or_ends_early_is_left_to_monitors() -> None:
 
     cases = [{"steps": steps} for steps in (20.0, 7.0, 6.0, 1.0, -20.0, -7.0, -6.0, -1.0)]
     specs = {"spec": rtamt.parse(TEXT)}
-    whole, monitored = Whole(make, specs), make(specs, "known")
+    whole, monitored = OfflineRunner(make, specs), make(specs, "known")
     found, expected = dict(whole.run(cases)), dict(monitored.run(cases))
     assert [found[index] for index in (2, 3, 6, 7)] == [expected[index] for index in (2, 3, 6, 7)]
     assert [found[index].error != "" for index in range(8)] == [False] * 6 + [True] * 2
