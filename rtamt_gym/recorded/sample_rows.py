@@ -409,7 +409,11 @@ def wanted_samples(
         columns: How the columns are read.
         if_events: Advice for errors that rows which are events, not samples, may cause.
     """
-    empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing unknown", if_events)))
+    empty = "; " + "; ".join(
+        filter(
+            None, ("give --missing unknown, or --missing hold if the value before holds", if_events)
+        )
+    )
     gaps = () if columns.missing == "raise" else numbers
     wanted = Wanted(numbers, gaps=gaps, nan=bool(gaps), empty=empty)
     return wanted_times(wanted, time, columns)

@@ -65,7 +65,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "x\nnan\n",
             (
                 "stdin, line 2, column 'x': expected a number, got 'nan'; "
-                "give --missing hold or --missing unknown; "
+                "give --missing unknown, or --missing hold if the value before holds; "
                 "give --dense to take rows as events at any time"
             ),
         ),

@@ -116,7 +116,7 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
             "monitor calm.stl odd.parquet",
             (
                 "odd.parquet, row 2, column 'req': expected a number, got none; "
-                "give --missing hold or --missing unknown; "
+                "give --missing unknown, or --missing hold if the value before holds; "
                 "give --dense to take rows as events at any time"
             ),
         ),
@@ -124,7 +124,7 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
             "monitor calm.stl wide.csv",
             (
                 "wide.csv, line 4, column 'req': expected a number, got ''; "
-                "give --missing hold or --missing unknown; "
+                "give --missing unknown, or --missing hold if the value before holds; "
                 "give --dense to take rows as events at any time"
             ),
         ),
@@ -132,7 +132,7 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
             "explain calm.stl wide.csv",
             (
                 "wide.csv, line 4, column 'req': expected a number, got ''; "
-                "give --missing hold or --missing unknown; "
+                "give --missing unknown, or --missing hold if the value before holds; "
                 "give --dense to take rows as events at any time"
             ),
         ),

@@ -294,7 +294,7 @@ def test_nan_counts_as_an_empty_cell_where_that_is_allowed(missing: Missing) -> 
     text = "x,y\n1,1\nnan,2\n3,3\n"
     assert refused(text) == (
         "t.csv, line 3, column 'x': expected a number, got 'nan'; "
-        "give --missing hold or --missing unknown; give --dense"
+        "give --missing unknown, or --missing hold if the value before holds; give --dense"
     )
     found, _ = events("time,x\n0,1\n1,nan\n2,3\n", Columns(missing=missing)).signals["x"]
     assert found.tolist() == [0.0, 2.0]

@@ -281,8 +281,8 @@ def test_words_for_nothing_are_empty_cells(
 ) -> None:
     text = f"time,x\n0,1.5\n1,{word}\n2,3\n"
     assert reading(tmp_path, monkeypatch, text) == (
-        f", line 3, column 'x': expected a number, got {word.lstrip()!r}; give --missing hold or "
-        "--missing unknown"
+        f", line 3, column 'x': expected a number, got {word.lstrip()!r}; give "
+        "--missing unknown, or --missing hold if the value before holds"
     )
     assert reading(tmp_path, monkeypatch, text, Columns(missing="hold")) == (
         [1.5, 1.5, 3],
@@ -490,7 +490,9 @@ def test_texts_in_other_formats_have_the_same_readings(extension: str, tmp_path:
         [1.5, 1.5],
         ["empty cells hold the value before (x: 1)"],
     )
-    assert result(x="1.5 N/A").endswith("got 'N/A'; give --missing hold or --missing unknown")
+    assert result(x="1.5 N/A").endswith(
+        "got 'N/A'; give --missing unknown, or --missing hold if the value before holds"
+    )
     assert result(x="1.5 ERR").endswith("row 2, column 'x': expected a number, got 'ERR'")
 
 

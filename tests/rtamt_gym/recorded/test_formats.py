@@ -192,7 +192,9 @@ def test_empty_cells_are_refused_held_dropped_or_no_events(extension: str, tmp_p
         read(path, ["speed", "gear"])
     row = "line 5" if extension in (".csv", ".csv.gz", ".tsv", ".txt") else "row 4"
     assert f"gaps{extension}, {row}, column 'speed': expected a number, got " in str(caught.value)
-    assert str(caught.value).endswith("; give --missing hold or --missing unknown")
+    assert str(caught.value).endswith(
+        "; give --missing unknown, or --missing hold if the value before holds"
+    )
 
     held = read(path, ["speed", "gear"], Columns(missing="hold"))
     expected = TABLE["speed"].copy()

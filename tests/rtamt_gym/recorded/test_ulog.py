@@ -150,7 +150,10 @@ def test_fields_of_other_rates_are_held_in_samples(tmp_path: Path, capsys: Outpu
     assert main(["monitor", spec, path, "--missing", "hold"]) == 0
     assert "20 samples, one every 0.05 s, 5 s to 5.95 s" in capsys.readouterr().out
     assert main(["monitor", spec, path]) == 2
-    assert "give --missing hold or --missing unknown" in capsys.readouterr().err
+    assert (
+        "give --missing unknown, or --missing hold if the value before holds"
+        in capsys.readouterr().err
+    )
     assert main(["monitor", "always(vehicle_local_position.z < 0)", path, "--dense"]) == 0
 
 
