@@ -334,6 +334,9 @@ def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trac
         unknown = hole | (new.held & np.isnan(trace.columns[name][after]))
         resampled_values[name] = np.where(unknown, np.nan, resampled_values[name])
     passed = _passed_rows(trace, new.rows)
+    if passed is not None:
+        rows = counted(passed.count, "row")
+        notes.append(f"left out between samples: {rows} with another value, first {passed.place}")
     return _with_unknown(
         replace(taken, columns=resampled_values, times=times, notes=notes, passed=passed), columns
     )

@@ -209,7 +209,8 @@ def test_a_sample_off_the_grid_is_refused_or_resampled_by_holding() -> None:
         (
             "resampled every 0.1 s by holding values: 1 of 9 rows lay more than 5% of that off the "
             "grid; the longest gap, 0.3 s, follows t.csv, line 7"
-        )
+        ),
+        "left out between samples: 1 row with another value, first t.csv, line 5",
     ]
     assert trace.where(6) == "t.csv, line 7"
 

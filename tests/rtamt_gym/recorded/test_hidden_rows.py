@@ -62,7 +62,9 @@ def test_row_between_resampled_samples_matters(capsys: Output) -> None:
 
 def test_violation_between_rows_that_were_passed(capsys: Output) -> None:
     table = "time,x; 0,1; 1,1; 2,1; 2.7,1; 3,-1; 4,1"
-    assert judged(capsys, table, "--jitter", "5%")[0] == 1
+    code, text = judged(capsys, table, "--jitter", "5%")
+    assert code == 1
+    assert "left out between samples: 1 row with another value, first log.csv, line 5" in text
 
 
 def test_row_after_the_last_sample_matters(capsys: Output) -> None:
