@@ -1,4 +1,4 @@
-"""Benchmarks of robots as environments whose success can be judged: robosuite and Meta-World.
+"""Benchmarks of robots as environments with a success to judge: robosuite and Meta-World.
 
 To add a benchmark of robots: ``tests/benchmarks/NAME.txt`` with the MuJoCo that it allows,
 ``test_NAME.py`` next to it, and a row of ``docs/success.md``. A benchmark that is not an

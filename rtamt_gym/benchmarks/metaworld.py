@@ -7,7 +7,7 @@ failure. `TASKS` follows ``evaluate_state`` of each task in metaworld 3.1.1, in 
 
 metaworld 3.1.1 needs MuJoCo 3.3.0, and ``packaging``, which it does not declare: ``pip install
 metaworld packaging``. Importing this module registers ``metaworld/door-open-v3`` and the other
-tasks, in which a seed repeats an episode and ``"baseline"`` is the scripted policy.
+tasks. A seed repeats an episode there, and ``"baseline"`` is the scripted policy.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class BenchmarkTask(NamedTuple):
         quantity: ``"flag"`` for the task's own flag; an axis of the object's position, in metres;
             or ``"lever"``, an angle in radians.
         side: 1 if the quantity grows towards its target and beyond; -1 if it falls; 0 for a flag.
-        tolerance: The distance before the target at which the task is done, as in its own flag.
+        tolerance: The distance before the target that still counts as done, as in its own flag.
         file: The file of its flag, below ``metaworld/envs``.
         flag: The flag in this file.
     """
@@ -71,7 +71,8 @@ def _row(
 _NEAR: Final = "norm(object - target) <= {}"
 
 _ROWS: Final = (
-    # One side is meant: doors, drawers, windows, buttons, handles, levers, locks, faucets, plugs.
+    # The success has one side: doors, drawers, windows, buttons, handles, levers, locks, faucets,
+    # plugs.
     _row("button-press", "button_press", "abs(y) <= 0.02", "y", 1, 0.02),
     _row("button-press-topdown", "button_press_topdown", "abs(z) <= 0.024", "z", -1, 0.024),
     _row(
@@ -133,19 +134,19 @@ TASKS: Final[Mapping[str, BenchmarkTask]] = MappingProxyType({row.name: row for 
 
 
 def task_named(name: str) -> BenchmarkTask:
-    """Return the task of a name; raise InputError if there is none."""
+    """Return the task of a name; raise InputError if the name is unknown."""
     if name not in TASKS:
         raise InputError(f"Meta-World has no task {name!r}{nearest(name, TASKS)}")
     return TASKS[name]
 
 
 def done(name: str) -> Formula:
-    """Return the state in which a task is done, over the signals of `signals_of`.
+    """Return the formula of a done task, over the signals of `signals_of`.
 
     `rtamt_gym.success.reading` turns it into a requirement.
 
     Raises:
-        InputError: If there is no such task.
+        InputError: If the task is unknown.
 
     Example:
         >>> from rtamt_gym.success import reading
@@ -162,10 +163,10 @@ def signals_of(name: str) -> dict[str, SignalLike]:
     """Return the signals of `done` in the environment of a task.
 
     ``past`` is the distance of the object past its target, in metres or radians. ``success`` is the
-    task's own flag, 0 at the reset, whose info has none.
+    task's own flag; it is 0 at the reset, where the info lacks it.
 
     Raises:
-        InputError: If there is no such task.
+        InputError: If the task is unknown.
 
     Example:
         >>> signals_of("push-v3")
@@ -199,7 +200,7 @@ class Past:
 
 
 class SeededTask(gym.Wrapper[Any, Any, Any, Any]):
-    """A task of Meta-World in which ``reset(seed=)`` places its objects.
+    """A task of Meta-World where ``reset(seed=)`` places the objects.
 
     In Meta-World's own environments from ``gymnasium.make``, a seed does not. An episode ends at
     Meta-World's time limit, which truncates it; success does not end it.

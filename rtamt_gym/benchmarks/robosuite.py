@@ -34,11 +34,11 @@ TASKS: Final = (
     "ToolHang",
     "Wipe",
 )
-"""The tasks of one arm, whose ids are ``robosuite/NAME-v0``."""
+"""The tasks of one arm, with the ids ``robosuite/NAME-v0``."""
 
 
 class RobosuiteEnv(gym.Env[dict[str, Any], Any]):
-    """An environment of robosuite as one of Gymnasium.
+    """An environment of robosuite as an environment of Gymnasium.
 
     * ``info["success"]`` is 1.0 if the task is done, otherwise 0.0; also in the info of a reset.
     * The end of the horizon truncates an episode, so windows that it cuts stay open. robosuite's
@@ -47,13 +47,13 @@ class RobosuiteEnv(gym.Env[dict[str, Any], Any]):
     * ``dt`` is the time between two steps; ``model`` and ``data`` are MuJoCo's own, for selectors
       such as ``body:cube_main.xpos[2]``. robosuite replaces them at a reset.
 
-    Observations are a dictionary of arrays, in which selectors read ``obs['cube_pos'][2]``.
+    Observations are a dictionary of arrays. Selectors read them as ``obs['cube_pos'][2]``.
 
     Args:
         env: An environment from ``robosuite.make``; it is reset once to learn its observations.
 
     Raises:
-        InputTypeError: If it is not one.
+        InputTypeError: If it is not an environment of robosuite.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it

@@ -1,4 +1,4 @@
-"""Recorded episodes, in the form of Minari, and their signals.
+"""Recorded episodes, in the form of Minari: their signals, and datasets of them.
 
 All steps of an episode are read at once, like one step of a batch: `rtamt_gym.signals.columns`
 binds a selector to the spaces of the dataset. A function gets a `Step` per sample, or the whole
@@ -7,8 +7,12 @@ episode at once if `rtamt_gym.wrappers.batched` marks it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import shutil
+import sys
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,9 +21,10 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from rtamt import InputError, InputTypeError, RtamtError
+from rtamt import InputError, InputTypeError, RtamtError, Specification
 from rtamt.errors import nearest
 from rtamt.typing import NanPolicy
+from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.columns import Entries, Floats, SignalColumns
 from rtamt_gym.signals.signals import Batched, ParsedSignal, Step
@@ -90,28 +95,28 @@ _FIELDS = ("observations", "actions", "rewards", "terminations", "truncations")
 
 
 def read_episode(
-    given: Any,  # noqa: ANN401 - whatever is given
+    source: Any,  # noqa: ANN401 - any object
     number: int,
     metadata: Mapping[str, Any] | None = None,
 ) -> RecordedEpisode:
     """Return an episode of a dataset; raise an error if its parts do not fit together.
 
     Args:
-        given: Minari's ``EpisodeData`` or ``EpisodeBuffer``, or a mapping with the same names.
+        source: Minari's ``EpisodeData`` or ``EpisodeBuffer``, or a mapping with the same names.
         number: Its number in the dataset.
         metadata: ``seed`` and ``options`` of the reset from the dataset; None if the episode has
             them.
     """
-    if isinstance(given, Mapping):
-        known, missing = given, [name for name in _FIELDS if name not in given]
+    if isinstance(source, Mapping):
+        known, missing = source, [name for name in _FIELDS if name not in source]
     else:
         names = (*_FIELDS, "infos", "seed", "options")
-        known = {name: getattr(given, name) for name in names if hasattr(given, name)}
+        known = {name: getattr(source, name) for name in names if hasattr(source, name)}
         missing = [name for name in _FIELDS if name not in known]
         if len(missing) == len(_FIELDS):
             raise InputTypeError(
                 f"expected episode {number} as Minari's EpisodeData, or as a mapping with "
-                f"{listing(_FIELDS)}, got {type(given).__name__}"
+                f"{listing(_FIELDS)}, got {type(source).__name__}"
             )
     if missing:
         raise InputError(
@@ -123,7 +128,7 @@ def read_episode(
             f"episode {number}: expected infos as a mapping from keys to arrays, got "
             f"{type(known['infos']).__name__}"
         )
-    said = known if metadata is None else metadata
+    reset = known if metadata is None else metadata
     episode = RecordedEpisode(
         number,
         _arrays(known["observations"]),
@@ -132,8 +137,8 @@ def read_episode(
         np.asarray(known["terminations"], np.bool_),
         np.asarray(known["truncations"], np.bool_),
         dict(known.get("infos") or {}),
-        said.get("seed"),
-        said.get("options"),
+        reset.get("seed"),
+        reset.get("options"),
     )
     _check(episode)
     return episode
@@ -144,13 +149,13 @@ def _check(episode: RecordedEpisode) -> None:
     if steps == 0:
         raise InputError(f"episode {number} has no steps; remove it")
     for name in _FIELDS:
-        wanted = steps + (name == "observations")
+        expected = steps + (name == "observations")
         for leaf in _leaves(getattr(episode, name)):
-            if len(leaf) != wanted:
+            if len(leaf) != expected:
                 phrase = ", the first from the reset" if name == "observations" else ""
                 raise InputError(
-                    f"episode {number}: expected {wanted} {name} for {steps} rewards{phrase}, got "
-                    f"{len(leaf)}"
+                    f"episode {number}: expected {expected} {name} for {steps} rewards{phrase}, "
+                    f"got {len(leaf)}"
                 )
     early = np.flatnonzero((episode.terminations | episode.truncations)[:-1])
     if len(early):
@@ -182,13 +187,13 @@ def size_of(episode: RecordedEpisode) -> int:
     return sum(leaf.nbytes for tree in trees for leaf in _leaves(tree))
 
 
-def part(tree: Any, where: Any) -> Any:  # noqa: ANN401 - an index or a slice of a tree
+def part(tree: Any, index: Any) -> Any:  # noqa: ANN401 - an index or a slice of a tree
     """Return the elements of all leaves of a tree at an index, or in a slice."""
     if isinstance(tree, Mapping):
-        return {key: part(branch, where) for key, branch in tree.items()}
+        return {key: part(branch, index) for key, branch in tree.items()}
     if isinstance(tree, tuple):
-        return tuple(part(branch, where) for branch in tree)
-    return tree[where]
+        return tuple(part(branch, index) for branch in tree)
+    return tree[index]
 
 
 def space_of(tree: Any) -> spaces.Space[Any]:  # noqa: ANN401 - of observations or actions
@@ -230,7 +235,7 @@ class SignalReader:
         self._spaces = observations, actions
         self._nan = nan
         self._compare = True  # compare the results of marked functions in the first episode
-        self._columns(1)  # so that a selector that does not fit is refused now
+        self._columns(1)  # raises now if a selector does not fit
 
     def table(self, episode: RecordedEpisode, rewards: Floats) -> Floats:
         """Return the signals of an episode: a row for the reset, and one for every step.
@@ -238,19 +243,19 @@ class SignalReader:
         Raises:
             InputError: If a signal cannot be read or is nan; a note names the episode.
         """
-        where = f"in episode {episode.number}"
+        note = f"in episode {episode.number}"
         try:
             table = self._read(episode, rewards)
             self._check(table)
         except RtamtError as error:
-            error.add_note(where)
+            error.add_note(note)
             raise
         except (IndexError, KeyError, TypeError) as error:
             other = InputError(
                 "expected observations and actions of one form in all episodes, got others than "
                 f"in the first: {type(error).__name__}: {error}"
             )
-            other.add_note(where)
+            other.add_note(note)
             raise other from error
         return table
 
@@ -291,8 +296,8 @@ class SignalReader:
                     continue
                 step = Step(part(obs, 0), None, None, part(first, 0), None)
                 if k:
-                    said = part(later, k - 1)
-                    step = Step(part(obs, k), part(actions, k - 1), rewards[k - 1], said, None)
+                    info = part(later, k - 1)
+                    step = Step(part(obs, k), part(actions, k - 1), rewards[k - 1], info, None)
                 table[k, index] = signal.number(signal.call(step))
         return table
 
@@ -304,10 +309,10 @@ class SignalReader:
             signal.default is not None and np.isnan(signal.default) for signal in self._signals
         ]
         missing[0] &= ~np.array(unknown, np.bool_)
-        result = np.argwhere(missing)
-        if len(result) == 0 or (self._nan == "hold" and result[0, 0] > 0):
+        places = np.argwhere(missing)
+        if len(places) == 0 or (self._nan == "hold" and places[0, 0] > 0):
             return
-        sample, column = result[0]
+        sample, column = places[0]
         way_out = "; nan='hold' keeps the last value"
         if sample == 0:
             way_out += ", and the first sample has none"
@@ -317,7 +322,7 @@ class SignalReader:
 
 
 def _split(infos: Mapping[str, Any], steps: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Split infos into the reset's and the steps'; n elements for n steps leave the reset none."""
+    """Split infos into those of the reset and of the steps; the reset has no info of n elements."""
     first: dict[str, Any] = {}
     later: dict[str, Any] = {}
     for key, value in infos.items():
@@ -327,6 +332,197 @@ def _split(infos: Mapping[str, Any], steps: int) -> tuple[dict[str, Any], dict[s
         entries = np.asarray(value)
         if entries.ndim and len(entries) == steps + 1:
             first[key], later[key] = entries[:1], entries[1:]
-        else:  # a selector that reads it refuses another length
+        else:  # a selector that reads another length raises
             later[key] = entries
     return first, later
+
+
+def is_dataset(value: object) -> bool:
+    """Return whether a value is a dataset of Minari, without importing Minari."""
+    minari: Any = sys.modules.get("minari")
+    return minari is not None and isinstance(value, minari.MinariDataset)
+
+
+def episodes_of(dataset: Any) -> Iterator[RecordedEpisode]:  # noqa: ANN401 - Minari is not typed
+    """Yield the episodes of a dataset, or of any iterable.
+
+    Raises:
+        InputTypeError: If it is not an iterable of episodes.
+        InputError: If an episode is incomplete.
+    """
+    if is_dataset(dataset):
+        metadata = dataset.storage.get_episode_metadata(dataset.episode_indices)
+        for episode, reset in zip(dataset.iterate_episodes(), metadata, strict=True):
+            yield read_episode(episode, episode.id, reset)
+        return
+    if isinstance(dataset, str | Mapping) or not isinstance(dataset, Iterable):
+        way_out = "; load it: minari.load_dataset(...)" if isinstance(dataset, str) else ""
+        raise InputTypeError(
+            "expected a dataset of Minari or an iterable of episodes, got "
+            f"{dataset if isinstance(dataset, str) else type(dataset).__name__}{way_out}"
+        )
+    for number, episode in enumerate(dataset):
+        yield read_episode(episode, number)
+
+
+def spaces_of(
+    dataset: Any,  # noqa: ANN401
+    episode: RecordedEpisode,
+) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
+    """Return the spaces of observations and actions, of the dataset or of its first episode."""
+    if is_dataset(dataset):
+        return dataset.observation_space, dataset.action_space
+    return space_of(episode.observations), space_of(episode.actions)
+
+
+def described(
+    specs: Mapping[str, Specification],
+    signals: Sequence[ParsedSignal],
+    mode: str | None,
+    options: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return how a dataset was relabelled, as values of JSON."""
+    return {
+        "specs": {name: str(spec) for name, spec in specs.items()},
+        "signals": {signal.name: str(signal) for signal in signals},
+        "mode": mode,
+        **{name: _plain(value) for name, value in options.items()},
+    }
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - of an option
+    if isinstance(value, Mapping):
+        return {name: _plain(element) for name, element in value.items()}
+    if isinstance(value, str | bool | int | float | None):
+        return value
+    return [*value] if isinstance(value, Iterable) else str(value)
+
+
+class Store:
+    """A new dataset, which exists after the first call of `add`.
+
+    Args:
+        dataset_id: Its name.
+        source: The dataset to copy metadata from, or None.
+        description: The options of its making, for the metadata.
+
+    Raises:
+        ModuleNotFoundError: If Minari is not installed; names the extra.
+        InputError: If the name is taken or invalid.
+    """
+
+    def __init__(self, dataset_id: str, source: Any, description: dict[str, Any]) -> None:  # noqa: ANN401
+        try:
+            import minari  # noqa: F401 - raises the error below
+            from minari.dataset.minari_dataset import parse_dataset_id
+            from minari.storage.datasets_root_dir import get_dataset_path
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, "relabel(dataset_id=)") from error
+        try:
+            parse_dataset_id(dataset_id)
+        except (TypeError, ValueError):  # the first without a version
+            raise InputError(
+                f'expected dataset_id= as Minari writes names, such as "cart/safe-v0", got '
+                f"{dataset_id!r}"
+            ) from None
+        self._folder = Path(get_dataset_path(dataset_id))
+        if self._folder.exists():
+            raise InputError(
+                f"expected dataset_id= as a new name, got {dataset_id!r}, which is in "
+                f"{self._folder}; choose another name, or call "
+                f"minari.delete_dataset({dataset_id!r})"
+            )
+        self._id, self._source, self._description = dataset_id, source, description
+        self._old = {} if source is None else source.storage.metadata
+        self._format = self._old.get("data_format")
+        self._dataset: Any = None
+
+    def add(self, episodes: Sequence[RelabelledEpisode]) -> None:
+        """Write episodes."""
+        from minari.data_collector import EpisodeBuffer
+
+        if not episodes:
+            return
+        infos = _listed if self._format == "arrow" else dict
+        buffers = [
+            EpisodeBuffer(
+                seed=episode.seed,
+                options=episode.options,
+                observations=episode.observations,
+                actions=episode.actions,
+                rewards=episode.rewards,
+                terminations=episode.terminations,
+                truncations=episode.truncations,
+                infos=infos(episode.infos),
+            )
+            for episode in episodes
+        ]
+        if self._dataset is None:
+            self._dataset = self._create(episodes[0], buffers)
+        else:
+            self._dataset.update_dataset_from_buffer(buffers)
+
+    def _create(self, first: RecordedEpisode, buffers: Sequence[Any]) -> Any:  # noqa: ANN401
+        import minari
+
+        old = self._old
+        form = {name: old[name] for name in ("data_format", "jpeg_encoding") if name in old}
+        observations, actions = spaces_of(self._source, first)
+        with warnings.catch_warnings():
+            # It warns about a missing author and the like, which are copied below.
+            warnings.simplefilter("ignore", UserWarning)
+            dataset = minari.create_dataset_from_buffers(
+                self._id,
+                list(buffers),
+                observation_space=observations,
+                action_space=actions,
+                **form,
+            )
+        left_out = _OWN | (_OF_REWARDS if self._description["mode"] else frozenset())
+        metadata = {name: value for name, value in old.items() if name not in left_out}
+        dataset.storage.update_metadata({**metadata, "rtamt": self._description})
+        return minari.load_dataset(self._id)
+
+    def finish(self) -> Any:  # noqa: ANN401
+        """Return the dataset; raise InputError if it has no episode."""
+        if self._dataset is None:
+            raise InputError(
+                f"no episode is left for {self._id!r}: there are no episodes, or keep= rejects "
+                "all; no dataset was written"
+            )
+        return self._dataset
+
+    def discard(self) -> None:
+        """Remove the written files."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _listed(infos: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the infos with lists: Minari cannot read back Arrow arrays of one dimension."""
+    listed: dict[str, Any] = {}
+    for key, value in infos.items():
+        if isinstance(value, Mapping):
+            listed[key] = _listed(value)
+        else:
+            listed[key] = value.tolist() if np.ndim(value) == 1 else value
+    return listed
+
+
+_OWN = frozenset(
+    {
+        "dataset_id",
+        "data_format",
+        "jpeg_encoding",
+        "observation_space",
+        "action_space",
+        "minari_version",
+        "total_episodes",
+        "total_steps",
+        "dataset_size",
+    }
+)
+"""The metadata that every dataset sets itself."""
+
+
+_OF_REWARDS = frozenset({"ref_max_score", "ref_min_score", "num_episodes_average_score"})
+"""The metadata about the environment's own rewards."""

@@ -19,10 +19,14 @@ from rtamt_gym.datasets.episodes import (
     RecordedEpisode,
     RelabelledEpisode,
     SignalReader,
+    Store,
+    described,
+    episodes_of,
+    is_dataset,
     part,
     size_of,
+    spaces_of,
 )
-from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.specs import SpecsLike, check_period, load_specs, with_unknown_start
 from rtamt_gym.options.evaluation import EvaluationKeywords, EvaluationOptions, names_for
@@ -37,14 +41,14 @@ from rtamt_gym.wrappers.vector_reward import VectorStlReward
 
 
 class Tape:
-    """Recorded episodes in sequence: a row for every sample, and one for idle environments.
+    """Recorded episodes in sequence: a row for every sample, and a row for idle environments.
 
     Attributes:
         starts: The rows in which episodes start; the last is the row of idle environments.
         signals: The signals of every row.
         rewards: The rewards of every row.
         terminated: Whether the row is the last of a terminated episode.
-        truncated: Whether it is the last one of any other episode.
+        truncated: Whether the row is the last of any other episode.
     """
 
     def __init__(
@@ -95,7 +99,7 @@ class Playback(VectorEnv[Any, Any, Any]):
 
     def step(
         self,
-        actions: Any,  # noqa: ANN401, ARG002 - they were taken long ago
+        actions: Any,  # noqa: ANN401, ARG002 - the episodes are recorded
     ) -> tuple[Floats, Floats, Entries, Entries, dict[str, Any]]:
         """Show the next sample of every episode, or the first of the next one."""
         self._advance()
@@ -106,7 +110,7 @@ class Playback(VectorEnv[Any, Any, Any]):
 
     @property
     def playing(self) -> bool:
-        """Whether an episode is running or left."""
+        """Whether an episode is running or waiting."""
         idle = self.tape.starts[-1]
         left = self._next < len(self.tape.starts) - 1
         return left or bool(np.any((self.rows != idle) & ~self._ended))
@@ -192,13 +196,13 @@ def play(envs: Batch, playback: Playback) -> JudgedTape:
 
 
 KeepEpisodes = Literal["all", "satisfied"] | Callable[[RelabelledEpisode], bool]
-"""Which episodes are kept."""
+"""The selection of episodes."""
 
 ENTRIES = 256
-"""How many episodes are played side by side at most."""
+"""The maximum number of episodes that are played side by side."""
 
 SAMPLES, BYTES = 1 << 18, 1 << 28
-"""So many samples, or bytes of observations and actions, are held at once."""
+"""The number of samples, or of bytes of observations and actions, that memory holds."""
 
 
 class RelabelOptions(EvaluationKeywords, ShapingNumbers, total=False):
@@ -304,10 +308,10 @@ def relabel(
     variables = [name for spec in loaded.values() for name in spec.variables]
     readings = parse_signals(signals, variables, STEP)
     nan = options.get("nan", "raise")
-    needy = [Argument("cost", options["cost"])] if options.get("cost") is not None else []
+    cost = [Argument("cost", options["cost"])] if options.get("cost") is not None else []
     read = {name: signals.get(name) for name in variables}
     evaluation = EvaluationOptions(view=options.get("view", "episode"), nan=nan)
-    known, _ = with_unknown_start(evaluation, read, *needy)
+    known, _ = with_unknown_start(evaluation, read, *cost)
     options = {**options, "period": _period(dataset, loaded, options.get("period"))}
     if known.nan != nan:
         options["nan"] = known.nan

@@ -29,7 +29,7 @@ class Best:
         self.evaluation: Evaluation | None = None
 
     def add(self, evaluation: Evaluation) -> bool:
-        """Return whether an evaluation is better than all before; it is the best then."""
+        """Add an evaluation; return whether it is better than all before."""
         better = self.evaluation is None or _score(evaluation) > _score(self.evaluation)
         if better:
             self.evaluation = evaluation
@@ -42,16 +42,16 @@ def _score(evaluation: Evaluation) -> tuple[float, float]:
 
 
 MOST: Final = 1000
-"""The most episodes of a test; without an answer until then the policy has not passed."""
+"""The maximum number of episodes of a test; without a decision by then, the policy fails."""
 
 
 class Target:
     """Tests policies one after the other; a training errs with probability ``alpha`` at most.
 
     Tests of every policy at the level alpha would err more often, because each test is another
-    chance. So test number k runs at ``alpha / (k (k + 1))``, and the sum of these is ``alpha``,
-    however many tests there are and however similar the policies. Each is a sequential ratio test
-    (`RatioTest`) on its own seeds, which took no part in any choice.
+    chance. Therefore test number k runs at ``alpha / (k (k + 1))``, and the sum of these is
+    ``alpha``, however many tests there are and however similar the policies. Each is a sequential
+    ratio test (`RatioTest`) on its own seeds, which took no part in any choice.
 
     Args:
         target: The required rate.

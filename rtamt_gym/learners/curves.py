@@ -15,7 +15,7 @@ from rtamt_gym.drawing import tidy
 from rtamt_gym.learners.logs import StepCurve, TrainingLog
 
 ALL = ""
-"""The column of what is about all requirements together."""
+"""The column of all requirements together."""
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """The palette of Okabe and Ito, which colour-blind readers can distinguish."""
@@ -23,7 +23,7 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 @dataclass(frozen=True, slots=True)
 class CurvePanel:
-    """What one panel shows.
+    """The content of one panel.
 
     Attributes:
         title: Its name.
@@ -47,7 +47,7 @@ PANELS = (
     CurvePanel("cost", ("cost",)),
     CurvePanel("return", ("return",)),
 )
-"""The panels of a column, from the top; those without a curve are left out."""
+"""The panels of a column, from the top; panels without a curve are left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +82,9 @@ def columns_of(logs: Sequence[TrainingLog]) -> list[str]:
 
 
 def _parts(key: str) -> tuple[str, str, str]:
-    """Return what a key is of, its requirement, and its end."""
-    prefix, _, rest = key.rpartition("stl/")
-    name, _, end = rest.rpartition("/")
+    """Return the parts of a key: evaluation or training, the requirement, and the end."""
+    prefix, _, metric = key.rpartition("stl/")
+    name, _, end = metric.rpartition("/")
     return ("evaluation" if prefix.endswith("eval_") else "training"), name, end
 
 
@@ -109,17 +109,17 @@ def band_of(
         >>> band.steps.tolist(), band.middle.tolist(), band.low.tolist(), band.high.tolist()
         ([0.0, 2.0], [0.5, 1.0], [0.0, 1.0], [1.0, 1.0])
     """
-    found = [curve for log in logs if (curve := _curve(log, panel.key, requirement, kind))]
-    if not found:
+    curves = [curve for log in logs if (curve := _curve(log, panel.key, requirement, kind))]
+    if not curves:
         return None
-    if len(found) == 1:
-        steps, middle = found[0]
+    if len(curves) == 1:
+        steps, middle = curves[0]
         (log,) = [log for log in logs if _curve(log, panel.key, requirement, kind)]
         edges = [_curve(log, ends, requirement, kind) for ends in (panel.low, panel.high)]
         low, high = (middle if edge is None else np.interp(steps, *edge) for edge in edges)
         return CurveBand(steps, middle, low, high, np.ones(len(steps), np.int64))
-    steps = np.unique(np.concatenate([curve[0] for curve in found]))
-    table = np.array([np.interp(steps, *curve, left=np.nan, right=np.nan) for curve in found])
+    steps = np.unique(np.concatenate([curve[0] for curve in curves]))
+    table = np.array([np.interp(steps, *curve, left=np.nan, right=np.nan) for curve in curves])
     return CurveBand(
         steps,
         np.nanmean(table, axis=0),
@@ -159,24 +159,24 @@ def draw_training(
     Lines are evaluations; dotted lines are episodes of training.
 
     Args:
-        groups: The logs of each method by its name; of several logs the mean is drawn.
-        columns: The requirements, `ALL` for what is about all of them; None: all.
+        groups: The logs of each method by its name; the curve of several logs is their mean.
+        columns: The requirements, with `ALL` for all of them together. Default: all columns.
     """
     logs = [log for group in groups.values() for log in group]
     columns = columns_of(logs) if columns is None else columns
     places = [*panels_of(groups, columns)]
     used = [name for name in columns if any(name == column for column, _ in places)]
-    if len(used) == 2 and used[0] == ALL:  # one requirement is all of them
+    if len(used) == 2 and used[0] == ALL:  # a single requirement equals all requirements
         repeated = [panel for column, panel in places if column == used[1]]
         places = [(c, p) for c, p in places if c != ALL or p not in repeated]
         used = [name for name in used if any(name == column for column, _ in places)]
     height = max(sum(column == name for column, _ in places) for name in used)
     figure = Figure(figsize=(1.0 + 3.6 * len(used), 0.9 + 2.0 * height), layout="constrained")
     grid = figure.subplots(height, len(used), squeeze=False, sharex=True)
-    for at, name in enumerate(used):
+    for index, name in enumerate(used):
         panels = [panel for column, panel in places if column == name]
         for row in range(height):
-            ax = grid[row][at]
+            ax = grid[row][index]
             if row >= len(panels):
                 ax.set_axis_off()
                 continue
@@ -201,8 +201,8 @@ def _draw_panel(
         ax.set_ylim(-0.03, 1.03)
     if panel.title == "robustness":
         ax.axhline(0.0, color="#666666", linewidth=0.9, linestyle=(0, (4, 3)))
-    for place, (name, logs) in enumerate(groups.items()):
-        colour = _COLOURS[place % len(_COLOURS)]
+    for index, (name, logs) in enumerate(groups.items()):
+        colour = _COLOURS[index % len(_COLOURS)]
         evaluated = band_of(logs, panel, requirement, "evaluation")
         trained = band_of(logs, panel, requirement, "training")
         if trained is not None:

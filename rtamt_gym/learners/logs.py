@@ -55,28 +55,28 @@ def training_logs(folder: Path, notes: list[str] | None = None) -> list[Training
         notes: Sentences about files and cells that are left out are appended to this list.
 
     Raises:
-        InputError: If there is no log, or no log has metrics of satisfaction.
+        InputError: If the folder has no log, or no log has metrics of satisfaction.
     """
     if not folder.is_dir():
         raise InputError(f"{shown(str(folder))}: expected a folder with logs of training")
     logs, seen = list[TrainingLog](), 0
     notes = [] if notes is None else notes
     before = len(notes)
-    places = {folder, *(path for path in folder.rglob("*") if path.is_dir())}
-    for place in sorted(path for path in places if not _is_link(path, folder)):
+    folders = {folder, *(path for path in folder.rglob("*") if path.is_dir())}
+    for subfolder in sorted(path for path in folders if not _is_link(path, folder)):
         curves: dict[str, StepCurve] = {}
         for pattern, read in _READERS.items():
-            for path in sorted(p for p in place.glob(pattern) if not _is_link(p, folder)):
+            for path in sorted(p for p in subfolder.glob(pattern) if not _is_link(p, folder)):
                 seen += 1
                 curves = {**read(path, notes), **curves}
         metrics = {key: curve for key, curve in curves.items() if "stl/" in key and len(curve[0])}
         if metrics:
-            logs.append(TrainingLog(str(place), metrics))
+            logs.append(TrainingLog(str(subfolder), metrics))
     if not logs:
-        found = f"got {seen} without such keys" if seen else f"found no {' and no '.join(_READERS)}"
+        reason = f"got {seen} without them" if seen else f"found no {' and no '.join(_READERS)}"
         raise InputError(
-            f"{shown(str(folder))}: expected logs with metrics such as stl/satisfied, {found}. "
-            + (notes[before] if notes[before:] else _WAY)
+            f"{shown(str(folder))}: expected logs with metrics such as stl/satisfied, {reason}. "
+            + (notes[before] if notes[before:] else _ADVICE)
         )
     return logs
 
@@ -88,7 +88,7 @@ def _is_link(path: Path, folder: Path) -> bool:
 
 
 def _of_csv(path: Path, notes: list[str]) -> dict[str, StepCurve]:
-    """Read a CSV file in which a row has the metrics of one step; cells may be empty."""
+    """Read a CSV file with the metrics of one step in a row; cells may be empty."""
     with path.open(newline="", encoding="utf-8") as file:
         reader = csv.reader(file)
         lines = [(reader.line_num, row) for row in reader]
@@ -100,7 +100,7 @@ def _of_csv(path: Path, notes: list[str]) -> dict[str, StepCurve]:
     if fault := _fault_of_csv(names, counter, len(lines)):
         notes.append(f"{shown(str(path))}: left out, because {fault}")
         return {}
-    at, points = names.index(counter or ""), defaultdict[str, list[tuple[float, float]]](list)
+    column, points = names.index(counter or ""), defaultdict[str, list[tuple[float, float]]](list)
     bad: list[str] = []
 
     def number(line: int, name: str, cell: str) -> float | None:
@@ -110,7 +110,7 @@ def _of_csv(path: Path, notes: list[str]) -> dict[str, StepCurve]:
         return None if value is None else value[0]
 
     for line, row in lines[1:]:
-        step = number(line, names[at], row[at]) if at < len(row) else None
+        step = number(line, names[column], row[column]) if column < len(row) else None
         for name, cell in zip(names, row, strict=False):
             value = number(line, name, cell) if step is not None else None
             if step is not None and value is not None:
@@ -133,14 +133,14 @@ def _fault_of_csv(names: Sequence[str], counter: str | None, rows: int) -> str:
 def _of_events(path: Path, _: list[str]) -> dict[str, StepCurve]:
     """Read the scalars of an event file of TensorBoard; a record that is cut off is left out."""
     points = defaultdict[str, list[tuple[float, float]]](list)
-    data, at = path.read_bytes(), 0
-    while at + 12 <= len(data):
-        (length,) = struct.unpack_from("<Q", data, at)
-        end = at + 12 + length
+    data, start = path.read_bytes(), 0
+    while start + 12 <= len(data):
+        (length,) = struct.unpack_from("<Q", data, start)
+        end = start + 12 + length
         if end + 4 > len(data):
             break
         step, summary = 0, b""
-        for field, value in _fields(data[at + 12 : end]):
+        for field, value in _fields(data[start + 12 : end]):
             if field == 2 and isinstance(value, int):
                 step = value
             elif field == 5 and isinstance(value, bytes):
@@ -148,7 +148,7 @@ def _of_events(path: Path, _: list[str]) -> dict[str, StepCurve]:
         for field, entry in _fields(summary):
             if field == 1 and isinstance(entry, bytes) and (scalar := _scalar(entry)):
                 points[scalar[0]].append((float(step), scalar[1]))
-        at = end + 4
+        start = end + 4
     return _curves(points)
 
 
@@ -166,7 +166,7 @@ def _scalar(entry: bytes) -> tuple[str, float] | None:
 
 
 def _of_tensor(tensor: bytes) -> float | None:
-    """Return the only value of a tensor of floats; None if it is another."""
+    """Return the only value of a tensor of floats; None for another tensor."""
     for field, value in _fields(tensor):
         if field in (4, 5) and isinstance(value, bytes) and len(value) == 4:
             return float(struct.unpack("<f", value)[0])
@@ -175,39 +175,39 @@ def _of_tensor(tensor: bytes) -> float | None:
 
 def _fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
     """Yield the fields of a message of Protocol Buffers: numbers, and all others as bytes."""
-    at = 0
-    while at < len(message):
-        key, at = _varint(message, at)
+    start = 0
+    while start < len(message):
+        key, start = _varint(message, start)
         match key & 7:
             case 0:
-                number, at = _varint(message, at)
+                number, start = _varint(message, start)
                 yield key >> 3, number
                 continue
             case 1:
                 length = 8
             case 2:
-                length, at = _varint(message, at)
+                length, start = _varint(message, start)
             case 5:
                 length = 4
             case _:
                 return
-        yield key >> 3, message[at : at + length]
-        at += length
+        yield key >> 3, message[start : start + length]
+        start += length
 
 
-def _varint(message: bytes, at: int) -> tuple[int, int]:
+def _varint(message: bytes, start: int) -> tuple[int, int]:
     value = shift = 0
-    while at < len(message):
-        byte = message[at]
+    while start < len(message):
+        byte = message[start]
         value |= (byte & 127) << shift
-        at, shift = at + 1, shift + 7
+        start, shift = start + 1, shift + 7
         if byte < 128:
             break
-    return value, at
+    return value, start
 
 
 def _curves(points: Mapping[str, list[tuple[float, float]]]) -> dict[str, StepCurve]:
-    """Return the points of each key as a curve: of several at one step, the last counts."""
+    """Return the points of each key as a curve; the last of several points at one step counts."""
     curves = {}
     for name, pairs in points.items():
         by_step = dict(sorted(pairs, key=lambda pair: pair[0]))
@@ -215,7 +215,7 @@ def _curves(points: Mapping[str, list[tuple[float, float]]]) -> dict[str, StepCu
     return curves
 
 
-_WAY: Final = "Log what rtamt_gym.learners.metrics returns below stl/."
+_ADVICE: Final = "Log the metrics of rtamt_gym.learners.metrics with keys that start with stl/."
 
 _READERS: Final[Mapping[str, Callable[[Path, list[str]], dict[str, StepCurve]]]] = {
     "*.csv": _of_csv,

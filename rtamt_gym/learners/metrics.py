@@ -58,8 +58,8 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
     * ``NAME/first_violation``: median time of violations, in seconds, of the sample that decided
       each, or of the last one if only the end did; absent without a violation
 
-    A quantile is the smallest value that this share of the values does not exceed. Without episodes
-    there are no metrics.
+    A quantile is the smallest value that this share of the values does not exceed. Without
+    episodes, the result is empty.
 
     Args:
         episodes: ``info["stl_episode"]`` of each.
@@ -148,13 +148,13 @@ class Satisfaction:
     """The satisfaction of requirements over the newest episodes of a policy that learns.
 
     Args:
-        window: How many episodes the shares and quantiles are about: the newest.
+        window: The number of newest episodes for shares and quantiles.
         period: Seconds between two samples; None counts samples.
 
     Attributes:
         period: May be set when it is known.
-        episodes: How many episodes there have been.
-        violations: How many of them have violated each requirement.
+        episodes: The number of episodes.
+        violations: The number of episodes that violated each requirement.
 
     Raises:
         InputError: If the window is not a whole number above 0.
@@ -206,7 +206,7 @@ class Satisfaction:
         """Return the metrics (`metrics_of`) of the newest episodes, and counts since the first one.
 
         The counts are ``episodes`` and, for each requirement, ``NAME/violations``. ``cost`` is the
-        mean cost of the newest episodes whose cost is known; absent without any.
+        mean of the known costs of the newest episodes; absent if all are unknown.
         """
         metrics = metrics_of(self._newest, self.period)
         if self._costs:
@@ -243,8 +243,8 @@ def no_outcomes(info: Mapping[str, Any]) -> str:
     keys = [key for key in info if not key.startswith("_")]
     return (
         "expected 'stl_episode' in the last info of an episode, which StlMonitor and StlReward "
-        f"add, got the keys {listing(keys)}; wrap the environment in one of them, and place time "
-        "limits inside of it"
+        f"add, got the keys {listing(keys)}; wrap the environment in a monitor, and place time "
+        "limits inside it"
     )
 
 

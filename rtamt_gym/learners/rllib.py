@@ -19,7 +19,7 @@ EPISODES: Final = "stl_episodes"
 class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no types here
     """Add ``result["stl"]`` to the results of ``train``: metrics of satisfaction.
 
-    The keys are those of the callback for Stable-Baselines3, and ``cost``. Over the newest
+    The keys equal the keys of the callback for Stable-Baselines3, with ``cost``. Over the newest
     ``window`` episodes of all env runners: ``satisfied`` (all requirements), ``NAME/satisfied``,
     ``NAME/violated``, ``NAME/undecided`` (shares), ``NAME/robustness_p5``, ``_median``, ``_p95``,
     ``NAME/first_violation`` (median, in seconds, or in samples without a period). Since the start:
@@ -45,7 +45,7 @@ class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no ty
     def __init__(self, window: int = 100) -> None:
         self.training = Satisfaction(window)
         self._period: float | None = None
-        self._asked = False
+        self._has_period = False
 
     def on_episode_end(
         self,
@@ -59,8 +59,8 @@ class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no ty
         info = episode.get_infos(-1)
         if "stl_episode" not in info:
             raise InputError(no_outcomes(info))
-        if not self._asked:
-            self._asked = True
+        if not self._has_period:
+            self._has_period = True
             period = env.unwrapped.get_attr("period")[0]
             self._period = None if period is None else float(period)
         result = info["stl_episode"], self._period

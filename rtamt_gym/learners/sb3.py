@@ -42,7 +42,7 @@ __all__ = ["SatisfactionCallback", "as_trained"]
 
 
 Layer = Any
-"""What one wrapper does to a batch of observations: a function, or a stack that remembers."""
+"""The effect of a wrapper on a batch of observations: a function, or a stack with a memory."""
 
 PASSING = (VecMonitor, VecCheckNan, VecVideoRecorder)
 """The wrappers that leave observations as they are."""
@@ -127,7 +127,7 @@ class AsTrained:
             starts = np.zeros(num, np.bool_) if episode_start is None else np.asarray(episode_start)
         for layer in layers:
             if isinstance(layer, StackedObservations):
-                # The stack of an episode that starts is cleared as it is where one has ended.
+                # The stack of a starting episode is cleared, as after the end of an episode.
                 ends = [{"terminal_observation": _parts(observation, lambda p: p[0])}] * num
                 observation, _ = layer.update(observation, starts, ends)
             else:
@@ -206,8 +206,9 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
 
     Args:
         env: The environment to evaluate in, as for `evaluate_policy`: a function that makes a
-            monitored environment, such as the one for ``make_vec_env``; an id or an environment,
-            with ``specs`` and ``signals``; a `DummyVecEnv`, of which the first environment is used.
+            monitored environment, such as the argument of ``make_vec_env``; an id or an
+            environment, with ``specs`` and ``signals``; a `DummyVecEnv`, where the first
+            environment is used.
             It must not be a training environment. None evaluates nothing
         specs: The requirements, if the environment has no monitor
         signals: Their signals, if the environment has no monitor
@@ -217,7 +218,7 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
             seeds
         deterministic: Whether the evaluated policy takes its most likely action
         path: The path of the best model, with or without ``.zip``; None saves nothing
-        target: The rate of satisfying all requirements at which to stop; None trains to the end
+        target: The rate of satisfying all requirements that stops training; None trains to the end
         alpha: The maximum probability of a wrong stop
         margin: How far below the target a rate must be refused
         window: The number of training episodes for the shares
@@ -227,16 +228,16 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         training: The episodes of training, a `Satisfaction`.
         evaluations: The steps and the `Evaluation` of each evaluation.
         best: The `Best` of them.
-        confirmed: The `RatioTest` that stopped the training; None if there was none.
+        confirmed: The `RatioTest` that stopped the training, or None.
 
     Raises:
         InputError: If an argument does not fit, or if a training episode ends without outcomes and
-            there is no environment to evaluate in.
+            `env` is None.
     """
 
     def __init__(
         self,
-        env: Any = None,  # noqa: ANN401 - what evaluate_policy takes
+        env: Any = None,  # noqa: ANN401 - as in evaluate_policy
         specs: Requirements | None = None,
         signals: Mapping[str, SignalLike] | None = None,
         *,
@@ -270,8 +271,8 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         self._target = target
         if target is not None:
             self._test = Target(target, alpha, margin, seed=seed + self._episodes)
-        given = {"specs": specs, "signals": signals, "deterministic": deterministic}
-        self._options: dict[str, Any] = {"keep": 0, **given, **evaluation}
+        own = {"specs": specs, "signals": signals, "deterministic": deterministic}
+        self._options: dict[str, Any] = {"keep": 0, **own, **evaluation}
 
     def _on_training_start(self) -> None:
         self._next = (self.num_timesteps // self._freq + 1) * self._freq
@@ -279,13 +280,13 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         num = self.training_env.num_envs
         if self.num_timesteps == 0:
             self._costs = [0.0] * num
-        elif len(self._costs) != num:  # episodes that began before have costs that are not known
+        elif len(self._costs) != num:  # running episodes have unknown costs
             self._costs = [None] * num
         if self._env is None:
             return
-        as_trained(self.model)  # refuses wrappers that it does not know
+        as_trained(self.model)  # raises for unknown wrappers
         trained_in = getattr(self.training_env.unwrapped, "envs", ())
-        # Of a `VecEnv` around a vector environment it is that one, and no list.
+        # A `VecEnv` around a vector environment has that environment here, not a list.
         if self._env is trained_in or (isinstance(trained_in, list) and self._env in trained_in):
             raise InputError(
                 "expected a separate environment for evaluations, got the training environment; "
@@ -326,7 +327,7 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
             self._evaluate()
 
     def _count(self, info: Mapping[str, Any], cost: float | None) -> None:
-        """Count an episode of training; one without outcomes is an error if it is all there is."""
+        """Count an episode of training; raise InputError for missing outcomes that are needed."""
         if "stl_episode" in info:
             if not self.training.episodes:
                 self.training.period = self.training_env.get_attr("period", 0)[0]
@@ -380,11 +381,11 @@ SHOWN: Final = frozenset({"satisfied", "rate", "low", "high", "return"})
 """The ends of the keys that the table in the terminal shows."""
 
 LONGEST: Final = 33
-"""The longest key that it shows whole."""
+"""The maximum length of a key that it shows completely."""
 
 
 def _single(env: Any) -> Any:  # noqa: ANN401
-    """Return the environment to evaluate in; of a vector environment in this process the first."""
+    """Return the environment to evaluate in: of a vector environment in this process, the first."""
     if not isinstance(env, VecEnv):
         return env
     envs = getattr(env.unwrapped, "envs", ())

@@ -20,7 +20,7 @@ HEAD: Final = 3
 """The numbers of a row before its values: sample, time and episode."""
 
 _MANY: Final = 50_000
-"""Rows from which on the monitored program sends them itself, so that memory stays bounded."""
+"""The number of waiting rows that the monitored program sends itself, to bound memory."""
 
 _QUALITY: Final = 85
 """The quality of pictures, as Pillow counts it."""
@@ -49,14 +49,14 @@ class PackedPicture(NamedTuple):
 class Track:
     """Collects the samples of one trace after the other; the view sends them.
 
-    Appending to a deque needs no lock, so that a sample never waits for the thread that sends.
+    Appending to a deque needs no lock, so a sample never waits for the thread that sends.
 
     Args:
         prefix: The entity above all others of the track; empty without one.
         signals: The names of the values of a sample.
         requirements: The names of the requirements.
         period: Seconds between samples; None if they have no time.
-        send: Sends everything that waits.
+        send: Sends all waiting samples.
 
     Attributes:
         rows: Sample, time, episode, the values, then the curves of each requirement.
@@ -96,11 +96,11 @@ class Track:
         self._monitors = list(monitors.values())
 
     def draw(self, render: Callable[[], Any] | None, every: int) -> None:
-        """Take a picture at every sample whose number in its episode is a multiple of a number.
+        """Take a picture of every ``every``-th sample of an episode, the first included.
 
         Args:
             render: Returns a picture of shape (height, width, 3); None: the caller takes pictures.
-            every: The number.
+            every: The number of samples between pictures.
         """
         self.has_pictures = True
         self._render, self._every = render, every
@@ -143,7 +143,7 @@ class Track:
             values: The values of the signals.
             curves: Robustness, lower and upper bound of each requirement.
             verdicts: The verdict of each requirement; None: the caller logs them.
-            place: Its number and its time; None: one period after the sample before it.
+            place: Its number and its time. Default: one period after the previous sample.
         """
         if not self._running:
             self._start()
@@ -202,7 +202,7 @@ class Track:
             name: The requirement.
             verdict: The verdict.
             text: The line.
-            place: Sample, time and episode; None: of the newest sample.
+            place: Sample, time and episode. Default: the newest sample.
         """
         self.lines.append(VerdictLine(place or self._place, name, verdict, text))
 

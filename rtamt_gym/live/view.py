@@ -24,7 +24,7 @@ class RerunView:
 
     Pass it as ``live=`` to `StlMonitor`, `VectorStlMonitor`, `StepMonitor` or `simulate`. It shows
     the signals, robustness and bounds of each requirement, a log of verdicts, and pictures. A
-    thread sends what is new every 50 ms: the monitored program never waits for the view. If 10,000
+    thread sends new samples every 50 ms: the monitored program never waits for the view. If 10,000
     verdicts wait for the viewer, the viewer is detached with a warning; the file holds all.
 
     The newest sample of an episode is sent with the next one, or at the end of the episode, because
@@ -80,8 +80,7 @@ class RerunView:
         self.pictures = pictures
         self.environments = tuple(environments)
         try:
-            from rtamt_gym.live.outputs import FileOutput, ViewerOutput
-            from rtamt_gym.live.packing import Packer
+            from rtamt_gym.live.outputs import FileOutput, Packer, ViewerOutput
         except ModuleNotFoundError as error:
             raise naming_extra(error, "RerunView", "rerun") from error
         self.address: str | None = None
@@ -126,8 +125,8 @@ class RerunView:
             raise StateError("expected an open view, got a closed one; make another RerunView")
         if os.getpid() != self._process:
             raise StateError(
-                "expected a view of this process, got one of another process. Give live= to "
-                "VectorStlMonitor in place of monitors in processes"
+                "expected a view of this process, got a view of another process. Give live= to "
+                "VectorStlMonitor instead of monitors in processes"
             )
         names = tuple(signals), tuple(requirements), period
         track = self._tracks.get(prefix)
@@ -143,7 +142,7 @@ class RerunView:
         return track
 
     def send(self) -> None:
-        """Send all samples but the newest of an episode that goes on."""
+        """Send all samples, except the newest of a running episode."""
         with self._sending:
             self._packer.send([*self._tracks.values()])
 
@@ -173,7 +172,7 @@ class RerunView:
     def __reduce__(self) -> NoReturn:
         raise TypeError(
             "a RerunView cannot be copied: it has a thread and a viewer. Give live= to "
-            "VectorStlMonitor in place of monitors in processes"
+            "VectorStlMonitor instead of monitors in processes"
         )
 
     def _run(self) -> None:

@@ -167,7 +167,7 @@ def test_episodes_without_outcomes_are_refused_unless_others_are_evaluated(tmp_p
     reason = (
         "expected 'stl_episode' in the last info of an episode, which StlMonitor and StlReward "
         "add, got the keys 'episode', 'TimeLimit.truncated', 'terminal_observation'; wrap the "
-        "environment in one of them, and place time limits inside of it"
+        "environment in a monitor, and place time limits inside it"
     )
     model = learner("PPO", monitored(2, None), tmp_path)
     with pytest.raises(InputError) as caught:

@@ -128,7 +128,7 @@ def test_links_within_a_folder_are_not_further_logs(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("points", "fault"), [({}, "found no"), ({"loss": [(1, 2.0)]}, "got 1 without such keys")]
+    ("points", "fault"), [({}, "found no"), ({"loss": [(1, 2.0)]}, "got 1 without them")]
 )
 def test_a_folder_without_metrics_is_refused(points: Points, fault: str, tmp_path: Path) -> None:
     if points:

@@ -195,6 +195,6 @@ def test_infos_without_outcomes_error() -> None:
         ended_episodes(infos, [False, True])
     assert str(caught.value) == (
         "expected 'stl_episode' in the last info of an episode, which StlMonitor and StlReward "
-        "add, got the keys 'reward'; wrap the environment in one of them, and place time limits "
-        "inside of it"
+        "add, got the keys 'reward'; wrap the environment in a monitor, and place time limits "
+        "inside it"
     )

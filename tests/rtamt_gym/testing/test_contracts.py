@@ -151,7 +151,7 @@ def test_a_system_of_ones_own_keeps_the_contract() -> None:
 @pytest.mark.parametrize(
     ("system", "word"),
     [
-        (GoesOn, "begins again"),
+        (GoesOn, "a second run after a run that was left early"),
         (OwnOrder, "order"),
         (SilentEnd, "ended"),
         (Takes, "that_is_not_there"),
@@ -225,7 +225,7 @@ def opened_by(kind: str) -> Any:  # noqa: ANN401
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        ("reads what is not there", "expected OSError where there is no file of .ssv, got a trace"),
+        ("reads what is not there", "expected OSError for a missing file of .ssv, got a trace"),
         ("raises another error", "expected InputError, got ValueError: bad magic"),
         ("reads noise", "expected InputError, got none"),
     ],

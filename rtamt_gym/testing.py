@@ -1,4 +1,7 @@
-"""The contracts of a trace format, an optimizer and a system."""
+"""The contracts of trace formats, optimizers and systems of other packages.
+
+The tests of another package call these functions; an `AssertionError` states the broken claim.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +36,10 @@ _EMPTY = (3, 4, 9)
 _DIMENSIONS = (1, 2, 7)
 
 
-def _claim(holds: bool, what: str) -> None:  # noqa: FBT001 - the claim itself, not a switch
+def _claim(holds: bool, claim: str) -> None:  # noqa: FBT001 - the claim itself, not a switch
     """Raise an `AssertionError` if a claim fails, also under ``python -O``."""
     if not holds:
-        raise AssertionError(what)
+        raise AssertionError(claim)
 
 
 def check_trace_format(
@@ -49,14 +52,14 @@ def check_trace_format(
     empty cells are held or dropped on request.
 
     Args:
-        extension: The end of the names of such files, such as ``".npz"``.
+        extension: The end of the file names, such as ``".npz"``.
         write: Writes a table to a path; nan is an empty cell.
         folder: Where to write, such as pytest's ``tmp_path``.
         gaps: Whether the format has empty cells.
 
     Raises:
         AssertionError: If a claim fails.
-        InputError: If there is no format of this extension.
+        InputError: If the extension has no format.
 
     Example:
         >>> import tempfile
@@ -84,8 +87,8 @@ def check_trace_format(
         _check_gaps(path, table)
     try:
         _read(folder / f"absent{extension}", "speed")
-        text = f"expected OSError where there is no file of {extension}, got a trace"
-        _claim(holds=False, what=text)
+        text = f"expected OSError for a missing file of {extension}, got a trace"
+        _claim(holds=False, claim=text)
     except OSError:
         pass
     path = folder / f"noise{extension}"
@@ -128,7 +131,7 @@ def _check_gaps(path: Path, table: ColumnTable) -> None:
     _claim_same(columns["speed"], held, "empty cells that hold")
     rows = np.delete(np.arange(_N), _EMPTY)
     dropped = _read(path, "speed", "gear", missing="drop").columns
-    _claim_same(dropped["gear"], table["gear"][rows], "rows without those that have an empty cell")
+    _claim_same(dropped["gear"], table["gear"][rows], "rows without empty cells")
     with open_recording(str(path)) as recording:
         times, _ = read_events(recording, ["speed", "gear"]).signals["speed"]
     _claim_same(times, table["time"][rows], "the times of events without empty cells")
@@ -145,17 +148,17 @@ def _refusal(call: Callable[[], object]) -> str:
     raise AssertionError("expected InputError, got none")
 
 
-def _claim_same(values: NDArray[Any], expected: NDArray[Any], what: str) -> None:
+def _claim_same(values: NDArray[Any], expected: NDArray[Any], name: str) -> None:
     same = len(values) == len(expected) and np.array_equal(values, expected)
-    _claim(same, f"expected {what} as they were written, {expected[:12]}..., got {values[:12]}...")
+    _claim(same, f"expected {name} as they were written, {expected[:12]}..., got {values[:12]}...")
 
 
 def check_optimizer(optimizer: OptimizerLike, *, budget: int = 200) -> None:
     """Check that `falsify` can search with an optimizer.
 
-    It asks for points of the unit cube, in spaces of one dimension and of several, for all values;
-    it lets the end of the search through; and it draws from the given generator alone, so the same
-    seed asks for the same points.
+    It evaluates points of the unit cube, in spaces of one dimension and of several, for all values;
+    it does not catch the end of the search; and it draws from its generator alone, so the same seed
+    evaluates the same points.
 
     Args:
         optimizer: The optimizer, or its name.
@@ -172,7 +175,7 @@ def check_optimizer(optimizer: OptimizerLike, *, budget: int = 200) -> None:
     """
     search = find_optimizer(optimizer)
 
-    def asked(height: Callable[[Floats], Floats], dimension: int) -> Floats:
+    def points_of(height: Callable[[Floats], Floats], dimension: int) -> Floats:
         evaluate, returned = _Recorded(height, dimension, budget), False
         with suppress(SearchOver):
             search(evaluate, dimension, np.random.default_rng(3))
@@ -187,7 +190,7 @@ def check_optimizer(optimizer: OptimizerLike, *, budget: int = 200) -> None:
     for dimension in _DIMENSIONS:
         for height in (_slope, _flat, _never):
             before = _global_state()
-            points, again = asked(height, dimension), asked(height, dimension)
+            points, again = points_of(height, dimension), points_of(height, dimension)
             _claim(len(points) > 0, f"expected a point in {dimension} dimensions, got none")
             _claim(
                 np.array_equal(points, again),
@@ -197,7 +200,7 @@ def check_optimizer(optimizer: OptimizerLike, *, budget: int = 200) -> None:
 
 
 class _Recorded:
-    """Stands for the simulations of a search, and records the points."""
+    """A stand-in for the simulations of a search that records the points."""
 
     def __init__(self, height: Callable[[Floats], Floats], dimension: int, budget: int) -> None:
         half = max(1, dimension // 2)
@@ -231,7 +234,7 @@ class _Recorded:
 
 def _global_state() -> str:
     """Return the state of NumPy's global generator, which an optimizer must not draw from."""
-    state = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - careless ones use it
+    state = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - to detect its use
     return f"{state['pos']} {state['key'].tobytes().hex()}"
 
 
@@ -258,8 +261,8 @@ def check_system(
     """Check that `simulate` and the searches can run a system.
 
     Its samples are numbers, in the order of the variables; a second run has the same samples, also
-    after a run that was left early; an unknown name is an error before a run starts; `close` may be
-    called at any time.
+    after a run that was left early; an unknown name is an error before a run starts; `close` works
+    at any time.
 
     Args:
         make: Returns the system, ready to be bound.
@@ -285,11 +288,13 @@ def check_system(
     )
     names = list(variables)
     rows = _run(system, names, period, steps)
-    _claim(_run(make(), names, period, steps) == rows, "expected the same samples of every one")
+    _claim(
+        _run(make(), names, period, steps) == rows, "expected the same samples of another system"
+    )
     _run(system, names, period, 0)
     _claim(
         _run(system, names, period, steps) == rows,
-        "expected the same samples of a run that begins again after one that was left early",
+        "expected the same samples of a second run after a run that was left early",
     )
     backwards = _run(make(), names[::-1], period, steps)
     _claim(
@@ -303,7 +308,7 @@ def check_system(
     except RtamtError as error:
         _claim(unknown in str(error), f"expected an error that names {unknown!r}, got {error}")
     else:
-        _claim(holds=False, what=f"expected an error about {unknown!r}, got a sample")
+        _claim(holds=False, claim=f"expected an error about {unknown!r}, got a sample")
     finally:
         system.close()
 
@@ -311,16 +316,22 @@ def check_system(
 def _run(
     system: System, names: list[str], period: Fraction | None, steps: int
 ) -> list[list[float]]:
-    """Return the samples of a run of at most so many steps."""
+    """Return the samples of a run of at most ``steps`` steps."""
     system.bind(names, None, _period(system, period))
     try:
         rows = [[float(value) for value in system.start()]]
-        _claim(system.ended == "", f"expected a run that has begun, got {system.ended!r}")
+        _claim(
+            system.ended == "",
+            f"expected a running system after start(), got ended={system.ended!r}",
+        )
         while len(rows) <= steps and (values := system.advance()) is not None:
             rows.append([float(value) for value in values])
             _claim(system.ended in get_args(SystemEnd), f"got ended={system.ended!r}")
         if len(rows) <= steps:
-            _claim(system.ended != "", "expected `ended` to say how the system ended, got ''")
+            _claim(
+                system.ended != "",
+                "expected `ended` as terminated or truncated after the last sample, got ''",
+            )
             within = system.limit is None or len(rows) <= system.limit + 1
             _claim(within, "got steps past the limit")
     finally:
