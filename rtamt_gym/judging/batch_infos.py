@@ -1,9 +1,8 @@
-"""Vector environments: their infos, and when they reset an environment.
+"""Infos of vector environments, and their modes of reset.
 
-An info is an array for every key, and a mask ``_key`` of the environments that have it, as in
-Gymnasium's `SyncVectorEnv`: where an environment has no value the array holds zero, or None if it
-is an array of objects; a key that no environment has is absent; a dictionary of infos becomes a
-dictionary of arrays.
+An info has an array for every key, and a mask ``_key`` of the environments with a value, as in
+Gymnasium's `SyncVectorEnv`. Without a value, the array holds zero, or None in an array of objects.
+A key without any value is absent; a dictionary of infos becomes a dictionary of arrays.
 """
 
 from __future__ import annotations
@@ -53,16 +52,16 @@ def put_last(
     reported: Entries | None,
     spread: Callable[[list[_Column], NDArray[np.int64]], None],
 ) -> None:
-    """Set the keys of `last_info` for the environments in the mask, which have the numbers ``at``.
+    """Set the keys of `last_info` for some environments.
 
     Args:
         infos: The infos.
         last: The keys; each array, also in a `Where` or a `SpecRows`, has an element for each of
             these environments.
         at: The numbers of the environments.
-        mask: Their mask.
+        mask: The mask of the environments.
         reported: Where the environment has its own ``is_success``, which stays; None: nowhere.
-        spread: Writes all at once, as `VerdictLog.spread` does.
+        spread: Writes all values at once, as `VerdictLog.spread` does.
     """
     num, before = len(mask), infos.get("is_success")
     columns: list[_Column] = []
@@ -80,9 +79,9 @@ def put_last(
     spread(columns, at)
     if reported is not None:
         new = key_mask(infos, "is_success", num) & ~reported
-        held = np.array(before)
-        held[new] = infos["is_success"][new]
-        infos["is_success"], infos["_is_success"] = held, reported | new
+        success = np.array(before)
+        success[new] = infos["is_success"][new]
+        infos["is_success"], infos["_is_success"] = success, reported | new
 
 
 def _column(place: _Place, key: str, value: Any) -> _Column:  # noqa: ANN401
@@ -93,7 +92,7 @@ def _column(place: _Place, key: str, value: Any) -> _Column:  # noqa: ANN401
 
 @functools.cache
 def _all(num: int) -> Entries:
-    """Return a mask that is true everywhere, to copy: making one takes four times as long."""
+    """Return a mask that is true everywhere; a copy takes a quarter of the time of a new one."""
     return np.ones(num, np.bool_)
 
 
@@ -187,9 +186,9 @@ def _merged(infos: Mapping[str, Any], final: Mapping[str, Any], ended: Entries) 
         elif old is None or new is None:
             merged[key] = new if old is None else old
         else:
-            held = np.array(old, np.result_type(old, new))
-            held[ended] = np.asarray(new)[ended]
-            merged[key] = held
+            column = np.array(old, np.result_type(old, new))
+            column[ended] = np.asarray(new)[ended]
+            merged[key] = column
         num = len(ended)
         merged[f"_{key}"] = np.where(ended, key_mask(final, key, num), key_mask(infos, key, num))
     return merged
@@ -211,10 +210,9 @@ def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
         raise InputError(
             f"expected an AutoresetMode as metadata['autoreset_mode'] of {env}, got {mode!r}"
         )
-    # As Gymnasium's own wrappers do.
+    # Gymnasium's own wrappers also assume this mode.
     logger.warn(
-        f"{env} has no metadata['autoreset_mode']; VectorStlMonitor takes it for "
-        "AutoresetMode.NEXT_STEP"
+        f"{env} has no metadata['autoreset_mode']; VectorStlMonitor assumes AutoresetMode.NEXT_STEP"
     )
     return AutoresetMode.NEXT_STEP
 

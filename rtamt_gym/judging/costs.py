@@ -1,6 +1,6 @@
 """The cost of a step, which safe reinforcement learning sums over an episode.
 
-Each conjunct of a specification is a demand on instants of the episode:
+Each conjunct of a specification demands something at instants of the episode:
 
 | conjunct | demands | at the instants |
 |---|---|---|
@@ -8,22 +8,21 @@ Each conjunct of a specification is a demand on instants of the episode:
 | ``always[a:b](p)`` | p | a to b |
 | any other, p | p | the first |
 
-With ``view="step"`` the formula is demanded at all instants; for ``always(p)``, p is. Whether an
-instant t violates p is known at t + H, where H is the horizon of p: the step that takes this sample
-is charged.
+With ``view="step"``, the formula is demanded at all instants; for ``always(p)``, p. Whether an
+instant t violates p is known at t + H, where H is the horizon of p; the step of this sample costs.
 
 | ``cost=`` | at a step |
 |---|---|
-| ``"violation"`` | 1 if it shows that an instant violates a demand |
+| ``"violation"`` | 1 if the step shows that an instant violates a demand |
 | ``"depth"`` | the depth of that violation |
-| ``"latched"`` | 1 from the step of the violation on, even a violation by the end |
+| ``"latched"`` | 1 from the step of the violation on, even for a violation by the end |
 | ``"first"`` | 1 at that step |
 
-For ``"violation"`` and ``"depth"`` the sample of a reset costs nothing, and neither does an instant
-that only the end of the episode decides. ``"latched"`` and ``"first"`` charge the verdict on the
-specification: at the first step if the sample of the reset decides it, at the last step if the end
-does. Under an interface-aware semantics a robustness of 0 costs nothing, because it may come from a
-predicate that is left out.
+For ``"violation"`` and ``"depth"``, the sample of a reset costs nothing, and neither does an
+instant that only the end of the episode decides. ``"latched"`` and ``"first"`` depend on the
+verdict: they cost at the first step if the sample of the reset decides it, and at the last step if
+the end does. Under an interface-aware semantics, a robustness of 0 costs nothing, because it may
+come from an omitted predicate.
 """
 
 from __future__ import annotations
@@ -32,13 +31,14 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, Monitor, Specification, SpecificationError, VectorMonitor
+from rtamt_gym.judging.formulas import operands, operator_of
 from rtamt_gym.judging.monitors import EXACT, bare, options_of_parts
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.shaping import library_of
@@ -62,7 +62,7 @@ class Demand:
         place: The index of the specification.
         spec: The formula, with the declarations of the specification.
         first: The first instant, in samples.
-        last: The last instant; None for all further ones.
+        last: The last instant; None without one.
     """
 
     place: int
@@ -82,7 +82,7 @@ def demands_of(specs: Mapping[str, Specification], reading: EvaluationOptions) -
                 raise SpecificationError(
                     f"specification {name!r}: whether an instant violates "
                     f"{shorten(str(demand.spec.formula), 60)} is known only at the end, because "
-                    "its future has no end; give it bounds, such as eventually[0:5], or take "
+                    "its future has no end; give it bounds, such as eventually[0:5], or use "
                     'cost="latched"'
                 )
             demands.append(demand)
@@ -92,32 +92,24 @@ def demands_of(specs: Mapping[str, Specification], reading: EvaluationOptions) -
 def _demand(place: int, spec: Specification, reading: EvaluationOptions) -> Demand:
     """Return the demand of a conjunct: the operand of its outer ``always``, and the instants."""
     first, last = 0, None if reading.view == "step" else 0
-    while _is(spec.formula, "always"):
+    while operator_of(spec.formula) == "always":
         begin, end = _instants(spec, reading)
         if last is None and end is not None:
             break  # a window of every instant is part of the demand
         first, last = first + begin, end
-        (operand,) = _operands(spec.formula)
+        (operand,) = operands(spec.formula)
         spec = spec.with_result(operand)
         if end is not None:
             break
     return Demand(place, spec, first, last)
 
 
-def _is(formula: rtamt.Formula, operator: str) -> bool:
-    return formula.op is not None and formula.op.name == operator
-
-
-def _operands(formula: rtamt.Formula) -> tuple[rtamt.Formula, ...]:
-    return cast("tuple[rtamt.Formula, ...]", formula.args)  # of these operators they are formulas
-
-
 def _conjuncts(formula: rtamt.Formula) -> Iterator[rtamt.Formula]:
     """Yield the operands of the outermost conjunctions."""
-    if not _is(formula, "and"):
+    if operator_of(formula) != "and":
         yield formula
         return
-    for part in _operands(formula):
+    for part in operands(formula):
         yield from _conjuncts(part)
 
 
@@ -134,7 +126,7 @@ class _Costs(Generic[_M]):
     """The demands of specifications, each with its monitor.
 
     Args:
-        kind: What is measured.
+        kind: The kind of cost.
         specs: Specifications by name.
         reading: The evaluation options.
         make: Makes the monitor of a demand.
@@ -162,7 +154,7 @@ class _Costs(Generic[_M]):
 
 
 class CostMeter(_Costs[Monitor]):
-    """The costs of the steps of one environment, in floats: an array would take 20 us a step."""
+    """The costs of steps of one environment, in floats, because arrays would take 20 us a step."""
 
     def __init__(
         self, kind: Cost, specs: Mapping[str, Specification], reading: EvaluationOptions
@@ -182,7 +174,7 @@ class CostMeter(_Costs[Monitor]):
         self._worst = [0.0] * len(self._names)
 
     def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None] | None:
-        """Return the function that measures a sample; None if the verdicts give the cost.
+        """Return the function that measures a sample; None if verdicts determine the cost.
 
         Args:
             names: The signals, in the order of the values that the function takes.
@@ -219,7 +211,7 @@ class CostMeter(_Costs[Monitor]):
 
 
 class VectorCostMeter(_Costs[VectorMonitor]):
-    """The costs of the steps of a batch of environments; `columns` names those of the tables."""
+    """The costs of steps of a batch of environments; `columns` names the columns of the tables."""
 
     def __init__(
         self,
@@ -273,16 +265,15 @@ class VectorCostMeter(_Costs[VectorMonitor]):
 def step_costs(
     kind: Cost, worst: Iterable[Any], violated: Iterable[Any], charged: Iterable[Any]
 ) -> list[Any]:
-    """Return the cost of a step for each specification, and last the total.
+    """Return the cost of a step for each specification, and the total last.
 
-    The arguments have a number or a truth value for each specification, or an array of them, of any
-    library.
+    The arguments have a number, a truth value or an array of any library for each specification.
 
     Args:
-        kind: What is measured.
+        kind: The kind of cost.
         worst: The maximum cost of the demands in the step.
-        violated: Whether it is violated.
-        charged: Whether it was before the step.
+        violated: Whether the specification is violated.
+        charged: Whether it was violated before the step.
     """
     costs = list(worst)
     if kind in {"latched", "first"}:
@@ -300,11 +291,11 @@ def step_costs(
 def measured_demands(
     kind: Cost, specs: Mapping[str, Specification], reading: EvaluationOptions
 ) -> list[Demand]:
-    """Return the demands that need monitors; none if the verdicts give the cost."""
+    """Return the demands that need monitors; an empty list if verdicts determine the cost."""
     if kind == "depth" and reading.semantics == "boolean":
         raise InputError(
             'cost="depth" has no depth to measure under semantics="boolean", where a robustness '
-            'is +inf or -inf; take cost="violation"'
+            'is +inf or -inf; use cost="violation"'
         )
     return demands_of(specs, reading) if kind in {"violation", "depth"} else []
 

@@ -11,15 +11,15 @@ To add a key, compute its value for one environment, for a batch and for arrays:
   ``_Optional`` of `rtamt_arrays.judging`, which is None where the key is absent.
 - Any other key of every info is an argument of `step_info`, with its callers: ``monitor``,
   ``vector_monitor`` and ``parallel`` in `rtamt_gym.wrappers`, and `rtamt_arrays.judging`.
-- A key of ``info["stl"]`` is an argument of `spec_state`, a key of ``info["stl_episode"]`` one of
-  `outcome`. Both monitor sets call them; `rtamt_arrays.judging` calls `spec_state`.
+- A key of ``info["stl"]`` is an argument of `spec_state`, a key of ``info["stl_episode"]`` an
+  argument of `outcome`. Both monitor sets call them; `rtamt_arrays.judging` calls `spec_state`.
 - A key of the last info is an argument of `last_info`, which ``episode_monitoring`` and
   ``vector_monitor`` call. If it is a number or a truth value, add it to `end_info`, which
   `rtamt_arrays.judging` calls too.
 
 Describe it in the docstring of `StlMonitor` and in ``docs/gymnasium.md``. A key of every info is
 also an array of `relabel`: list it in its docstring. The exact keys are in ``test_stl_monitor.py``
-and ``test_parallel_monitor.py`` of ``tests/rtamt_gym/wrappers``. The contract in
+and ``test_parallel_monitor.py`` in ``tests/rtamt_gym/wrappers``. The contract in
 ``tests/support/array_requirements.py`` compares arrays with the vector wrapper.
 """
 
@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 VERDICTS = np.array(["UNDECIDED", "SATISFIED", "VIOLATED"], dtype=object)
-"""The names of verdicts: of 0, 1 and -1."""
+"""The names of the verdicts 0, 1 and -1."""
 
 Entrywise = Any
 """A value of one environment, or an array with an element for each of a batch."""
@@ -44,7 +44,7 @@ _OPTIONAL = {"stl_of_instant": "of_instant", "stl_progress": "least_progress"}
 
 
 class HasOptionalKeys(Protocol):
-    """A monitor set: ``optional_keys`` are its rows of `_OPTIONAL`, and do not change."""
+    """A monitor set; ``optional_keys`` are its constant rows of `_OPTIONAL`."""
 
     @property
     def optional_keys(self) -> tuple[tuple[str, str], ...]: ...
@@ -107,7 +107,7 @@ def step_info(
         costs: The costs with their keys, if they are measured.
         period: The period, at a reset.
     """
-    # Key by key: a dictionary of its own, merged with the info, would take twice the time.
+    # Setting key by key takes half the time of merging two dictionaries.
     added = dict(info)
     added["robustness"] = robustness
     added["stl_lower"] = lower
@@ -166,9 +166,9 @@ def outcome(
         robustness: The robustness of the episode.
         verdict: -1 violated, 0 undecided, 1 satisfied.
         satisfied: Whether the verdict is 1.
-        settled_at: The sample that decided the verdict, or the last one if only the end did.
+        settled_at: The sample that decided the verdict; the last sample if only the end did.
         decided: Whether a sample decided the verdict.
-        ended: Whether only the end did.
+        ended: Whether only the end decided it.
         by_end: Whether the verdict is -1 although the robustness holds.
     """
     return {
@@ -195,8 +195,8 @@ def last_info(
     Args:
         outcomes: An `outcome` for each specification.
         violated: Whether a specification is violated.
-        violated_by: The specification that was violated first, if one is.
-        violated_at: The sample that showed it, or the last one if only the end did.
+        violated_by: The specification that was violated first, if any.
+        violated_at: The sample that showed this violation; the last sample if only the end did.
         success: Whether all specifications are satisfied.
         undecided: Whether a verdict is undecided.
         reported: Whether the environment has its own ``is_success``, which stays.
@@ -226,11 +226,11 @@ def end_info(
 
 
 def present(info: Mapping[str, Any], *, deep: bool = True) -> dict[str, Any]:
-    """Return the info of one environment, without the keys that are not there.
+    """Return the info of one environment, without absent keys.
 
     Args:
         info: The values by key.
-        deep: Whether dictionaries in it are read and copied, too.
+        deep: Whether to copy inner dictionaries without absent keys, too.
     """
     there = {}
     for key, value in info.items():
@@ -252,7 +252,7 @@ def record(
     terminated: Entrywise,
     truncated: Entrywise,
 ) -> dict[str, Any]:
-    """Return an entry of ``stl_episodes``, or several; the arguments are those of `last_info`."""
+    """Return entries of ``stl_episodes``; `last_info` documents the arguments."""
     return {
         "samples": samples,
         "terminated": terminated,
@@ -266,8 +266,8 @@ def record(
 class EpisodeRecords:
     """The records of the last ``length`` episodes that ended in a vector environment.
 
-    It keeps the arrays of `record`, one set for each step that ended episodes: Python values of all
-    would take longer than the step.
+    It keeps the arrays of `record` for each step that ended episodes, because converting all to
+    Python values would take longer than the step.
     """
 
     def __init__(self, length: int) -> None:
@@ -283,13 +283,13 @@ class EpisodeRecords:
             self._count -= len(self._steps.popleft()[0])
 
     def newest(self) -> deque[dict[str, Any]]:
-        """Return the records, the newest last, each with the number of the environment, ``env``."""
-        held = ((envs, records, i) for envs, records in self._steps for i in range(len(envs)))
+        """Return the records, the newest last, with the environment's number as ``env``."""
+        stored = ((envs, records, i) for envs, records in self._steps for i in range(len(envs)))
         surplus = max(self._count - self._length, 0)
         return deque(
             (
                 {"env": int(envs[i]), **present(_element(records, i))}
-                for envs, records, i in islice(held, surplus, None)
+                for envs, records, i in islice(stored, surplus, None)
             ),
             self._length,
         )

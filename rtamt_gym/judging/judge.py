@@ -28,10 +28,10 @@ class Judging(NamedTuple):
     reading: EvaluationOptions
 
 
-class Questions:
+class TriggerCounter:
     """Counts how often runs trigger the implications of specifications.
 
-    It is false without an implication: then nothing needs to keep samples.
+    It is false without an implication: then no samples need to be kept.
 
     Args:
         specs: The specifications by name.
@@ -40,10 +40,10 @@ class Questions:
     Example:
         >>> import rtamt
         >>> specs = {"answered": rtamt.parse("always(req > 3 implies gnt > 3)")}
-        >>> questions = Questions(specs, EvaluationOptions())
+        >>> counter = TriggerCounter(specs, EvaluationOptions())
         >>> verdicts = {"answered": rtamt.Verdict.SATISFIED}
         >>> samples = {"req": [0.0, 5.0], "gnt": [0.0, 4.0]}
-        >>> evidence = questions.answers(samples, 2, "cut", verdicts)
+        >>> evidence = counter.evidence(samples, 2, "cut", verdicts)
         >>> evidence["answered"].triggers[0].count
         1
     """
@@ -64,7 +64,7 @@ class Questions:
     def __bool__(self) -> bool:
         return self._any
 
-    def answers(
+    def evidence(
         self,
         samples: Mapping[str, Any],
         n: int | None,
@@ -74,7 +74,7 @@ class Questions:
         """Return the evidence of the verdict on each specification.
 
         Args:
-            samples: The values of every variable, by name; none without an implication.
+            samples: The values of every variable, by name; may be empty without an implication.
             n: The number of samples; None: the number of values.
             end: The end mode; None if the run was stopped.
             verdicts: The verdict on each specification.
@@ -97,7 +97,7 @@ class Judge:
         reading: The evaluation options.
         variables: The variables of the specifications, without repetition.
         period: Seconds between samples; None if bounds count samples.
-        questions: Counts how often runs trigger the specifications.
+        trigger_counter: Counts how often runs trigger the specifications.
 
     Args:
         specs: The specifications by name.
@@ -121,10 +121,10 @@ class Judge:
         )
         self._free = [MonitorSet(specs, reading)]
         self.period: Fraction | None = self._free[0].period
-        self.questions = Questions(specs, reading)
+        self.trigger_counter = TriggerCounter(specs, reading)
 
     def begin(self) -> MonitorSet:
-        """Return monitors for a run: reused from a finished run, or new."""
+        """Return monitors for a run, reused from a finished run if possible."""
         if not self._free:
             return MonitorSet(self.specs, self.reading)
         monitor_set = self._free.pop()

@@ -45,8 +45,8 @@ Monitors = dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
 
 MonitorSetResult = tuple[str, tuple[float, float, float], Verdict, int | None, int | None]
-"""The result of a specification: its name; its robustness with the lower and upper bound; its
-verdict; the sample that decided it, or None; the last sample if only the end decided it."""
+"""The result of a specification: name; robustness, lower and upper bound; verdict; the sample that
+decided the verdict, or None; the last sample if only the end decided it, or None."""
 
 SeeValues = Callable[[Sequence[float]], None]
 """Takes the values of a sample."""
@@ -151,7 +151,7 @@ class MonitorSet:
 
     @property
     def violated_at(self) -> int | None:
-        """The sample that showed the first violation, the last one if only the end did; or None."""
+        """The sample that showed the first violation, the last if only the end did; or None."""
         return None if self.violated_by is None else self._settled[self.violated_by]
 
     @property
@@ -166,7 +166,7 @@ class MonitorSet:
 
     @property
     def tells_more(self) -> bool:
-        """Whether an info has keys of it other than those of an `Assessment`."""
+        """Whether it adds keys to an info in addition to an `Assessment`."""
         return self._meter is not None or bool(self.optional_keys)
 
     @property
@@ -189,11 +189,11 @@ class MonitorSet:
         ]
 
     def satisfies(self, name: str) -> bool:
-        """Whether a specification is certainly satisfied."""
+        """Return whether a specification is certainly satisfied."""
         return self.monitors[name][1].verdict > 0
 
     def knows(self, above: Mapping[str, float]) -> bool:
-        """Whether every robustness is final, or certain to stay above its number in ``above``."""
+        """Return whether each robustness is final, or stays above a value in ``above``."""
         return all(
             judge.lower == judge.upper or judge.lower > above.get(name, math.inf)
             for name, (_, judge) in self.monitors.items()
@@ -362,9 +362,9 @@ class MonitorSet:
         self.settled = len(self._settled)
 
     def cut_windows(self) -> frozenset[str]:
-        """Return undecided specifications that a complete trace satisfies, and a cut one does not.
+        """Return undecided specifications that the end satisfies as complete, but not as cut.
 
-        A bounded window of them reaches past the last sample.
+        A bounded window of these reaches past the last sample.
         """
         return frozenset(
             name
@@ -480,7 +480,7 @@ class MonitorSet:
         return self._described, sources, settled, self.violated_by, stages
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        """Restore a `state`; raise InputError if it is of other specifications."""
+        """Restore a `state`; raise InputError for a state of other specifications."""
         described, sources, settled, violated_by, stages = state
         if described != self._described:
             raise InputError(
@@ -501,15 +501,15 @@ class MonitorSet:
 
 
 def _open_if_cut(judge: EpisodeMonitor) -> bool:
-    """Whether the verdict stays undecided if the trace is cut; leave the monitor as it is."""
-    held = machine_state(judge)
+    """Return whether the verdict stays undecided if the trace is cut; keep the monitor's state."""
+    state = machine_state(judge)
     judge.finish("cut")
     undecided = judge.verdict is Verdict.UNDECIDED
-    judge.__setstate__(held)
+    judge.__setstate__(state)
     return undecided
 
 
-_NAMES = tuple(VERDICTS)  # the name of an enum member takes twice the time
+_NAMES = tuple(VERDICTS)  # twice as fast as the name of an enum member
 
 
 def joint_read(read: Read) -> JointRead:
@@ -571,7 +571,7 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
             value = update(values[only]) if pick is None else update(*pick(values))
             low = judge.lower
             high = judge.upper
-            # Calls of min() would take as long as all the rest.
+            # Calls of min() would double the time.
             if value < robustness:  # noqa: PLR1730
                 robustness = value
             if low < lower:  # noqa: PLR1730
@@ -584,7 +584,7 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
             note()
         if see is not None:
             see(values)
-        if not (robustness and lower and upper):  # comparisons do not see the sign of a zero
+        if not (robustness and lower and upper):  # comparisons ignore the sign of a zero
             return fed.read()
         return number(robustness), number(lower), number(upper)
 
@@ -592,7 +592,7 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
 
 
 def together(first: SeeValues | None, second: SeeValues | None) -> SeeValues | None:
-    """Return the function that calls both; the other one if one is None."""
+    """Return the function that calls both functions, of which either may be None."""
     if first is None or second is None:
         return first or second
 

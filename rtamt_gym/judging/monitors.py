@@ -1,4 +1,4 @@
-"""The monitors of one specification: of the episode, or with ``view="step"`` of every instant."""
+"""The monitors of a specification: for the episode, or for every instant with ``view="step"``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from rtamt import (
 from rtamt.errors import Argument, nearest
 from rtamt.typing import SemanticsName
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.first_sample import require_whole_episode
+from rtamt_gym.judging.formulas import require_whole_episode
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.shaping import Numeric
 
@@ -39,7 +39,7 @@ EXACT: tuple[SemanticsName, ...] = ("standard", "boolean")
 
 
 class Owed(NamedTuple):
-    """The state of an operator: floats, or arrays of a batch.
+    """The state of an operator: floats, or arrays for a batch.
 
     Attributes:
         clock: From 0 to 1.
@@ -51,7 +51,7 @@ class Owed(NamedTuple):
 
 
 class MonitorValues(NamedTuple, Generic[Numeric]):
-    """The values of monitors after a sample: per specification a float, or an array of a batch.
+    """The values of monitors after a sample: a float or a batch array per specification.
 
     Attributes:
         robustness: The robustness, of the newest instant with ``view="step"``.
@@ -78,7 +78,7 @@ class InstantMonitor:
     Attributes:
         robustness: The robustness at the newest instant with a complete horizon; before the first,
             the robustness of the samples so far.
-        judge: Gives bounds and verdict of ``always(formula)`` over the same samples.
+        judge: The monitor of ``always(formula)`` over the same samples.
     """
 
     def __init__(self, spec: Specification, *, history: bool = False, **options: Any) -> None:  # noqa: ANN401 - of `EpisodeMonitor`
@@ -113,7 +113,7 @@ class InstantMonitor:
 
 
 class VectorInstantMonitor:
-    """`InstantMonitor` for a batch: its numbers are arrays with an element per environment."""
+    """`InstantMonitor` for a batch, with an element per environment in each array."""
 
     def __init__(self, spec: Specification, num: int, **options: Any) -> None:  # noqa: ANN401
         self._instant = VectorMonitor(spec, num, **options)
@@ -145,7 +145,7 @@ def make_monitors(
 ) -> dict[str, tuple[Any, Any]]:
     """Return the monitors of each specification: ``(robustness source, judge)``.
 
-    The source takes the samples and gives the robustness. The judge gives bounds and verdict of the
+    The source takes the samples and has the robustness. The judge has bounds and verdict of the
     episode; it is the source itself, or the source updates it.
 
     Args:
@@ -183,7 +183,7 @@ def options_of_parts(
     specs: Mapping[str, Specification], parts: Sequence[Specification], reading: EvaluationOptions
 ) -> list[dict[str, Any]]:
     """Return the keywords of the monitors of parts of specifications."""
-    # Together with the specifications, so that a part takes from their inputs and outputs its own.
+    # With the specifications, whose inputs and outputs the parts may use.
     numbered = {str(number): part for number, part in enumerate(parts)}
     both = {f"specification {name}": spec for name, spec in specs.items()} | numbered
     options = reading.from_monitors(both)
@@ -195,13 +195,13 @@ def bare(spec: Specification, formula: Formula) -> Specification:
     return replace(spec, formulas={}, uses={}).with_result(formula)
 
 
-def require_known(reading: EvaluationOptions, asked: Argument) -> None:
-    """Raise InputError if samples may be unknown, for ``asked`` needs every robustness."""
+def require_known(reading: EvaluationOptions, argument: Argument) -> None:
+    """Raise InputError if samples may be unknown, because an argument needs every robustness."""
     if reading.nan == "unknown":
         raise InputError(
             Argument("nan", "unknown"),
             " leaves the robustness between two bounds, and ",
-            asked,
+            argument,
             " needs its value at every instant; expected ",
             Argument("nan", "raise"),
             " or ",
@@ -211,21 +211,21 @@ def require_known(reading: EvaluationOptions, asked: Argument) -> None:
 
 
 def machine_state(monitor: Monitor | EpisodeMonitor) -> Any:  # noqa: ANN401 - opaque
-    """Return the state of a monitor, for ``__setstate__`` of one of the same specification."""
+    """Return the state of a monitor, for ``__setstate__`` with the same specification."""
     return monitor.__reduce__()[2]
 
 
 def picked(
     indices: Sequence[int],
 ) -> tuple[int, Callable[[Sequence[float]], tuple[float, ...]] | None]:
-    """Return the only index; or -1 and a function that takes the elements at all indices."""
+    """Return the only index; for several, -1 and a function that selects these elements."""
     if len(indices) == 1:
         return indices[0], None
     return -1, itemgetter(*indices) if indices else lambda _: ()
 
 
 def pick(columns: list[int]) -> slice | list[int]:
-    """Return the index of columns in a table: a slice, which copies nothing, if they adjoin."""
+    """Return the index of columns in a table: for adjacent columns a slice, which does not copy."""
     if columns and columns == list(range(columns[0], columns[-1] + 1)):
         return slice(columns[0], columns[-1] + 1)
     return columns
@@ -234,7 +234,7 @@ def pick(columns: list[int]) -> slice | list[int]:
 def robustness_text(
     value: float, semantics: SemanticsName, verdict: Verdict, form: str = ".6g"
 ) -> str:
-    """Return a robustness as text; for 0 with the meaning of its sign, if that is known.
+    """Return a robustness as text; for 0, with the meaning of its sign if it is known.
 
     Example:
         >>> undecided = rtamt.Verdict.UNDECIDED
@@ -290,7 +290,7 @@ def chosen(name: str | None, robustness: Mapping[str, float], violated_by: str |
 
 
 def titled(explanation: Explanation, name: str, formula: object) -> Explanation:
-    """Return the explanation with this name for a formula without one."""
+    """Return the explanation with a name for a formula that has none."""
     steps: Iterable[Any] = (
         replace(step, name=name) if step.formula is formula and step.name is None else step
         for step in explanation.steps

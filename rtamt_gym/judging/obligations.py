@@ -1,30 +1,29 @@
 """Pending obligations: the temporal operators inside a specification, and their clocks.
 
-A robustness and its bounds are about the formula. They do not show how old an unanswered request
-is, or how long a goal has been held that must be held for five seconds. The operators below the top
-show this; their values count at many instants. The formula around an operator determines these
-instants:
+Robustness and bounds are about the whole formula. They do not show the age of an unanswered
+request, or for how long a goal has held that must hold for five seconds. The operators below the
+top show this; their values count at many instants, which the formula around them determines:
 
 | position | instants |
 |---|---|
 | below no other temporal operator | the first |
 | below ``always`` or another temporal operator | every instant |
-| ``p implies it``, ``not p or it`` below ``always`` | the instants at which p holds |
-| ``p and it`` below ``eventually`` | the instants at which p holds |
-| ``p iff it``, ``p xor it`` below either | the instants at which p holds; and, negated or not, \
-those at which it does not |
+| ``p implies it``, ``not p or it`` below ``always`` | instants where p holds |
+| ``p and it`` below ``eventually`` | instants where p holds |
+| ``p iff it``, ``p xor it`` below either | instants where p holds; and where p fails, negated or \
+not |
 | ``next it`` | one instant later |
 
-p is a formula without a future; a p that looks ahead narrows nothing. Below ``always`` every such
-instant counts, below ``eventually`` one is enough, and ``not`` exchanges the two. So an operator
-has one of three clocks, each a fraction of its window:
+p is a formula without a future; a p that looks ahead does not restrict the instants. Below
+``always`` every instant counts, below ``eventually`` one is enough, and ``not`` exchanges the two.
+Therefore, an operator has one clock of three kinds, a fraction of its window:
 
 | clock | of | 0 | 1 |
 |---|---|---|---|
-| ``"oldest"`` | what must come to pass (``eventually``, ``until`` below ``always``), and what \
+| ``"oldest"`` | operators that must come true (``eventually``, ``until`` below ``always``) or \
 must last (``always``, ``unless`` below ``eventually``) | nothing is pending | overdue; done |
-| ``"newest"`` | what must last (``always``, ``unless`` below ``always``), and what may come to \
-pass (``eventually``, ``until`` below ``eventually``) | nothing is pending | just triggered |
+| ``"newest"`` | operators that must last (``always``, ``unless`` below ``always``) or may come \
+true (``eventually``, ``until`` below ``eventually``) | nothing is pending | just triggered |
 | ``"last"`` | the past: ``once``, ``since``, ``historically``, ``prev``, ``rise``, ``fall`` | \
 the operand holds now (``historically``: fails) | longer ago than the window, or never |
 
@@ -43,13 +42,14 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
 import rtamt
 from rtamt import Formula, Monitor, Specification, VectorMonitor
 from rtamt.internal import ClockEvent, ClockKind, OperatorClock, OperatorClocks
+from rtamt_gym.judging.formulas import looks_ahead, operands, operator_of
 from rtamt_gym.judging.monitors import Owed, bare, options_of_parts, pick, picked
 from rtamt_gym.options.evaluation import EvaluationOptions
 
@@ -80,7 +80,7 @@ class Obligation:
         kind: The kind of its clock.
         begin: The start of its window, in samples.
         end: The end of its window; None if it is unbounded.
-        asked: The instants where its value counts: where a formula without a future holds, or a
+        instants: The instants where its value counts: where a formula without a future holds, or a
             member of `Instants`.
     """
 
@@ -88,69 +88,75 @@ class Obligation:
     kind: ClockKind
     begin: int
     end: int | None
-    asked: Formula | Instants
+    instants: Formula | Instants
 
     @property
     def name(self) -> str:
-        return _name(self.formula)
+        return operator_of(self.formula)
 
     @property
     def operands(self) -> tuple[Formula, ...]:
-        return _parts(self.formula)
+        return operands(self.formula)
 
     @property
     def parts(self) -> tuple[Formula, ...]:
         """The formulas that its clock reads."""
-        return self.operands if isinstance(self.asked, Instants) else (*self.operands, self.asked)
+        return (
+            self.operands
+            if isinstance(self.instants, Instants)
+            else (*self.operands, self.instants)
+        )
 
 
 def obligations_of(spec: Specification, reading: EvaluationOptions) -> list[Obligation]:
     """Return the temporal operators below the outermost one, in the order of the text.
 
-    An operator is left out if its operand has an unbounded future, because the operand is never
+    An operator is left out if an operand has an unbounded future, because the operand is never
     known.
     """
     top = spec.formula
-    while _name(top) == "not":
-        (top,) = _parts(top)
-    result = dict.fromkeys(_asked_in(top, universal=True, asked=Instants.FIRST))
-    made = []
-    for formula, universal, asked in result:
-        if formula is top or any(math.isinf(bare(spec, p).horizon) for p in _parts(formula)):
+    while operator_of(top) == "not":
+        (top,) = operands(top)
+    operators = dict.fromkeys(_operators_in(top, universal=True, instants=Instants.FIRST))
+    obligations = []
+    for formula, universal, instants in operators:
+        if formula is top or any(math.isinf(bare(spec, p).horizon) for p in operands(formula)):
             continue
         kind: ClockKind = "newest"
-        if _name(formula) in _PAST:
+        if operator_of(formula) in _PAST:
             kind = "last"
-        elif asked is Instants.FIRST or universal is not (_name(formula) in _MUST_LAST):
+        elif instants is Instants.FIRST or universal is not (operator_of(formula) in _MUST_LAST):
             kind = "oldest"
-        made.append(Obligation(formula, kind, *_window(spec, formula, reading), asked))
-    return list(dict.fromkeys(made))
+        obligations.append(Obligation(formula, kind, *_window(spec, formula, reading), instants))
+    return list(dict.fromkeys(obligations))
 
 
-_Found = tuple[Formula, bool, Formula | Instants]
+_PlacedOperator = tuple[Formula, bool, Formula | Instants]
 """An operator, whether every one of its instants counts, and these instants."""
 
 
-def _asked_in(node: Formula, *, universal: bool, asked: Formula | Instants) -> Iterator[_Found]:
+def _operators_in(
+    node: Formula, *, universal: bool, instants: Formula | Instants
+) -> Iterator[_PlacedOperator]:
     """Yield the temporal operators of a formula."""
-    if not any(_name(part) in _PAST | _FUTURE for part in node.nodes()):
+    if not any(operator_of(part) in _PAST | _FUTURE for part in node.nodes()):
         return
-    name, parts = _name(node), _parts(node)
+    name, parts = operator_of(node), operands(node)
     match name:
         case "not":
-            yield from _asked_in(parts[0], universal=not universal, asked=asked)
+            yield from _operators_in(parts[0], universal=not universal, instants=instants)
         case "and" | "or":
             for part in parts:
-                others = [other for other in parts if other is not part and not _looks_ahead(other)]
+                others = [other for other in parts if other is not part and not looks_ahead(other)]
                 if universal is not (name == "or"):
                     others = []  # the part counts whatever they are
                 elif name == "or":
                     others = [_negated(other) for other in others]
-                narrowed = _narrowed(asked, others)
-                yield from _asked_in(part, universal=universal, asked=narrowed)
+                narrowed = _narrowed(instants, others)
+                yield from _operators_in(part, universal=universal, instants=narrowed)
         case "implies":
             equal = rtamt.disjunction((~parts[0], parts[1]))
-            yield from _asked_in(equal, universal=universal, asked=asked)
+            yield from _operators_in(equal, universal=universal, instants=instants)
         case "iff" | "xor":
             left, right = parts
             right = right if name == "iff" else ~right
@@ -158,53 +164,57 @@ def _asked_in(node: Formula, *, universal: bool, asked: Formula | Instants) -> I
             equal = (left & right) | (~left & ~right)
             if universal:
                 equal = left.implies(right) & (~left).implies(~right)
-            yield from _asked_in(equal, universal=universal, asked=asked)
+            yield from _operators_in(equal, universal=universal, instants=instants)
         case _:
-            yield node, universal, asked
-            yield from _asked_below(node, universal=universal, asked=asked)
+            yield node, universal, instants
+            yield from _operators_below(node, universal=universal, instants=instants)
 
 
-def _asked_below(node: Formula, *, universal: bool, asked: Formula | Instants) -> Iterator[_Found]:
+def _operators_below(
+    node: Formula, *, universal: bool, instants: Formula | Instants
+) -> Iterator[_PlacedOperator]:
     """Yield the temporal operators in the operands of one."""
-    name, parts = _name(node), _parts(node)
+    name, parts = operator_of(node), operands(node)
     # The first operand of until must last, the second must come to pass.
     below = [name in {"always", "historically"}] if len(parts) == 1 else [True, False]
     if name in _NEIGHBOURS:
         below = [universal]
-    later = _later(asked) if name in {"next", "s_next"} else Instants.EVERY
+    later = _later(instants) if name in {"next", "s_next"} else Instants.EVERY
     for part, all_count in zip(parts, below, strict=True):
-        yield from _asked_in(part, universal=all_count, asked=later)
+        yield from _operators_in(part, universal=all_count, instants=later)
 
 
-def _narrowed(asked: Formula | Instants, conditions: Iterable[Formula]) -> Formula | Instants:
+def _narrowed(instants: Formula | Instants, conditions: Iterable[Formula]) -> Formula | Instants:
     """Return the instants where these conditions hold too."""
     conditions = list(conditions)
-    if asked is Instants.FIRST or not conditions:
-        return asked
-    return rtamt.conjunction(conditions if isinstance(asked, Instants) else [asked, *conditions])
+    if instants is Instants.FIRST or not conditions:
+        return instants
+    return rtamt.conjunction(
+        conditions if isinstance(instants, Instants) else [instants, *conditions]
+    )
 
 
 def _negated(formula: Formula) -> Formula:
-    return _parts(formula)[0] if _name(formula) == "not" else ~formula
+    return operands(formula)[0] if operator_of(formula) == "not" else ~formula
 
 
-def _later(asked: Formula | Instants) -> Formula:
+def _later(instants: Formula | Instants) -> Formula:
     """Return the instants one sample later."""
-    if isinstance(asked, Instants):
+    if isinstance(instants, Instants):
         every = rtamt.parse("true").formula
-        asked = every if asked is Instants.EVERY else ~every.prev(strong=True)
-    return asked.prev(strong=True)
+        instants = every if instants is Instants.EVERY else ~every.prev(strong=True)
+    return instants.prev(strong=True)
 
 
 def _window(
     spec: Specification, formula: Formula, reading: EvaluationOptions
 ) -> tuple[int, int | None]:
     """Return the window of an operator, in samples."""
-    if _name(formula) in _NEIGHBOURS:
+    if operator_of(formula) in _NEIGHBOURS:
         return 1, 1
     if formula.interval is None:
         return 0, None
-    # The same window over a predicate that nothing simplifies.
+    # the same window over a predicate that no rule simplifies
     text = f"eventually{formula.interval}({spec.variables[0]} > 0)"
     equal_formula = rtamt.parse(text, unit=spec.unit).formula
     program = rtamt.EpisodeMonitor(
@@ -214,19 +224,6 @@ def _window(
         return 0, 0
     window = program.window(program.result)
     return window.lo or 0, window.hi
-
-
-def _name(node: Any) -> str:  # noqa: ANN401 - a formula, or a term in one
-    name: str = "" if node.op is None else node.op.name
-    return name
-
-
-def _parts(node: Formula) -> tuple[Formula, ...]:
-    return cast("tuple[Formula, ...]", node.args)  # of these operators they are formulas
-
-
-def _looks_ahead(node: Formula) -> bool:
-    return any(_name(part) in _FUTURE for part in node.nodes())
 
 
 class _Obligations(Generic[_M]):
@@ -373,7 +370,7 @@ def _clock_of(
     """Return the clock of an operator; ``parts`` are its formulas, the operands first."""
     operands = parts[: len(obligation.operands)]
     late = max(latencies[part] for part in operands)
-    asked = obligation.asked
+    instants = obligation.instants
     return OperatorClock(
         obligation.kind,
         _event_of(obligation),
@@ -381,6 +378,6 @@ def _clock_of(
         None if obligation.end is None else obligation.end + late,
         late,
         tuple((part, late - latencies[part]) for part in operands),
-        None if isinstance(asked, Instants) else parts[-1],
-        asked is Instants.FIRST,
+        None if isinstance(instants, Instants) else parts[-1],
+        instants is Instants.FIRST,
     )

@@ -1,4 +1,4 @@
-"""The specifications of an environment: loading, names, constants, period and first samples."""
+"""The specifications of a system: loading, names, constants, period and unknown first samples."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def requirement_named(
         own: The requirements of the system, by name.
 
     Raises:
-        InputError: If it is nearly the name of a requirement, and no variable has this name.
+        InputError: If the text is similar to the name of a requirement, and no variable has it.
 
     Example:
         >>> own = rtamt.parse("near = always(gap > 1); slow = always(v < 5)").requirements
@@ -83,9 +83,9 @@ ConstantValue = float | str | Fraction
 
 
 def own_requirements(env: Any) -> Mapping[str, rtamt.Specification]:  # noqa: ANN401 - any system
-    """Return the requirements that an environment has in its attribute ``requirements``.
+    """Return the attribute ``requirements`` of an environment, such as a scenario of `rtamt_envs`.
 
-    Scenarios of `rtamt_envs` have it, and any environment may: ``{"AT1": rtamt.parse("...")}``.
+    Any environment may have it: ``{"AT1": rtamt.parse("...")}``.
     """
     own = getattr(getattr(env, "unwrapped", env), "requirements", None)
     return own if isinstance(own, Mapping) else {}
@@ -208,11 +208,11 @@ def check_period(
 class Constants:
     """The specifications of a monitor, for any values of their constants.
 
-    The text of each is read once, when a constant changes for the first time.
+    The text of each is parsed once, at the first change of a constant.
 
     Attributes:
         specs: The specifications by name, with the current values.
-        are_some: Whether a specification has a constant.
+        are_some: Whether any specification has a constant.
 
     Example:
         >>> before = Constants({"near": rtamt.parse("const float d = 2; always(x < d)")})
@@ -235,7 +235,7 @@ class Constants:
 
     @property
     def values(self) -> dict[str, float]:
-        """The values by name; the first specification decides if several have the name."""
+        """The values by name; if several specifications have a name, the value of the first."""
         values: dict[str, float] = {}
         for spec in self.specs.values():
             values = {**spec.constants, **values}
@@ -256,13 +256,13 @@ class Constants:
         unused = set(values)
         specs = dict(self.specs)
         for name, template in self._templates.items():
-            # From the current values: a template starts from the values of the text.
+            # A template starts from the values of the text, so add the current values.
             mine = {n: v for n, v in values.items() if n in template.names}
             unused -= mine.keys()
             current = self.specs[name].overrides
-            held = {n: current[n] for n in template.names & current.keys()}
+            unchanged = {n: current[n] for n in template.names & current.keys()}
             try:
-                specs[name] = template.at({**held, **mine})
+                specs[name] = template.at({**unchanged, **mine})
             except RtamtError as error:
                 if len(self.specs) > 1:
                     error.add_note(f"in specification {name!r}")
@@ -287,15 +287,13 @@ def checked_constants(
     return values
 
 
-def no_such_constant(
-    name: str, specs: Mapping[str, rtamt.Specification], option: str = "constants"
-) -> InputError:
+def no_such_constant(name: str, specs: Mapping[str, rtamt.Specification]) -> InputError:
     """Return the error about a constant that no specification has."""
     known = list(dict.fromkeys(other for spec in specs.values() for other in spec.constants))
     variables = [other for spec in specs.values() for other in spec.variables if other != name]
     listed = f"; their constants are {', '.join(known)}" if known else "; they have none"
     near = nearest(name, (*known, *variables))
-    return InputError(f"{option}: no specification uses the constant {name!r}{near or listed}")
+    return InputError(f"constants: no specification uses the constant {name!r}{near or listed}")
 
 
 def with_unknown_start(
@@ -303,13 +301,12 @@ def with_unknown_start(
 ) -> tuple[EvaluationOptions, bool]:
     """Return the options of monitors with a first sample that may be unknown.
 
-    These monitors take a nan for unknown, so the reader of the signals must refuse a nan if the
-    options do.
+    These monitors take nan as unknown. If the options refuse nan, the reader of the signals must
+    refuse it.
 
     Args:
         reading: The evaluation options.
-        signals: The signals; None at reset, as in ``("action[0]", None)``, makes a first value
-            unknown.
+        signals: The signals; a pair with None, ``("action[0]", None)``, has an unknown first value.
         *needs: The arguments that need the robustness of every instant.
 
     Returns:

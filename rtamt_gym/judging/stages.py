@@ -4,19 +4,19 @@
 requirement with stages has a progress from 0 to 1 next to its verdict. Let n be the number of its
 stages and k the number of decided stages: the requirement cut after stage k is certainly satisfied,
 or, for named stages, ``in_order(stage 1, ..., stage k)`` is. The progress is 1 if the requirement
-is satisfied. Before that it is
+is satisfied; otherwise, it is
 
     (k + f) / n,
 
-where f is the share that stage k + 1 has made. The robustness r of that stage is its maximum since
-stage k was decided: the robustness of ``eventually(stage)`` on the samples since then, if the
-episode ended now. The share starts at r0, the first finite r, and reaches 1 when r reaches 0: f is
-``1 - r / r0``, at least 0, and 1 if r already holds and only certainty is missing. So f depends on
-the unit of a quantity only in the ratio ``r / r0``. The progress stays below ``(k + 1) / n`` until
-the stage is decided, and below 1 until the requirement is satisfied. It never falls.
+where f is the progress in stage k + 1. The robustness r of that stage is its maximum since stage k
+was decided: the robustness of ``eventually(stage)`` on the samples since then, if the episode ended
+now. f starts at r0, the first finite r, and reaches 1 when r reaches 0: it is ``1 - r / r0``, at
+least 0, and 1 if r already holds and only certainty is missing. f depends on the unit of a quantity
+only in the ratio ``r / r0``. The progress stays below ``(k + 1) / n`` until the stage is decided,
+and below 1 until the requirement is satisfied. It never falls.
 
-To change what progress means, change this module, which serves one environment and a batch.
-`rtamt.patterns.stages` finds the stages. ``tests/support/staged.py`` defines progress again.
+This module defines progress for one environment and for a batch; ``tests/support/staged.py``
+defines it again.
 """
 
 from __future__ import annotations
@@ -58,9 +58,9 @@ class Stages:
 
     Attributes:
         conditions: The stages, in order.
-        deciders: The formulas that decide the stages by their satisfaction, from the first on; the
-            requirement itself decides a last stage without a formula. Empty if a stage is decided
-            at the first sample where it holds, starting at the decision of the stage before it.
+        deciders: The formulas whose satisfaction decides the stages, in order; the requirement
+            itself decides a last stage without a formula. Empty if each stage is decided at the
+            first sample where it holds, from the decision of the stage before it on.
     """
 
     conditions: tuple[Formula, ...]
@@ -68,14 +68,14 @@ class Stages:
 
 
 def stages_of(specs: Mapping[str, Specification], reading: EvaluationOptions) -> dict[str, Stages]:
-    """Return the stages of each requirement that has some, by its name.
+    """Return the stages of each requirement with stages, by its name.
 
     Raises:
         InputError: If ``stages=`` names no requirement, or with ``view="step"``.
         SpecificationError: As `rtamt.patterns.named_stages` does.
     """
     named = _named(specs, reading)
-    if reading.view == "step":  # a verdict is about every instant there, and has no stages
+    if reading.view == "step":  # a verdict about every instant has no stages
         return {}
     result = {}
     for name, spec in specs.items():
@@ -84,14 +84,14 @@ def stages_of(specs: Mapping[str, Specification], reading: EvaluationOptions) ->
             deciders = () if are_instant(conditions) else _chains(conditions)
             result[name] = Stages(conditions, deciders)
         elif conditions := stages(spec):
-            # Without times of its own it equals its stages, named.
+            # a requirement without times of its own equals its named stages
             plain = are_instant(conditions) and spec.formula is in_order(*conditions)
             result[name] = Stages(conditions, () if plain else prefixes(spec)[:-1])
     return result
 
 
 def are_instant(conditions: Iterable[Formula]) -> bool:
-    """Whether formulas are about one sample only."""
+    """Return whether formulas are about one sample only."""
     nodes = (node for condition in conditions for node in condition.nodes())
     return not any(node.op is not None and (node.op.timed or node.op.sampled) for node in nodes)
 
@@ -122,7 +122,7 @@ def _named(
     if len(specs) > 1:
         raise InputError(
             Argument("stages"),
-            ": expected a requirement's name for the stages, for there are several, "
+            ": expected the name of a requirement for the stages, because there are several, "
             f"{listing(specs)}; write {{{next(iter(specs))!r}: [...]}}",
         )
     return dict.fromkeys(specs, texts)
@@ -171,8 +171,8 @@ def progress_of_events(
 ) -> float | None:
     """Return the progress of a trace in dense time, or None.
 
-    Nothing changes between two events, so stages that look at no other time are reached at events.
-    There is no progress if stages, or the operators between them, have times of their own.
+    Signals are constant between events, so that stages without temporal operators are reached at
+    events. None if stages, or the operators between them, have times of their own.
 
     Args:
         spec: The requirement.
@@ -257,8 +257,8 @@ def _place(
     count: int,
     height: Entrywise,
     began: Entrywise,
-    least: Callable[..., Entrywise],
-    greatest: Callable[..., Entrywise],
+    minimum: Callable[..., Entrywise],
+    maximum: Callable[..., Entrywise],
 ) -> Entrywise:
     """Return the progress at a sample, without the progress before it.
 
@@ -267,15 +267,15 @@ def _place(
         count: The number of stages.
         height: The robustness of the next stage.
         began: Its first finite robustness, below 0.
-        least: The minimum of two values.
-        greatest: The maximum of two values.
+        minimum: Returns the minimum of two values.
+        maximum: Returns the maximum of two values.
     """
-    share = greatest(1.0 - least(height, 0.0) / began, 0.0)
-    return least((reached + share) / count, math.nextafter((reached + 1) / count, 0.0))
+    share = maximum(1.0 - minimum(height, 0.0) / began, 0.0)
+    return minimum((reached + share) / count, math.nextafter((reached + 1) / count, 0.0))
 
 
 _NO_WAY = -1.0
-"""The first robustness of a stage if there is none below 0."""
+"""The first robustness of a stage that has no finite one below 0."""
 
 _ALMOST = math.nextafter(1.0, 0.0)
 """The progress if all stages are decided and the requirement is not."""

@@ -106,11 +106,11 @@ class VectorMonitorSet:
 
     @property
     def violated_at(self) -> NDArray[np.int64]:
-        """The sample that showed the first violation, the last one if only the end did; or -1."""
+        """The sample that showed the first violation, the last if only the end did; or -1."""
         return self._log.violated_at
 
     def any_violated(self, at: Numbers | None = None) -> Entries:
-        """Whether each of the environments `at` violates a specification; None: of all."""
+        """Return whether each of the environments `at` violates a specification; None: of all."""
         rows = self._log.violated if at is None else self._log.violated.take(at, axis=1)
         violated: Entries = np.logical_or.reduce(rows)
         return violated
@@ -138,13 +138,13 @@ class VectorMonitorSet:
         return known
 
     def violated(self, names: Collection[str]) -> Entries:
-        """Return whether each environment certainly violates a specification of these."""
+        """Return whether each environment certainly violates one of these specifications."""
         rows = [name in names for name in self.monitors]
         violated: Entries = np.logical_or.reduce(self._log.violated[rows])
         return violated
 
     def satisfied(self, at: Numbers) -> NDArray[np.bool_]:
-        """Return whether specifications are satisfied: a row for each, a column for each `at`."""
+        """Return which specifications are satisfied: a row for each, a column for each of `at`."""
         return np.array([judge.verdict[at] > 0 for judge in self._judges])
 
     @property
@@ -158,7 +158,7 @@ class VectorMonitorSet:
         return None if self._stages is None else self._stages.least
 
     def success(self, at: Numbers) -> Entries:
-        """Whether each of the environments `at` satisfies all specifications."""
+        """Return whether each of the environments `at` satisfies all specifications."""
         failed: Entries = np.logical_or.reduce(
             self.undecided(at) | self._log.violated.take(at, axis=1)
         )

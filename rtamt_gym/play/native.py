@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case, Waveform
-from rtamt_gym.judging.judge import Judging, Questions
+from rtamt_gym.judging.judge import Judging, TriggerCounter
 from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
 from rtamt_gym.play.loop import PlayBatch, Played, Task, play
@@ -68,7 +68,7 @@ class NativeRollouts:
     ) -> None:
         self._spec = cast("EnvSpec", env.spec)
         self.elements, self.judging, self.stop = elements, judging, stop
-        self.questions = Questions(judging.specs, judging.reading)
+        self.trigger_counter = TriggerCounter(judging.specs, judging.reading)
         simulation: Any = env.unwrapped
         self._actions: tuple[str, ...] = tuple(simulation.action_names)
         self._parameters = frozenset(simulation.parameters)
@@ -196,7 +196,7 @@ class NativeBatch(PlayBatch):
     ) -> None:
         self.size = count
         self._rollouts, self._above = rollouts, above
-        self._kept: list[Floats] | None = [] if keeps or rollouts.questions else None
+        self._kept: list[Floats] | None = [] if keeps or rollouts.trigger_counter else None
         self._traces = keeps
         self._at_end = rollouts.judging.reading.at_truncation
         self._samples = 0
@@ -328,9 +328,9 @@ class NativeBatch(PlayBatch):
                 name: Verdict(values[-1][position].item()) for name, values in columns.items()
             }
             end = None if why in STOPPED else self._at_end
-            questions = self._rollouts.questions
-            samples = self._signals(position, last) if questions else {}
-            evidence = questions.answers(samples, last + 1, end, verdicts)
+            trigger_counter = self._rollouts.trigger_counter
+            samples = self._signals(position, last) if trigger_counter else {}
+            evidence = trigger_counter.evidence(samples, last + 1, end, verdicts)
             outcomes = {}
             for name, (*bounds, _) in columns.items():
                 decided, ended = (

@@ -12,7 +12,7 @@ import numpy as np
 
 from rtamt import Formula, RtamtError, Specification, Verdict
 from rtamt.patterns import stages
-from rtamt_gym.judging.judge import Questions
+from rtamt_gym.judging.judge import TriggerCounter
 from rtamt_gym.play.run_record import SimulatedTrace, Stop
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.results.outcome import Outcome
@@ -49,7 +49,7 @@ class OfflineRunner:
     def __init__(self, make: MakeRunner, specs: Mapping[str, Specification]) -> None:
         self._runner = make(specs, "known")
         self._names = list(specs)
-        self._questions: dict[Fraction | None, Questions] = {}
+        self._trigger_counters: dict[Fraction | None, TriggerCounter] = {}
         self._horizon = max(spec.horizon for spec in specs.values())
 
     def __enter__(self) -> Self:
@@ -95,13 +95,15 @@ class OfflineRunner:
     ) -> Trial:
         """Return the row of a run that satisfies all requirements."""
         period, reading = trace.period, self._runner.evaluation_options
-        if period not in self._questions:
+        if period not in self._trigger_counters:
             specs = self._runner.requirements
-            self._questions[period] = Questions(specs, reading.having(period=period))
+            self._trigger_counters[period] = TriggerCounter(specs, reading.having(period=period))
         verdicts = dict.fromkeys(robustness, Verdict.SATISFIED)
         terminated = row.ended == "terminated"
         end = (reading.at_termination or "complete") if terminated else reading.at_truncation
-        evidence = self._questions[period].answers(trace.signals, trace.samples, end, verdicts)
+        evidence = self._trigger_counters[period].evidence(
+            trace.signals, trace.samples, end, verdicts
+        )
         last = round(row.simulated / (period or 1))
         outcomes = {
             name: Outcome.at(

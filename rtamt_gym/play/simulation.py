@@ -21,7 +21,7 @@ from rtamt_gym.checks.arguments import check_choice, check_known
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.judging.end_warnings import assumed, warn_of_open_end
-from rtamt_gym.judging.judge import Judge, Questions
+from rtamt_gym.judging.judge import Judge, TriggerCounter
 from rtamt_gym.judging.monitor_set import MonitorSetResult
 from rtamt_gym.judging.specs import (
     SpecsLike,
@@ -69,7 +69,7 @@ class _Bound(NamedTuple):
     variables: Sequence[str]
     period: Fraction | None
     most: int | None
-    questions: Questions
+    trigger_counter: TriggerCounter
 
 
 class Simulator:
@@ -123,7 +123,7 @@ class Simulator:
         self.signals, self.reading = signals, reading
         self._judge: Judge | None = None
         self._free: list[Recorder] = []  # of the judge
-        self._questions: Questions | None = None  # of a `StepMonitor`
+        self._trigger_counter: TriggerCounter | None = None  # of a `StepMonitor`
         self.of_environment = isinstance(self._plain, Environment)
         self._bound = self._bind(ran)
 
@@ -198,10 +198,10 @@ class Simulator:
             ran.bind(variables, self.signals, self.monitor.period)
             step = None if ran.period is None else exact(ran.period)
             most = step_limit(self._duration, step, ran.name, endless=ran.endless)
-            if self._questions is None:
-                self._questions = Questions(self.specs, self.monitor.reading)
+            if self._trigger_counter is None:
+                self._trigger_counter = TriggerCounter(self.specs, self.monitor.reading)
             period = self.monitor.period
-            return _Bound(ran, None, None, [], variables, period, most, self._questions)
+            return _Bound(ran, None, None, [], variables, period, most, self._trigger_counter)
         reading = self.reading
         if reading.period is None:
             reading = reading.having(period=ran.period)
@@ -220,8 +220,8 @@ class Simulator:
         most = step_limit(self._duration, judge.period, ran.name, endless=ran.endless)
         ran.bind(judge.variables, self.signals, judge.period)
         reads = ran.reads if isinstance(ran, Environment) and ran.plain else None
-        variables, questions = judge.variables, judge.questions
-        return _Bound(ran, reads, judge, self._free, variables, judge.period, most, questions)
+        variables, trigger_counter = judge.variables, judge.trigger_counter
+        return _Bound(ran, reads, judge, self._free, variables, judge.period, most, trigger_counter)
 
 
 class Simulation:
@@ -266,7 +266,7 @@ class Simulation:
                 variables,
                 () if self._light else signals,
                 simulator.reading.nan,
-                keeps=not self._light or bool(bound.questions),
+                keeps=not self._light or bool(bound.trigger_counter),
                 fed=monitor is not None,
                 live=None if live is None else self._track(live),
             )
@@ -463,12 +463,12 @@ class Simulation:
 
     def _evidence(self) -> Mapping[str, Evidence[TriggerCount]]:
         """Return how often the samples triggered implications; empty if samples are missing."""
-        record, questions = self._record, self._bound.questions
+        record, trigger_counter = self._record, self._bound.trigger_counter
         if record.first_sample:
             return {}
         verdicts = {name: verdict for name, _, verdict, *_ in self._monitor_set.results()}
-        samples = record.columns() if questions else {}
-        return questions.answers(samples, len(record), self._end, verdicts)
+        samples = record.columns() if trigger_counter else {}
+        return trigger_counter.evidence(samples, len(record), self._end, verdicts)
 
     def _find_outcomes(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> dict[str, Outcome]:
         period, progress = self._bound.period, self._monitor_set.progress

@@ -13,7 +13,7 @@ import numpy as np
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt.typing import End, SemanticsName
-from rtamt_gym.judging.first_sample import require_whole_episode
+from rtamt_gym.judging.formulas import require_whole_episode
 from rtamt_gym.judging.monitors import EXACT, robustness_text
 from rtamt_gym.judging.stages import progress_of, progress_of_events
 from rtamt_gym.options.evaluation import EvaluationOptions

@@ -13,7 +13,7 @@ import rtamt
 from rtamt import InputError, InputTypeError, SpecificationError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.first_sample import require_whole_episode
+from rtamt_gym.judging.formulas import require_whole_episode
 from rtamt_gym.tables import number
 
 __all__ = ["Ranges", "Template", "check_parameter", "template", "unmarked"]

@@ -20,7 +20,7 @@ import rtamt
 from rtamt import Formula
 from rtamt.monitors import TriggerCount
 from rtamt_gym import Parameter, Runner, StlMonitor, evaluate_policy, falsify, simulate, sweep
-from rtamt_gym.judging.judge import Questions
+from rtamt_gym.judging.judge import TriggerCounter
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.results import Record, Run
@@ -216,9 +216,9 @@ def test_files_keep_what_was_counted(tmp_path: Path) -> None:
 
 def test_samples_are_kept_only_where_a_requirement_may_be_asked() -> None:
     calm = {"calm": rtamt.parse("always(gnt < 99)")}
-    assert not Questions(calm, EvaluationOptions())
-    assert Questions(calm | {"answered": rtamt.parse(RESPONSE)}, EvaluationOptions())
-    found = Questions(calm, EvaluationOptions()).answers(
+    assert not TriggerCounter(calm, EvaluationOptions())
+    assert TriggerCounter(calm | {"answered": rtamt.parse(RESPONSE)}, EvaluationOptions())
+    found = TriggerCounter(calm, EvaluationOptions()).evidence(
         {}, 3, "cut", {"calm": rtamt.Verdict.SATISFIED}
     )
     assert (found["calm"].triggers, found["calm"].vacuous) == ((), False)

@@ -227,7 +227,7 @@ def test_a_demand_that_only_the_end_settles_has_no_cost_of_an_instant(
         StlMonitor(Replay([3, 3]), text, X, cost=cost, view=view)
     assert str(caught.value) == (
         f"specification 'spec': whether an instant violates {demand} is known only at the end, "
-        "because its future has no end; give it bounds, such as eventually[0:5], or take "
+        "because its future has no end; give it bounds, such as eventually[0:5], or use "
         'cost="latched"'
     )
 

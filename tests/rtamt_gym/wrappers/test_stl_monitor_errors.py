@@ -59,7 +59,7 @@ class Timeless(gym.Env[Any, Any]):
             {"cost": "depth", "semantics": "boolean"},
             (
                 'cost="depth" has no depth to measure under semantics="boolean", where a '
-                'robustness is +inf or -inf; take cost="violation"'
+                'robustness is +inf or -inf; use cost="violation"'
             ),
         ),
     ],

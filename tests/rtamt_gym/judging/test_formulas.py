@@ -9,7 +9,7 @@ import rtamt
 from rtamt import SpecificationError
 from rtamt_gym import simulate
 from rtamt_gym.__main__ import main
-from rtamt_gym.judging.first_sample import require_whole_episode
+from rtamt_gym.judging.formulas import require_whole_episode
 
 REFUSED = {
     "always x > 0 implies y > 0": "always(x > 0 implies y > 0)",

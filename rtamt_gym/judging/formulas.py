@@ -1,9 +1,9 @@
-"""Errors about requirements that speak of the first sample only, as a whole or in one operand."""
+"""Operators and operands of formulas, and errors about requirements on the first sample only."""
 
 from __future__ import annotations
 
 import re
-from typing import Final, cast
+from typing import Any, Final, cast
 
 from rtamt import Formula, Specification, SpecificationError, parse
 from rtamt_gym.tables import shorten
@@ -13,14 +13,29 @@ _BINARY: Final = {"and", "or", "implies", "iff", "xor"}
 _ASSIGNMENT: Final = re.compile(r"(?:^|[\n;])\s*[\w.]+\s*=(?!=)")
 
 
-def require_whole_episode(what: str, spec: Specification, way: object) -> None:
-    """Raise SpecificationError if a requirement, or an operand of it, skips later samples.
+def operator_of(node: Any) -> str:  # noqa: ANN401 - a formula, or a term in one
+    """Return the name of the outermost operator; empty for a variable or a number."""
+    return "" if node.op is None else str(node.op.name)
 
-    ``always p implies q`` is ``(always p) implies q``, where q is evaluated at the first sample
-    only. Without brackets around p it can be read as ``always(p implies q)`` too.
+
+def operands(node: Formula) -> tuple[Formula, ...]:
+    """Return the operands of a logical or temporal operator, which are formulas."""
+    return cast("tuple[Formula, ...]", node.args)
+
+
+def looks_ahead(node: Formula) -> bool:
+    """Return whether a formula has a future operator."""
+    return any(part.op is not None and part.op.future for part in node.nodes())
+
+
+def require_whole_episode(what: str, spec: Specification, way: object) -> None:
+    """Raise SpecificationError if a requirement or an operand is about the first sample only.
+
+    ``always p implies q`` is ``(always p) implies q``, which evaluates q at the first sample only.
+    Without brackets around p, a reader could also take it as ``always(p implies q)``.
 
     Args:
-        what: Names the specification.
+        what: The name of the specification, for the error.
         spec: The specification.
         way: The argument that requires it at every sample, a text or an `Argument`.
 
@@ -38,17 +53,17 @@ def require_whole_episode(what: str, spec: Specification, way: object) -> None:
     rest: list[Formula] = [spec.formula]
     while rest:
         node = rest.pop()
-        if _name(node) in _BINARY:
+        if operator_of(node) in _BINARY:
             _refuse_loose_operand(spec, node)
-        if _name(node) in {*_BINARY, "not"}:
-            rest += cast("tuple[Formula, ...]", node.args)
+        if operator_of(node) in {*_BINARY, "not"}:
+            rest += operands(node)
 
 
 def first_sample_error(what: str, spec: Specification, way: object) -> SpecificationError:
-    """Return the error about a requirement that is about the first sample only.
+    """Return the error for a requirement that is about the first sample only.
 
     Args:
-        what: Names the specification.
+        what: The name of the specification, for the error.
         spec: The specification.
         way: The argument that requires it at every sample, a text or an `Argument`.
     """
@@ -65,58 +80,58 @@ def first_sample_error(what: str, spec: Specification, way: object) -> Specifica
 
 def _refuse_loose_operand(spec: Specification, node: Formula) -> None:
     """Refuse an operand about the first sample after a temporal operator that seems to hold it."""
-    args = cast("tuple[Formula, ...]", node.args)
+    args = operands(node)
     for index, left in enumerate(args[:-1]):
         later = args[index + 1 :]
-        loose = [arg for arg in later if not _looks_ahead(arg)]
+        loose = [arg for arg in later if not looks_ahead(arg)]
         temporal = _last(left)
         if (
             not loose
-            or _name(temporal) not in _UNARY
+            or operator_of(temporal) not in _UNARY
             or not any(_near(spec, temporal, part) for part in (node, *loose))
         ):
             continue
-        if _name(node) != "implies" and _bracketed(spec, temporal):
+        if operator_of(node) != "implies" and _bracketed(spec, temporal):
             continue
-        word, interval = f" {_name(node)} ", temporal.interval or ""
+        word, interval = f" {operator_of(node)} ", temporal.interval or ""
         inner = word.join(f"({arg})" for arg in (temporal.args[0], *later))
-        every = f"{_name(temporal)}{interval}({inner})"
-        whole = word.join([*(f"({arg})" for arg in args[:index]), every])
-        # eventually(p implies q) holds as soon as p fails once: nobody means it.
-        if _name(node) == "implies" and (
-            _name(temporal) != "always" or _enclosed(spec, temporal, node)
+        every = f"{operator_of(temporal)}{interval}({inner})"
+        suggestion = word.join([*(f"({arg})" for arg in args[:index]), every])
+        # eventually(p implies q) holds as soon as p fails once, which nobody intends
+        if operator_of(node) == "implies" and (
+            operator_of(temporal) != "always" or _enclosed(spec, temporal, node)
         ):
-            whole = f"always({node})"
-        whole = str(parse(whole, unit=spec.unit, constants=spec.constants).formula)
+            suggestion = f"always({node})"
+        suggestion = str(parse(suggestion, unit=spec.unit, constants=spec.constants).formula)
         raise spec.error(
             node,
             f"'{shorten(str(node), 60)}' reads {shorten(str(loose[0]), 40)} at the first sample "
             "only",
-            f"write {shorten(whole, 60)}, or for the first sample "
+            f"write {shorten(suggestion, 60)}, or for the first sample "
             f"{shorten(_first(node, index), 60)}",
         )
 
 
 def _first(node: Formula, index: int) -> str:
-    """Return a text whose meaning is that of a formula, and which can be read in one way only."""
-    args = cast("tuple[Formula, ...]", node.args)
-    if _name(node) == "implies":
+    """Return an equivalent text of a formula that can be read in one way only."""
+    args = operands(node)
+    if operator_of(node) == "implies":
         return f"not ({args[0]}) or {args[1]}"
-    loose = [str(arg) for arg in args[index + 1 :] if not _looks_ahead(arg)]
+    loose = [str(arg) for arg in args[index + 1 :] if not looks_ahead(arg)]
     others = [str(arg) for arg in args if str(arg) not in loose]
-    word = f" {_name(node)} "
+    word = f" {operator_of(node)} "
     return word.join([*(f"({text})" for text in loose), *others])
 
 
 def _last(node: Formula) -> Formula:
     """Return the operand at the end of the text of a formula without brackets."""
-    while _name(node) in _BINARY:
-        node = cast("Formula", node.args[-1])
+    while operator_of(node) in _BINARY:
+        node = operands(node)[-1]
     return node
 
 
 def _near(spec: Specification, temporal: Formula, node: Formula) -> bool:
-    """Return whether a temporal operator is written before an operator, in the same statement."""
+    """Return whether the text has a temporal operator before an operator, in one statement."""
     places = [_offset(spec, part) for part in (temporal, node)]
     if None in places:
         return False
@@ -157,16 +172,8 @@ def _enclosed(spec: Specification, temporal: Formula, node: Formula) -> bool:
 
 
 def _offset(spec: Specification, node: Formula) -> int | None:
-    """Return the place of an operator in the text; None if it was not written there."""
+    """Return the place of an operator in the text; None if the text does not have it."""
     if node not in spec.positions:
         return None
     line, column = spec.positions[node]
     return sum(len(text) + 1 for text in spec.text.split("\n")[: line - 1]) + column - 1
-
-
-def _looks_ahead(node: Formula) -> bool:
-    return any(part.op is not None and part.op.future for part in node.nodes())
-
-
-def _name(node: Formula) -> str:
-    return "" if node.op is None else node.op.name
