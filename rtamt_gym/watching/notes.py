@@ -72,8 +72,8 @@ class StreamNotes:
             dense: Whether rows are events.
         """
         texts = []
-        if self.held:
-            counts = ", ".join(f"{name}: {count}" for name, count in self.held.items())
+        if any(self.held.values()):
+            counts = ", ".join(f"{name}: {count}" for name, count in self.held.items() if count)
             texts.append(f"empty cells hold the value before ({counts})")
         if self.no_events:
             counts = ", ".join(f"{name}: {count}" for name, count in self.no_events.items())

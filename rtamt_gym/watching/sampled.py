@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections import Counter, deque
 from collections.abc import Sequence
 from fractions import Fraction
@@ -112,17 +113,37 @@ class SampledGroup:
     def _feed_rows(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
         if not len(values):
             return
-        values, kept = self._filled(values, lines)
-        if kept is not None:
-            raw, lines = None if raw is None else raw[kept], [lines[i] for i in kept.tolist()]
-        if not len(values):
-            return
+        empty = np.isnan(values)
+        values, kept = self._filled(values, empty)
+        if kept is None:
+            chosen, raw_times = lines, raw
+        else:
+            raw_times = None if raw is None else raw[kept]
+            chosen = [lines[i] for i in kept.tolist()]
         try:
-            self._feed(values, raw, lines)
+            if len(values):
+                self._feed(values, raw_times, chosen)
         except RowFault as fault:
             if kept is not None:
                 fault.row = int(kept[fault.row])
+            self._note_empty(empty[: fault.row], lines)
             raise
+        count = bisect_right(lines, self.stop_line) if self.stopped else len(lines)
+        self._note_empty(empty[:count], lines)
+
+    def _note_empty(self, empty: np.ndarray, lines: Sequence[int]) -> None:
+        """Count the empty cells of rows that were taken in."""
+        if not empty.any():
+            return
+        notes, variables, missing = self._rules.notes, self._rules.variables, self._columns.missing
+        for name, count in zip(variables, empty.sum(axis=0).tolist(), strict=True):
+            if count:
+                self._missing[name] += count
+                notes.held[name] += count if missing == "hold" else 0
+        if missing == "drop":
+            notes.dropped += int(empty.any(axis=1).sum())
+        elif missing == "unknown":
+            notes.add_unknown(variables, empty, lines)
 
     def _feed(self, values: Floats, raw: RawTimes | None, lines: Sequence[int]) -> None:
         if raw is None or self._clock_rules is None:
@@ -197,9 +218,12 @@ class SampledGroup:
             good = count if near.all() else min(count, int(near.argmin()))
         if good:
             self._gap = False
+            before = self.samples
+            stopped = self._take(values[:good], lines)
             if self._stated:
-                self._steps.add(since[:good], lines[:good])
-            if self._take(values[:good], lines):
+                taken = self.samples - before
+                self._steps.add(since[:taken], lines[:taken])
+            if stopped:
                 return
             self._last = float(since[good - 1])
             self._last_raw, self._last_row = raw[good - 1 : good], values[good - 1].tolist()
@@ -278,22 +302,13 @@ class SampledGroup:
                 )
         return None
 
-    def _filled(self, values: Floats, lines: Sequence[int]) -> tuple[Floats, np.ndarray | None]:
+    def _filled(self, values: Floats, empty: np.ndarray) -> tuple[Floats, np.ndarray | None]:
         """Return the rows after the treatment of empty cells, and their places if some are left."""
-        empty = np.isnan(values)
         if self._columns.missing == "hold":
             self._held = self._hold(values, empty)
-        if not empty.any():
-            return values, None
-        for name, count in zip(self._rules.variables, empty.sum(axis=0).tolist(), strict=True):
-            if count:
-                self._missing[name] += count
-        if self._columns.missing == "drop":
+        if self._columns.missing == "drop" and empty.any():
             (kept,) = np.nonzero(~empty.any(axis=1))
-            self._rules.notes.dropped += len(values) - len(kept)
             return values[kept], kept
-        if self._columns.missing == "unknown":
-            self._rules.notes.add_unknown(self._rules.variables, empty, lines)
         return values, None
 
     def _hold(self, values: Floats, empty: np.ndarray) -> RowValues:
@@ -314,7 +329,6 @@ class SampledGroup:
                     if held is None:
                         self._note_default(row, name)
                     cells[index] = value
-                    self._rules.notes.held[name] += 1
                 held = cells.tolist()
         last: RowValues = values[-1].tolist()
         return last

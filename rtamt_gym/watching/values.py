@@ -44,6 +44,7 @@ from rtamt_gym.recorded.times import TimeColumn, find_times, join_times
 from rtamt_gym.watching.group_names import GroupNames
 from rtamt_gym.watching.one_trace import Guard, guards_of, totals_fault
 from rtamt_gym.watching.rows import ColumnCells, RowBlock, RowFault, cell_text
+from rtamt_gym.watching.stream_dates import StreamDates
 
 
 class Numbered(NamedTuple):
@@ -127,6 +128,7 @@ class StreamColumns:
         self._near: dict[tuple[str, str], bool] = {}
         """Columns of variables and others of nearly their names; whether a row has both."""
         self._timed = self._uneven = False
+        self._dates = StreamDates()
         self.needed: set[str] = set()
         """The columns of variables, times and groups."""
 
@@ -514,12 +516,22 @@ class StreamColumns:
         order, mark = self._columns.date_order, self._mark or "."
         cells = block.columns[self.time.name]
         part = self.time.part
-        if part is None:
-            return _raw_times(cells, mark, order=order)
-        parts = block.columns[part.column]
-        if not part.unit:
-            return _raw_times(cells, mark, days=list(map(cell_text, parts)), order=order)
-        return join_times(_raw_times(cells, mark), _raw_times(parts, mark), part.unit, str)
+        self._dates.check_kind(self.time.name, cells)
+        if part is not None and part.unit:
+            parts = block.columns[part.column]
+            return join_times(_raw_times(cells, mark), _raw_times(parts, mark), part.unit, str)
+        days = None if part is None else list(map(cell_text, block.columns[part.column]))
+        if order is None:
+            order = self._dates.order(self.time.name, cells, days)
+        # Dates are read next to the first one, which shows their form and whether they have a zone.
+        first = self._dates.first
+        if first is not None:
+            cells = [first[0], *cells]
+            days = None if days is None else [first[1], *days]
+        times = _raw_times(cells, mark, days=days, order=order)
+        if first is None and len(times) and times.dtype.kind in "mM":
+            self._dates.first = cells[0], "" if days is None else days[0]
+        return times if first is None else times[1:]
 
     def unit_of_parts(self) -> str:
         """Return the unit of times of two columns; empty if there is one column."""

@@ -1,0 +1,112 @@
+"""The blocks in which a stream comes do not matter: a pipe gives its lines one by one."""
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.__main__ import main
+from rtamt_gym.options.evaluation import EvaluationOptions
+from rtamt_gym.recorded.columns import Columns, Missing
+from rtamt_gym.watching.settings import WatchOptions
+from rtamt_gym.watching.states import StreamStop
+from rtamt_gym.watching.watch import StreamWatch
+
+Output = pytest.CaptureFixture[str]
+SPEC = "always(x < 5)"
+
+
+def streamed(
+    text: str,
+    size: int,
+    columns: Columns,
+    reading: EvaluationOptions,
+    **options: Any,  # noqa: ANN401
+) -> tuple[list[str], list[str], int]:
+    """The lines of a stream in blocks of some bytes, its messages, and the exit code."""
+    lines: list[str] = []
+    watch = StreamWatch(
+        WatchOptions({"it": rtamt.parse(SPEC)}, reading, columns, **options),
+        "stream",
+        lambda line: lines.append(line.to_json()),
+    )
+    raw, code, errors = text.encode(), 0, list[str]()
+    try:
+        for at in range(0, len(raw), size):
+            if not watch.stopped:
+                watch.add(raw[at : at + size])
+        if not watch.stopped:
+            watch.end_of_input()
+        watch.finish(early=watch.stopped)
+        code = watch.exit_code()
+    except InputError as error:
+        code, errors = 2, [str(error)]
+        with suppress(InputError):
+            watch.finish(early=True)
+    return lines, [*errors, *watch.failures, *watch.messages()], code
+
+
+def table(names: str, *rows: str) -> str:
+    return "\n".join([names, *rows]) + "\n"
+
+
+DATES = {
+    "the month first": (["01/04/2024", "02/04/2024", "13/04/2024"], 2),
+    "certain": (["13/04/2024", "14/04/2024", "15/04/2024"], 0),
+    "certain at first": (["30/04/2024", "01/05/2024", "02/05/2024"], 0),
+    "one day": (["01/04/2024 10:00:00", "01/04/2024 10:00:01", "01/04/2024 10:00:02"], 0),
+    "a zone later": (["2024-05-01T00:00:00", "2024-05-01T00:00:01", "2024-05-01T00:00:02Z"], 2),
+    "zones": (["2024-05-01T02:00:00+02:00", "2024-05-01T00:00:01Z", "2024-05-01T00:00:02Z"], 0),
+    "another form": (["2024-05-01", "2024-05-02", "03.05.2024"], 2),
+}
+
+
+@pytest.mark.parametrize("size", [1, 10_000])
+@pytest.mark.parametrize("dense", [False, True])
+@pytest.mark.parametrize("name", DATES)
+def test_dates_are_read_alike(name: str, dense: bool, size: int, tmp_path: Path) -> None:  # noqa: FBT001
+    dates, code = DATES[name]
+    text = table("time,x", *(f"{date},1" for date in dates))
+    _, errors, got = streamed(text, size, Columns(), EvaluationOptions(dense=dense))
+    assert got == code, errors
+    path = tmp_path / "dates.csv"
+    path.write_text(text)
+    if name != "the month first":  # a file shows it in a later row
+        assert main(["monitor", SPEC, str(path), *(["--dense"] if dense else [])]) == code
+    elif code:
+        assert "line 3: column 'time': the date '02/04/2024' may have the day or" in errors[0]
+        order = Columns(date_order="dmy")
+        assert not streamed(text, size, order, EvaluationOptions(dense=True))[2]
+
+
+@pytest.mark.parametrize("size", [1, 10_000])
+@pytest.mark.parametrize("times", [[0, "1", 2], ["0", 1, "2"]])
+def test_times_of_two_kinds(times: Sequence[object], size: int) -> None:
+    text = "".join(json.dumps({"time": time, "x": 1}) + "\n" for time in times)
+    _, errors, code = streamed(text, size, Columns(), EvaluationOptions())
+    assert code == 2
+    assert errors[0].startswith("stream, line 2: column 'time': expected a ")
+
+
+EMPTY = table("time,x", *(f"{i},{cell}" for i, cell in enumerate(["1", "", "9", "", "1", "8"])))
+DROPPED = table("time,x", "0,1", "1,2", "2,9", "3,", "4,1")
+READINGS = [EvaluationOptions(), EvaluationOptions(dense=True), EvaluationOptions(period=1)]
+
+
+@pytest.mark.parametrize("stop", ["violation", "decided"])
+@pytest.mark.parametrize("reading", READINGS)
+@pytest.mark.parametrize(
+    ("missing", "text"), [("hold", EMPTY), ("unknown", EMPTY), ("drop", DROPPED)]
+)
+def test_rows_after_a_stop_do_not_count(
+    missing: Missing, text: str, reading: EvaluationOptions, stop: StreamStop
+) -> None:
+    columns = Columns(missing=missing)
+    first, *others = (streamed(text, n, columns, reading, stop=stop) for n in (1, 7, 10_000))
+    assert first[2] == 1
+    assert others == [first, first]
