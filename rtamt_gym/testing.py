@@ -23,7 +23,7 @@ from rtamt_gym.recorded.readers import open_recording
 from rtamt_gym.recorded.sample_rows import read_trace
 from rtamt_gym.recorded.trace import Trace
 from rtamt_gym.search.falsification.optimizers import OptimizerLike, find_optimizer
-from rtamt_gym.search.falsification.protocol import Floats
+from rtamt_gym.search.falsification.points import Floats
 from rtamt_gym.search.falsification.search import SearchOver
 from rtamt_gym.systems.system import System, SystemEnd
 

@@ -52,6 +52,13 @@ def check_count(what: object, count: object) -> int:
     return int(count)
 
 
+def check_whole(what: object, number: object) -> int:
+    """Return a whole number of 0 or more as an int; otherwise InputError."""
+    if isinstance(number, bool) or not isinstance(number, Integral) or number < 0:
+        raise InputError("expected ", what, f" as a whole number, 0 or more, got {number!r}")
+    return int(number)
+
+
 def check_known(name: str, keys: Iterable[str], known: Collection[str]) -> None:
     """Raise InputError if a key is not a specification."""
     for key in keys:

@@ -16,7 +16,7 @@ from gymnasium.vector import VectorEnv
 
 from rtamt import InputError, InputTypeError, Verdict
 from rtamt.errors import Argument
-from rtamt_gym.checks.arguments import check_choice, check_count
+from rtamt_gym.checks.arguments import check_choice, check_count, check_whole
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.frames import Filming, Frame, replay_difference
@@ -142,12 +142,8 @@ def evaluate_policy(
     check_count(Argument("n_envs"), n_envs)
     check_choice("interval", interval, get_args(IntervalKind))
     check_name_of_policy(name)
-    given: dict[str, object] = {"keep": keep, "seed": seed}
-    for each, value in given.items():
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
-            raise InputError(
-                "expected ", Argument(each), f" as a whole number, 0 or more, got {value!r}"
-            )
+    check_whole(Argument("keep"), keep)
+    check_whole(Argument("seed"), seed)
     env, made = _made(env, n_envs)
     kind = VectorEpisodes if isinstance(made, VectorEnv) else partial(Episodes, n_envs=n_envs)
     runner: Episodes | VectorEpisodes = kind(

@@ -32,15 +32,14 @@ from rtamt_gym.results.warnings import (
     undecided_in,
     undecided_warnings,
 )
-from rtamt_gym.search.falsification.coverage import Coverage
-from rtamt_gym.search.falsification.effects import Effects
+from rtamt_gym.search.falsification.coverage import Coverage, Effects
 from rtamt_gym.tables import counted, number
 
 __all__ = ["Falsification", "with_inputs"]
 
 _WIDTH = 79
-_DRAWN = 100
-"""How many points of a waveform a notebook shows."""
+_CURVE_POINTS = 100
+"""The points of a waveform in a notebook."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,22 +52,21 @@ class Falsification:
         falsified: Whether a simulation violates a requirement.
         requirement: The name of the violated requirement; without a violation, the name of the
             requirement that came closest.
-        row: The simulation that violates, with the reduced input; if none does, the closest.
-        unreduced: The case that violates as it was found, before it was reduced; if none does, the
-            closest.
-        record: All simulations of the search, in their order, without those for the reduction and
+        row: The violating simulation with the reduced input; without a violation, the closest.
+        unreduced: The violating case before its reduction; without a violation, the closest.
+        record: All simulations of the search in order, without simulations for the reduction and
             for `effects`.
         space: The space of the search.
-        scales: The scale of each predicate, by its text; empty where the search used none.
-        coverage: How much of the space the simulations have seen that were judged.
-        reductions: The simulations that the reduction took.
-        effects: The inputs without an effect on the robustness, and the simulations for this: each
-            moves one input to the other end of its range, from `unreduced` and from a second
-            simulation of the search.
+        scales: The scale of each predicate, by its text; empty without scales.
+        coverage: How much of the space the evaluated simulations cover.
+        reductions: The number of simulations of the reduction.
+        effects: The inputs without an effect on the robustness, and the number of simulations that
+            showed this: each moves one input to the other end of its range, from `unreduced` and
+            from a second simulation of the search.
         optimizer: The name of the optimizer.
-        budget: The most simulations that the search could make.
+        budget: The maximum number of simulations of the search.
         seed: The seed of the search.
-        interrupted: Whether an error, or Ctrl-C, has ended the search before it was over.
+        interrupted: Whether an error or Ctrl-C ended the search early.
     """
 
     falsified: bool
@@ -91,7 +89,7 @@ class Falsification:
 
     @property
     def input(self) -> Case:
-        """The case that violates, reduced; if none does, the closest."""
+        """The violating case, reduced; without a violation, the closest."""
         return self.row.case
 
     @property
@@ -101,17 +99,17 @@ class Falsification:
 
     @property
     def failed(self) -> int:
-        """How many of these an error has ended: nothing is known of their verdicts."""
+        """The number of simulations that an error ended; they have no verdict."""
         return len(self.record.failed())
 
     @property
     def judged(self) -> int:
-        """How many of these were judged: all that did not fail."""
+        """The number of simulations that did not fail."""
         return self.simulations - self.failed
 
     @property
     def simulated_time(self) -> float:
-        """The simulated seconds of these (steps without a period)."""
+        """The simulated seconds of all simulations (steps without a period)."""
         return math.fsum(row.simulated for row in self.record)
 
     @property
@@ -134,7 +132,7 @@ class Falsification:
         return f"not violated in {total}{but}; {self.failed} failed"
 
     def replay(self) -> Run:
-        """Run `input` again, alone, and keep every sample.
+        """Run `input` again, alone, and record every sample.
 
         Raises:
             RtamtError: As `rtamt_gym.simulate` does.
@@ -142,14 +140,13 @@ class Falsification:
         return self._runner.simulate(self.input, self.row.seed)
 
     def explain(self) -> Explanation:
-        """Which sub-formulas and samples decide the robustness of `requirement` on `input`."""
+        """Return which sub-formulas and samples decide the robustness of `requirement`."""
         return self.replay().explain(self.requirement)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """Draw `input` and the run that it makes into a file: .png, .svg, .pdf.
+        """Draw `input` and its run into a file: .png, .svg or .pdf. Needs the extra ``plot``.
 
-        Waveforms stand above the signals of the run; numbers are in the title. Needs the extra
-        ``plot``.
+        Waveforms are above the signals of the run; numbers are in the title.
 
         Raises:
             InputError: If the file does not have the extension of a picture.
@@ -167,14 +164,14 @@ class Falsification:
     ) -> None:
         """Write a file with which ``rtamt replay`` and `SavedCase.load` run `input` again.
 
-        It is strict JSON, and holds the system's name and arguments, the requirement's text, the
-        input, the seed, and the verdict and robustness that come of it. Scenarios and registered
-        environments are named by their ids, FMUs by their paths, functions by their modules.
+        It is strict JSON with the name and arguments of the system, the text of the requirement,
+        the input, the seed, the verdict and the robustness. Scenarios and registered environments
+        are named by their ids, FMUs by their paths, functions by their modules.
 
         Args:
-            path: The name of the file, which ends in ``.json``.
+            path: The name of the file; it ends in ``.json``.
             system: A name ``module:name`` for a system without a name: an object, or a function
-                without arguments that makes it.
+                without arguments that returns it.
             policy: A name for a policy without a name, as for ``rtamt run --policy``.
 
         Raises:
@@ -184,21 +181,21 @@ class Falsification:
         from rtamt_gym.results.codec import check_name
 
         check_name(path)
-        then = self.record.provenance.fingerprint
-        if then is not None:
-            now = replace(then, contents=self._runner.fingerprint().contents)
-            if changes := then.changes(now):
+        searched = self.record.provenance.fingerprint
+        if searched is not None:
+            current = replace(searched, contents=self._runner.fingerprint().contents)
+            if changes := searched.changes(current):
                 raise InputError(
                     f"cannot save the case: {listed(changes)} since the search; search again"
                 )
-        # The search stops a run that cannot become the closest, once enough of it is known.
+        # The search may have stopped this run early, because it could not become the closest.
         complete = self.row.ended != "known"
         row = self.row if complete else self.replay().trial(self.input)
         names = {"system": system, "policy": policy}
         SavedCase.of(self._runner, self.requirement, row, Path(path).parent, **names).save(path)
 
     def to_json(self) -> str:
-        """The search as a result of the kind ``"search"``, which ``rtamt report`` shows."""
+        """Return the search as JSON of the kind ``"search"``; ``rtamt report`` shows it."""
         return document(
             "search",
             {
@@ -243,15 +240,15 @@ class Falsification:
         for name, entry in self.input.items():
             if isinstance(entry, Waveform):
                 low, high = min(entry.values), max(entry.values)
-                said = number(low) if low == high else f"{number(low)} to {number(high)}"
-                times = np.linspace(entry.times[0], entry.times[-1], _DRAWN)
-                drawn = markup.curve(entry.at(times), f"{name} over time")
+                text = number(low) if low == high else f"{number(low)} to {number(high)}"
+                times = np.linspace(entry.times[0], entry.times[-1], _CURVE_POINTS)
+                curve = markup.curve(entry.at(times), f"{name} over time")
             else:
-                said, drawn = number(entry), markup.plain("")
-            rows.append([markup.plain(name), markup.plain(said), drawn])
-        of = "input" if self.falsified else "input of the closest"
+                text, curve = number(entry), markup.plain("")
+            rows.append([markup.plain(name), markup.plain(text), curve])
+        heading = "input" if self.falsified else "input of the closest"
         formula = markup.code(self.record.requirements[self.requirement])
-        inputs = markup.table([of, "", "over time"], rows)
+        inputs = markup.table([heading, "", "over time"], rows)
         return f"{markup.plain(repr(self)[1:-1])}<br>{formula}{inputs}"
 
     def __str__(self) -> str:
@@ -280,7 +277,7 @@ class Falsification:
             lines = [f"interrupted after {runs} of {self.budget}", "", *lines]
         lines += _wrapped(self.record.requirements[name])
         if self.robustness == math.inf:
-            why = "no sample of any simulation counts, as where windows lie beyond the end"
+            why = "no sample of any simulation counts; windows may lie beyond its end"
             lines += _wrapped(why, "")
         unit = "steps" if self._runner.period is None else "simulated seconds"
         took = f"{self.simulated_time:.6g} {unit}, optimizer {self.optimizer}"
@@ -297,10 +294,10 @@ class Falsification:
         if self.reductions:
             before, after = _size(self.unreduced), _size(self.input)
             runs = counted(self.reductions, "more simulation")
-            made = f"reduced from {before} numbers to {after}"
+            change = f"reduced from {before} numbers to {after}"
             if before == after:
-                made = "no simpler one found" if self.input == self.unreduced else "rounded"
-            lines += _wrapped(f"{made} by {runs}", "")
+                change = "no simpler one found" if self.input == self.unreduced else "rounded"
+            lines += _wrapped(f"{change} by {runs}", "")
         if self.scales:
             scales = ", ".join(f"{text}: {number(it)}" for text, it in self.scales.items())
             lines += _wrapped(f"scales of the search: {scales}", "")
@@ -318,12 +315,12 @@ def _wrapped(text: str, indent: str = "  ") -> list[str]:
 
 
 def _size(case: Case) -> int:
-    """How many numbers describe a case."""
+    """Return how many numbers describe a case."""
     return len(case.columns())
 
 
-def with_inputs(run: Run, case: Case) -> Any:  # noqa: ANN401 - what is drawn as a run
-    """A run with the waveforms of its case among its signals, and the numbers as its label."""
+def with_inputs(run: Run, case: Case) -> Any:  # noqa: ANN401 - a run that is only drawn
+    """Return a run with the waveforms of its case as signals, and the numbers as its label."""
     times = np.arange(run.steps + 1) * float(run.period or 1)
     waves = {
         name: entry.at(times)

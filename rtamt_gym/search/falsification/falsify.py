@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
-from numbers import Integral
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Final, Literal, Unpack
 
 import numpy as np
 
-from rtamt import InputError, Specification, Verdict
+from rtamt import InputError, Verdict
 from rtamt.errors import Argument
-from rtamt_gym.checks.arguments import check_count
+from rtamt_gym.checks.arguments import check_count, check_whole
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case, Waveform
-from rtamt_gym.inputs.space import Space, SpaceLike
+from rtamt_gym.inputs.space import Parameter, Signal, Space, SpaceLike
 from rtamt_gym.options.evaluation import (
     EvaluationKeywords,
     EvaluationOptions,
@@ -34,14 +34,13 @@ from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.falsification.coverage import coverage_of
-from rtamt_gym.search.falsification.effects import Effects
+from rtamt_gym.search.falsification.coverage import Effects, coverage_of
 from rtamt_gym.search.falsification.falsification import Falsification
-from rtamt_gym.search.falsification.kept import KeptSearch
 from rtamt_gym.search.falsification.optimizers import OptimizerLike, find_optimizer
-from rtamt_gym.search.falsification.protocol import Optimizer
-from rtamt_gym.search.falsification.scales import given_scales, needs_scales
+from rtamt_gym.search.falsification.points import Optimizer
+from rtamt_gym.search.falsification.scales import checked_scales
 from rtamt_gym.search.falsification.search import Search, SearchOver
+from rtamt_gym.search.falsification.search_folder import SearchFolder
 from rtamt_gym.search.sweeps.sweep import space_of, tell_failures
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.systems.system import Policy
@@ -50,140 +49,13 @@ from rtamt_gym.tables import counted
 if TYPE_CHECKING:  # joblib is optional
     from rtamt_gym.play.parallel_runner import ClusterBackend
 
-import math
-from collections.abc import Callable, Iterator
-
-from rtamt_gym.inputs.space import Parameter, Signal
-
 __all__ = ["IrreproducibleWarning", "falsify", "reduced"]
 
+_REDUCTIONS: Final = 200
+"""The maximum number of simulations of a reduction."""
 
-_DIGITS = (1, 2, 3, 4)
+_DIGITS: Final = (1, 2, 3, 4)
 """The numbers of digits that values are rounded to."""
-
-_Entry = float | Waveform
-
-
-def reduced(
-    row: Trial, space: Space, again: Callable[[Case], Trial | None], most: int
-) -> tuple[Trial, int]:
-    """Make a violating case simpler, in steps that keep the violation.
-
-    In this order: parameters get their defaults, which removes faults; signals become constant, or
-    lose control points; numbers are rounded. Steps are tried in a fixed order, each on the result
-    of the steps before.
-
-    Args:
-        row: A simulation that violates.
-        space: The space of the search: values stay in its ranges, or become defaults.
-        again: Runs a case; gives None if it does not violate.
-        most: The most cases that are run.
-
-    Returns:
-        The simulation of the simplest case that was found, and how many were run.
-    """
-    budget = _Budget(row, again, most)
-    for entry in space:
-        if isinstance(entry, Parameter) and entry.default is not None:
-            budget.attempt(entry.name, entry.default)
-    for entry in space:
-        if isinstance(entry, Signal):
-            _fewer_points(entry, budget)
-    for entry in space:
-        _fewer_digits(entry, budget)
-    return budget.row, budget.count
-
-
-class _Budget:
-    """The simplest case so far, and the number of cases that were run."""
-
-    def __init__(self, row: Trial, again: Callable[[Case], Trial | None], most: int) -> None:
-        self.row = row
-        self.count = 0
-        self._again = again
-        self._most = most
-
-    @property
-    def case(self) -> Case:
-        return self.row.case
-
-    def attempt(self, name: str, entry: _Entry) -> bool:
-        """Give a name another entry if the case then still violates."""
-        if entry == self.case[name] or self.count >= self._most:
-            return False
-        self.count += 1
-        row = self._again(Case({**self.case, name: entry}))
-        self.row = row or self.row
-        return row is not None
-
-
-def _fewer_points(signal: Signal, budget: _Budget) -> None:
-    """Make a signal constant, or remove control points one by one."""
-    wave = budget.case[signal.name]
-    assert isinstance(wave, Waveform)  # noqa: S101 - the space has made it
-    for value in dict.fromkeys([_mean(wave), *wave.values]):
-        if len(wave.values) > 1 and budget.attempt(signal.name, Waveform([0.0], [value])):
-            return
-    index = len(wave.values) - 1
-    while index >= 0:
-        wave = budget.case[signal.name]
-        assert isinstance(wave, Waveform)  # noqa: S101
-        fewer = _without(wave, index)
-        if fewer is not None:
-            budget.attempt(signal.name, fewer)
-        index -= 1
-
-
-def _without(wave: Waveform, at: int) -> Waveform | None:
-    """The waveform without a control point; None if it would have too few."""
-    if len(wave.values) <= (1 if wave.interpolation == "hold" else 2):
-        return None
-    times, values = list(wave.times), list(wave.values)
-    # Before its first control point a waveform has the value of that: the second takes its place.
-    del times[max(at, 1)], values[at]
-    return Waveform(times, values, wave.interpolation)
-
-
-def _mean(wave: Waveform) -> float:
-    return math.fsum(wave.values) / len(wave.values)
-
-
-def _fewer_digits(entry: Signal | Parameter, budget: _Budget) -> None:
-    """Rounds the numbers of an entry, each to as few digits as do."""
-    now = budget.case[entry.name]
-    if not isinstance(now, Waveform):
-        if isinstance(entry, Parameter) and entry.values is not None:
-            return
-        for value in _rounded(now, entry):
-            if budget.attempt(entry.name, value):
-                return
-        return
-    for index in range(len(now.values)):
-        wave = budget.case[entry.name]
-        assert isinstance(wave, Waveform)  # noqa: S101
-        for value in _rounded(wave.values[index], entry):
-            values = [*wave.values[:index], value, *wave.values[index + 1 :]]
-            if budget.attempt(entry.name, Waveform(wave.times, values, wave.interpolation)):
-                break
-
-
-def _rounded(value: float, entry: Signal | Parameter) -> Iterator[float]:
-    """A number rounded to more and more digits, up to itself; only results inside the range."""
-    if not math.isfinite(value):
-        return
-    # The range sets the first digit: 0.0031 in a range up to 100 is 0.
-    size = max(abs(entry.low), abs(entry.high))
-    position = math.floor(math.log10(size)) if size else 0
-    for digits in _DIGITS:
-        number = round(value, digits - 1 - position) + 0.0
-        if number == value:
-            return
-        if entry.low <= number <= entry.high:
-            yield number
-
-
-_REDUCTIONS = 200
-"""The most simulations of a reduction."""
 
 
 class IrreproducibleWarning(UserWarning):
@@ -275,14 +147,14 @@ def falsify(
     """
     chosen = find_optimizer(optimizer)
     name = optimizer if isinstance(optimizer, str) else _name_of(optimizer)
-    budget, seed = check_count(Argument("budget"), budget), _checked_seed(seed)
-    judged = checked_options(reading, falsify, "episodes")
+    budget, seed = check_count(Argument("budget"), budget), check_whole(Argument("seed"), seed)
+    options = checked_options(reading, falsify, "episodes")
 
     def make(
         specs: Requirements | None,
         stop: Stop,
         signals: Mapping[str, SignalLike] | None = signals,
-        judged: EvaluationOptions = judged,
+        options: EvaluationOptions = options,
     ) -> Runner:
         return Runner(
             system,
@@ -292,49 +164,50 @@ def falsify(
             duration=duration,
             stop=stop,
             batch=batch,
-            **judged.options(),
+            **options.options(),
         )
 
     timeout = check_workers(n_jobs, backend, timeout)
     here = n_jobs is None and backend is None and timeout is None
-    elsewhere = partial(ParallelRunner, n_jobs=n_jobs, backend=backend, timeout=timeout)
+    parallel = partial(ParallelRunner, n_jobs=n_jobs, backend=backend, timeout=timeout)
     runner = make(requirements, "violation")
     specs = runner.requirements
     varied = space_of(runner, space, "falsify")
-    remainder = Case(fixed or {})
-    if both := next((key for key in remainder if key in varied.entries), None):
+    constants = Case(fixed or {})
+    if both := next((key for key in constants if key in varied.entries), None):
         raise InputError(f"expected {both!r} varied or fixed, got both")
-    check_columns([*varied.columns, *remainder.columns()], specs)
-    of_optimizer, of_search = np.random.SeedSequence(seed).spawn(2)
-    rng = np.random.default_rng(of_search)
-    # A monitor that the system has gives its specifications, and so its signals and reading too.
-    again = partial(make, signals=runner.signals, judged=runner.evaluation_options)
+    check_columns([*varied.columns, *constants.columns()], specs)
+    optimizer_seed, search_seed = np.random.SeedSequence(seed).spawn(2)
+    rng = np.random.default_rng(search_seed)
+    # If the system has a monitor, its signals and options belong to its specifications.
+    again = partial(make, signals=runner.signals, options=runner.evaluation_options)
     texts = {key: str(spec.standalone()) for key, spec in specs.items()}
-    scaling = _scales(scales, specs)
+    scaling = checked_scales(scales, specs)
     fingerprint = runner.fingerprint()
-    kept = None
+    stored = None
     if folder is not None:
-        about: dict[str, Any] = {"space": written_space(varied)}
-        about |= {"fixed": json.loads(remainder.to_json()), "optimizer": name, "seed": seed}
-        identity = {
+        identity: dict[str, Any] = {
             **Recipe(runner).identity(texts),
-            **about,
+            "space": written_space(varied),
+            "fixed": json.loads(constants.to_json()),
+            "optimizer": name,
+            "seed": seed,
             "scales": scaling,
         }
         opened = Folder(
             *(folder, identity, {}, texts, runner.name, fingerprint), accept_changed=accept_changed
         )
-        kept = KeptSearch(opened, name)
+        stored = SearchFolder(opened, name)
     search = Search(
-        *(again, runner, varied, remainder, budget, seed, rng, scaling),
-        elsewhere=None if here else elsewhere,
-        kept=kept,
+        *(again, runner, varied, constants, budget, seed, rng, scaling),
+        parallel=None if here else parallel,
+        folder=stored,
     )
 
     effects = Effects()
 
     def record() -> Record:
-        reuse = None if kept is None else kept.reuse(len(search.rows))
+        reuse = None if stored is None else stored.reuse(len(search.rows))
         return Record(search.rows, texts, runner.name, Provenance.of(specs, fingerprint, reuse))
 
     def result(
@@ -364,9 +237,9 @@ def falsify(
         with shown_progress(phrase, budget if progress else 0, "run") as search.advance:
             try:
                 with suppress(SearchOver):
-                    _optimize(chosen, name, search, np.random.default_rng(of_optimizer))
-                if kept is not None and search.rows:
-                    kept.finish(record(), search.valued)
+                    _optimize(chosen, name, search, np.random.default_rng(optimizer_seed))
+                if stored is not None and search.rows:
+                    stored.finish(record(), search.valued)
                 effects = search.effects()
             finally:
                 search.close()
@@ -388,11 +261,7 @@ def _optimize(optimizer: Optimizer, name: str, search: Search, rng: np.random.Ge
 
 
 def _check_rows(search: Search, runner: Runner, optimizer: str) -> None:
-    """Warn if some simulations failed.
-
-    Raises:
-        InputError: If all failed, or there are no simulations.
-    """
+    """Warn if some simulations failed; raise InputError if all failed, or there are none."""
     if not search.rows:
         raise InputError(
             f"the optimizer {optimizer} evaluated no point; it is called with evaluate, the "
@@ -402,7 +271,7 @@ def _check_rows(search: Search, runner: Runner, optimizer: str) -> None:
 
 
 def _again(search: Search, runner: Runner, case: Case) -> Trial | None:
-    """The row of a case under the seed that violates; None if it does not violate."""
+    """Run a case with the seed of the violation; return its row, or None if it does not violate."""
     seed = search.rows[-1].seed
     ((_, row),) = runner.run([case], None if seed is None else [seed])
     violates = not row.error and row.outcomes[search.closest].verdict is Verdict.VIOLATED
@@ -410,7 +279,7 @@ def _again(search: Search, runner: Runner, case: Case) -> Trial | None:
 
 
 def _reproduced(search: Search, runner: Runner, space: Space, most: int) -> tuple[Trial, int]:
-    """The violating simulation, run again and reduced; and how many simulations that took."""
+    """Run the violating simulation again and reduce it; return its row and the simulations."""
     row = _again(search, runner, search.rows[-1].case)
     if row is not None:
         return reduced(row, space, partial(_again, search, runner), most)
@@ -423,37 +292,131 @@ def _reproduced(search: Search, runner: Runner, space: Space, most: int) -> tupl
     return search.rows[-1], 0
 
 
-def _checked_seed(seed: Any) -> int:  # noqa: ANN401 - checked here
-    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
-        raise InputError(
-            "expected ", Argument("seed"), f" as a whole number, 0 or more, got {seed!r}"
-        )
-    return int(seed)
-
-
-def _scales(
-    given: Mapping[str, float] | Literal["plain"] | None, specs: Mapping[str, Specification]
-) -> Mapping[str, float] | None:
-    """The scales that were given; None: they are to be found."""
-    if given is None:
-        return None if needs_scales(specs.values()) else {}
-    if isinstance(given, Mapping):
-        return given_scales(given, specs)
-    if given != "plain":
-        raise InputError(
-            f'expected scales= as {{"rpm < 3000": 1000}}, None or "plain", got {given!r}'
-        )
-    return {}
-
-
 def _name_of(optimizer: Any) -> str:  # noqa: ANN401 - any function
     return str(getattr(optimizer, "__name__", type(optimizer).__name__))
 
 
-def _carry(error: BaseException, found: Falsification) -> None:
+def _carry(error: BaseException, result: Falsification) -> None:
     """Attach the result so far to an error as ``falsification``, with a note."""
-    with suppress(AttributeError):  # of an error that takes no attributes
-        crashed: Any = error
-        crashed.falsification = found
-        runs = counted(found.simulations, "simulation")
+    with suppress(AttributeError):  # an error class may refuse attributes
+        untyped: Any = error
+        untyped.falsification = result
+        runs = counted(result.simulations, "simulation")
         error.add_note(f"error.falsification holds {runs}")
+
+
+def reduced(
+    row: Trial, space: Space, again: Callable[[Case], Trial | None], most: int
+) -> tuple[Trial, int]:
+    """Make a violating case simpler, in steps that keep the violation.
+
+    First parameters get their defaults, which removes faults. Then signals become constant or lose
+    control points, and numbers are rounded. Each step starts from the result of the steps before.
+
+    Args:
+        row: A simulation that violates.
+        space: The space of the search: values stay in its ranges, or become defaults.
+        again: Runs a case; returns None if it does not violate.
+        most: The maximum number of cases to run.
+
+    Returns:
+        The simulation of the simplest violating case, and the number of cases that ran.
+    """
+    budget = _Budget(row, again, most)
+    for entry in space:
+        if isinstance(entry, Parameter) and entry.default is not None:
+            budget.attempt(entry.name, entry.default)
+    for entry in space:
+        if isinstance(entry, Signal):
+            _fewer_points(entry, budget)
+    for entry in space:
+        _fewer_digits(entry, budget)
+    return budget.row, budget.count
+
+
+class _Budget:
+    """The simplest violating case so far, and the number of cases that ran."""
+
+    def __init__(self, row: Trial, again: Callable[[Case], Trial | None], most: int) -> None:
+        self.row = row
+        self.count = 0
+        self._again = again
+        self._most = most
+
+    @property
+    def case(self) -> Case:
+        return self.row.case
+
+    def attempt(self, name: str, entry: float | Waveform) -> bool:
+        """Replace the entry of a name if the case then still violates."""
+        if entry == self.case[name] or self.count >= self._most:
+            return False
+        self.count += 1
+        row = self._again(Case({**self.case, name: entry}))
+        self.row = row or self.row
+        return row is not None
+
+
+def _fewer_points(signal: Signal, budget: _Budget) -> None:
+    """Make a signal constant, or remove control points one by one."""
+    wave = budget.case[signal.name]
+    assert isinstance(wave, Waveform)  # noqa: S101 - the space has made it
+    for value in dict.fromkeys([_mean(wave), *wave.values]):
+        if len(wave.values) > 1 and budget.attempt(signal.name, Waveform([0.0], [value])):
+            return
+    index = len(wave.values) - 1
+    while index >= 0:
+        wave = budget.case[signal.name]
+        assert isinstance(wave, Waveform)  # noqa: S101
+        fewer = _without(wave, index)
+        if fewer is not None:
+            budget.attempt(signal.name, fewer)
+        index -= 1
+
+
+def _without(wave: Waveform, at: int) -> Waveform | None:
+    """Return the waveform without a control point; None if it would have too few."""
+    if len(wave.values) <= (1 if wave.interpolation == "hold" else 2):
+        return None
+    times, values = list(wave.times), list(wave.values)
+    # The first time stays, because a waveform keeps its first value before that time.
+    del times[max(at, 1)], values[at]
+    return Waveform(times, values, wave.interpolation)
+
+
+def _mean(wave: Waveform) -> float:
+    return math.fsum(wave.values) / len(wave.values)
+
+
+def _fewer_digits(entry: Signal | Parameter, budget: _Budget) -> None:
+    """Round each number of an entry to as few digits as still violate."""
+    current = budget.case[entry.name]
+    if not isinstance(current, Waveform):
+        if isinstance(entry, Parameter) and entry.values is not None:
+            return
+        for value in _rounded(current, entry):
+            if budget.attempt(entry.name, value):
+                return
+        return
+    for index in range(len(current.values)):
+        wave = budget.case[entry.name]
+        assert isinstance(wave, Waveform)  # noqa: S101
+        for value in _rounded(wave.values[index], entry):
+            values = [*wave.values[:index], value, *wave.values[index + 1 :]]
+            if budget.attempt(entry.name, Waveform(wave.times, values, wave.interpolation)):
+                break
+
+
+def _rounded(value: float, entry: Signal | Parameter) -> Iterator[float]:
+    """Yield a number rounded to more and more digits, if the result is inside the range."""
+    if not math.isfinite(value):
+        return
+    # The range sets the first digit: 0.0031 in a range up to 100 is 0.
+    size = max(abs(entry.low), abs(entry.high))
+    position = math.floor(math.log10(size)) if size else 0
+    for digits in _DIGITS:
+        number = round(value, digits - 1 - position) + 0.0
+        if number == value:
+            return
+        if entry.low <= number <= entry.high:
+            yield number

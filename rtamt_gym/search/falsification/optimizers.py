@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import inspect
 import math
+import warnings
 from collections.abc import Iterator, Mapping
 from itertools import count
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -20,23 +21,109 @@ from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.plugins import plugins
-from rtamt_gym.search.falsification.evolution import Climb, population_of
-from rtamt_gym.search.falsification.points import extremes, quasi_random, spread, take
-from rtamt_gym.search.falsification.protocol import Evaluate, Floats, Optimizer
+from rtamt_gym.search.falsification.points import (
+    Evaluate,
+    Floats,
+    Optimizer,
+    extremes,
+    quasi_random,
+    spread,
+    take,
+)
 
 __all__ = [
     "GROUP",
     "OPTIMIZERS",
+    "Climb",
     "OptimizerLike",
     "described",
     "find_optimizer",
     "optimizers",
+    "population_of",
     "portfolio",
 ]
 
 
+_STALL: Final = 12
+"""A climb ends after this many generations without a better value."""
+
+_BETTER: Final = 1e-3
+"""The minimum improvement of a better value, as a share of the best so far."""
+
+
+def population_of(dimension: int) -> int:
+    """Return the usual number of points in a generation: ``4 + 3 log(dimension)``."""
+    return 4 + int(3 * math.log(max(dimension, 2)))
+
+
+class Climb:
+    """One run of CMA-ES from a start, by the package ``cma``; its points are in the unit cube.
+
+    A point outside the cube is moved to the nearest point inside, and gets the value of that point.
+    This reaches the extremes of inputs, where many violations are, at once.
+
+    Attributes:
+        over: Whether the run has converged, or has not improved for twelve generations.
+        level: The median of the last generation, or infinite. The better half makes the next
+            generation, so the exact values of points above the median rarely matter.
+
+    Args:
+        start: The mean of the first generation.
+        rng: The generator that draws the seed.
+        sigma: The standard deviation of the first generation.
+        population: The number of points of a generation.
+    """
+
+    def __init__(
+        self, start: Floats, rng: np.random.Generator, *, sigma: float, population: int
+    ) -> None:
+        import cma
+
+        # By default, the package draws from NumPy's global generator, which belongs to the caller.
+        generator = np.random.RandomState(int(rng.integers(1, 2**31)))
+        options = {
+            "seed": math.nan,
+            "randn": generator.randn,
+            "verbose": -9,
+            "verb_log": 0,
+            "tolfun": 1e-3,
+            "popsize": population,
+        }
+        self.over = False
+        self.level = math.inf
+        self._dimension = len(start)
+        self._best = math.inf
+        self._stalled = 0
+        self._points: list[Any] = []
+        # The package refuses one dimension, so add a second that nothing reads.
+        mean = np.resize(start, max(len(start), 2))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self._strategy: Any = cma.CMAEvolutionStrategy(mean, sigma, options)
+
+    def ask(self) -> Floats:
+        """Return the points of the next generation, shape (points, dimension)."""
+        self._points = self._strategy.ask()
+        return np.array(self._points)[:, : self._dimension].clip(0.0, 1.0)
+
+    def tell(self, values: Floats) -> None:
+        """Pass the values of the points that `ask` returned."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # flat values cause a warning, and end the climb
+            self._strategy.tell(self._points, values.tolist())
+            ended = bool(self._strategy.stop())
+        minimum = float(values.min())
+        if minimum < self._best - _BETTER * abs(self._best) or not math.isfinite(self._best):
+            self._best = minimum
+            self._stalled = 0
+        else:
+            self._stalled += 1
+        self.over = ended or self._stalled >= _STALL
+        self.level = float(np.median(values))
+
+
 _CORNERS: Final = 16
-"""The most corners that are run."""
+"""The maximum number of corners to run."""
 
 _POINTS: Final = 24
 """The quasi-random points before the first climb."""
@@ -48,13 +135,13 @@ _SIGMA: Final = 0.45
 """The standard deviation of the first generation of a climb."""
 
 _EVERY: Final = 6
-"""The generations after which as many quasi-random points follow as one generation has."""
+"""The number of generations after which as many quasi-random points follow as one has."""
 
 _FLAT: Final = 8
-"""Before a climb on values that are flat, quasi-random points for so many generations."""
+"""The generations of quasi-random points before a climb on flat values."""
 
 _STARTS: Final = 4
-"""A quasi-random point is of use if it is among so many best that no climb has begun at."""
+"""The exact value of a quasi-random point matters if it is among this many best unused points."""
 
 
 def portfolio(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
@@ -86,7 +173,7 @@ def portfolio(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> N
 
 
 class _Starts:
-    """Points with their values; climbs begin at the best, each at another."""
+    """Points with their values; each climb starts at the best unused point."""
 
     def __init__(self, spread: Iterator[Floats], dimension: int) -> None:
         self._spread = spread
@@ -95,7 +182,7 @@ class _Starts:
         self._values = np.empty(0)
 
     def evaluate(self, evaluate: Evaluate, points: Floats, count: int) -> None:
-        """Evaluate points, and further ones of the sequence."""
+        """Evaluate points, and `count` further points of the sequence."""
         more = np.concatenate([points, take(self._spread, count, self._dimension)])
         best = np.sort(self._values)[:_STARTS]
         values = evaluate(more, best[-1] if len(best) == _STARTS else math.inf)
@@ -104,12 +191,12 @@ class _Starts:
 
     @property
     def flat(self) -> bool:
-        """Return whether a quarter of the points share the minimum: then it gives no direction."""
-        least = np.count_nonzero(self._values == self._values.min())
-        return bool(4 * least >= len(self._values))
+        """Whether a quarter of the points share the minimum, which then shows no direction."""
+        ties = np.count_nonzero(self._values == self._values.min())
+        return bool(4 * ties >= len(self._values))
 
     def take(self) -> Floats:
-        """The best point, which is taken out."""
+        """Return the best unused point, and mark it as used."""
         index = int(self._values.argmin())
         self._values[index] = math.inf
         point: Floats = self._points[index]
@@ -117,34 +204,34 @@ class _Starts:
 
 
 OptimizerLike = str | Optimizer
-"""The name of an optimizer, or one's own."""
+"""The name of an optimizer, or a function."""
 
 _BATCH: Final = 64
-"""The points that are asked for at once where their number is free."""
+"""The points per call of optimizers that can evaluate any number at once."""
 
 
-def find_optimizer(given: OptimizerLike) -> Optimizer:
-    """The optimizer of a name; one's own as it is.
+def find_optimizer(optimizer: OptimizerLike) -> Optimizer:
+    """Return the optimizer of a name; return a function unchanged.
 
     Raises:
         InputError: If the optimizer is unknown.
         InputTypeError: If it is neither a name nor a function.
     """
-    if isinstance(given, str):
+    if isinstance(optimizer, str):
         known = optimizers()
-        if given not in known:
+        if optimizer not in known:
             raise InputError(
-                f"unknown optimizer {given!r}; the optimizers are "
-                f"{listing(known)}{nearest(given, known)}"
+                f"unknown optimizer {optimizer!r}; the optimizers are "
+                f"{listing(known)}{nearest(optimizer, known)}"
             )
-        return known[given]
-    if not callable(given):
+        return known[optimizer]
+    if not callable(optimizer):
         raise InputTypeError(
             "expected ",
             Argument("optimizer"),
-            f" as a name or a function (evaluate, dimension, rng), got {given!r}",
+            f" as a name or a function (evaluate, dimension, rng), got {optimizer!r}",
         )
-    return given
+    return optimizer
 
 
 def _random(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
@@ -225,10 +312,10 @@ OPTIMIZERS: Final[Mapping[str, Optimizer]] = {
     "differential_evolution": _differential_evolution,
     "tpe": _tpe,
 }
-"""The optimizers by name; ``--help`` has the first line of each docstring."""
+"""The optimizers by name; ``--help`` shows the first line of each docstring."""
 
 GROUP: Final = "rtamt.optimizers"
-"""The entry points of other packages that add an optimizer under their name."""
+"""The group of entry points by which other packages add optimizers."""
 
 
 def optimizers() -> Mapping[str, Optimizer]:
@@ -248,7 +335,7 @@ def optimizers() -> Mapping[str, Optimizer]:
 
 
 def described() -> str:
-    """A sentence about each optimizer, the first line of its docstring."""
+    """Return the first line of each optimizer's docstring, with the names."""
     return "; ".join(
         f"{name}: {(inspect.getdoc(optimizer) or 'no docstring').partition(chr(10))[0].rstrip('.')}"
         for name, optimizer in optimizers().items()

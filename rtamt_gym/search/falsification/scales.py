@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -15,24 +16,31 @@ from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing
 from rtamt_gym.play.run_record import SimulatedTrace
 
-__all__ = ["given_scales", "in_scales", "needs_scales", "spreads"]
+__all__ = ["checked_scales", "in_scales", "spreads"]
 
 
-def needs_scales(specs: Iterable[Specification]) -> bool:
-    """Whether some predicates read other variables than others do, and so may have other units."""
-    return len({_variables(predicate) for spec in specs for predicate in _predicates([spec])}) > 1
+def checked_scales(
+    scales: Mapping[str, float] | Literal["plain"] | None, specs: Mapping[str, Specification]
+) -> dict[str, float] | None:
+    """Return the scales by the canonical texts of predicates; None if the search computes them.
 
-
-def given_scales(
-    scales: Mapping[str, float], specs: Mapping[str, Specification]
-) -> dict[str, float]:
-    """Check scales that were given; return them by the canonical texts of the predicates.
+    Scales are computed by default if predicates read different variables, which may have different
+    units.
 
     Raises:
         SpecificationError: If a name is not a formula.
         InputError: If a name is not a predicate of a requirement, or a scale is not positive.
     """
-    known = [str(predicate) for predicate in _predicates(specs.values())]
+    predicates = _predicates(specs.values())
+    if scales is None:
+        return None if len(set(map(_variables, predicates))) > 1 else {}
+    if scales == "plain":
+        return {}
+    if not isinstance(scales, Mapping):
+        raise InputError(
+            f'expected scales= as {{"rpm < 3000": 1000}}, None or "plain", got {scales!r}'
+        )
+    known = [str(predicate) for predicate in predicates]
     result = {}
     for text, scale in scales.items():
         name = str(rtamt.parse(text).formula)
@@ -75,7 +83,7 @@ def spreads(
 def in_scales(
     specs: Mapping[str, Specification], scales: Mapping[str, float]
 ) -> dict[str, Specification]:
-    """The specifications with their predicates in units of the scales, by the same names."""
+    """Return the specifications with their predicates in units of the scales, by name."""
     return {name: _in_scales(spec, scales) for name, spec in specs.items()}
 
 

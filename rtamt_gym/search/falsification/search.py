@@ -21,19 +21,18 @@ from rtamt_gym.play.parallel_runner import ParallelRunner
 from rtamt_gym.play.run_record import SimulatedTrace
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.falsification.effects import Effects, inputs_without_effect
-from rtamt_gym.search.falsification.kept import KeptSearch, Valued
-from rtamt_gym.search.falsification.points import spread, take
-from rtamt_gym.search.falsification.protocol import Floats
+from rtamt_gym.search.falsification.coverage import Effects, inputs_without_effect
+from rtamt_gym.search.falsification.points import Floats, spread, take
 from rtamt_gym.search.falsification.scales import in_scales, spreads
+from rtamt_gym.search.falsification.search_folder import SearchFolder, ValuedTrial
 
 __all__ = ["Search", "SearchOver"]
 
 _WORST: Final = 1e12
-"""The value of a run that has none; optimizers compute with it, so it is finite."""
+"""The value of a run without robustness; it is finite, since optimizers compute with it."""
 
 _FIRST: Final = 8
-"""The runs that scales come from."""
+"""The number of first runs from which scales are computed."""
 
 
 class SearchOver(BaseException):
@@ -41,31 +40,31 @@ class SearchOver(BaseException):
 
 
 class Search:
-    """Evaluates points for an optimizer, until one violates or the budget is spent.
+    """The evaluation of points for an optimizer, until one violates or the budget is spent.
 
-    The rows are as if the points had run one after the other, in the order of the requests
-    for: the search is over at the first that violates, and what runs beside it does not count.
+    The rows are as if the points had run one after the other, in the order of the requests: the
+    search ends at the first violation, and simulations next to it do not count.
 
     Attributes:
         groups: The coordinates of each input.
         rows: The simulations so far.
         points: Their points.
         values: Their values: the minimum robustness over the requirements, in units of the scales.
-        scales: The scales by the text of a predicate; None while they are to be found.
-        violated: The requirement that the last row violates; None while none does.
-        advance: Is called with the number of simulations that are over.
+        scales: The scales by the text of a predicate; None until they are computed.
+        violated: The requirement that the last row violates; None without a violation.
+        advance: A function that gets the number of finished simulations.
 
     Args:
-        make: Makes a runner of requirements.
-        runner: The runner of the requirements, which stops at violations alone.
-        space: What is searched.
+        make: A function that returns a runner of requirements.
+        runner: The runner of the requirements; it stops at violations only.
+        space: The space of the search.
         fixed: Values that are the same in every simulation.
-        budget: The most simulations.
-        seed: The seed of the first simulation of an environment; each further one has one more.
-        rng: Random numbers for runs that scales come from.
-        scales: The scales; None: from the first runs.
-        elsewhere: A function that makes a runner in other processes; None runs the cases here.
-        kept: The folder that finished simulations are kept in; None: none. It is closed with this.
+        budget: The maximum number of simulations.
+        seed: The seed of the first simulation of an environment; simulation i has ``seed + i``.
+        rng: The generator for the runs from which scales are computed.
+        scales: The scales. Default: computed from the first runs.
+        parallel: A function that returns a runner in other processes. Default: this process.
+        folder: The folder of finished simulations; `close` closes it. Default: no folder.
     """
 
     def __init__(
@@ -78,20 +77,20 @@ class Search:
         seed: int,
         rng: np.random.Generator,
         scales: Mapping[str, float] | None,
-        elsewhere: Callable[..., ParallelRunner] | None = None,
-        kept: KeptSearch | None = None,
+        parallel: Callable[..., ParallelRunner] | None = None,
+        folder: SearchFolder | None = None,
     ) -> None:
-        self._elsewhere = elsewhere
+        self._parallel = parallel
         self._opened = ExitStack()
-        self._kept = kept
-        if kept is not None:
-            self._opened.callback(kept.close)
+        self._folder = folder
+        if folder is not None:
+            self._opened.callback(folder.close)
             if scales is not None:
-                kept.scales = scales
-            elif kept.scales is None:
-                kept.forget()
+                folder.scales = scales
+            elif folder.scales is None:
+                folder.forget()
         self._make = make
-        self._whole = runner
+        self._unscaled = runner
         self._specs = runner.requirements
         self._space = space
         self._fixed = fixed
@@ -100,7 +99,7 @@ class Search:
         self._rng = rng
         self.advance: Callable[[int], None] = lambda _: None
         self._traces: dict[int, SimulatedTrace] = {}
-        self._valued = list(self._specs)
+        self._scaled_names = list(self._specs)
         self._least: list[str] = []
         self._runner: Runner | OfflineRunner | ParallelRunner = runner
         self.groups = _groups(space)
@@ -114,45 +113,44 @@ class Search:
 
     def __call__(self, points: ArrayLike, level: float = math.inf) -> Floats:
         """Run a simulation for each point; see `Evaluate`."""
-        asked = self._checked(points)
+        checked = self._checked(points)
         if self.scales is not None:
-            return self._run(asked, level)
-        missing = _FIRST - len(asked)
+            return self._run(checked, level)
+        missing = _FIRST - len(checked)
         if missing > 0:
             others = spread(self.groups, self._rng)
             self._run(take(others, missing, self.dimension), math.inf)
         begin = len(self.rows)
-        self._run(asked[:_FIRST], math.inf)
+        self._run(checked[:_FIRST], math.inf)
         self._find_scales()
         first = np.array(self.values[begin:])
-        return np.concatenate([first, self._run(asked[_FIRST:], level)])
+        return np.concatenate([first, self._run(checked[_FIRST:], level)])
 
     def _find_scales(self) -> None:
-        """Compute the scales from the first simulations, and value these again."""
-        if self._kept is not None and self._kept.scales is not None:
-            self.scales = self._kept.scales  # and the values that are kept are in their units
+        """Compute the scales from the first simulations, and the values of these in the scales."""
+        if self._folder is not None and self._folder.scales is not None:
+            self.scales = self._folder.scales  # the stored values are in their units already
             self._use(self.scales)
             return
         self.scales = spreads(self._specs, self._traces.values())
         self._use(self.scales)
         for index, trace in self._traces.items():
-            heights = {name: self._runner.judge(name, trace) for name in self._valued}
-            self._least[index], self.values[index] = self._worth(heights)
+            heights = {name: self._runner.judge(name, trace) for name in self._scaled_names}
+            self._least[index], self.values[index] = self._minimum(heights)
         self._traces.clear()
-        if self._kept is not None:
-            self._kept.scales = self.scales
-            self._kept.add(dict(enumerate(self.valued)))
-            self._kept.write()
+        if self._folder is not None:
+            self._folder.scales = self.scales
+            self._folder.add(dict(enumerate(self.valued)))
+            self._folder.write()
 
     @property
-    def valued(self) -> list[Valued]:
+    def valued(self) -> list[ValuedTrial]:
         """The simulations so far, with their values."""
-        violated = [None] * len(self.rows)
-        result = zip(self.rows, self._least, self.values, violated, strict=True)
-        listed = [Valued(*entry) for entry in result]
+        columns = zip(self.rows, self._least, self.values, strict=True)
+        trials = [ValuedTrial(*entry, violated=None) for entry in columns]
         if self.violated is not None:
-            listed[-1] = listed[-1]._replace(violated=self.violated)
-        return listed
+            trials[-1] = trials[-1]._replace(violated=self.violated)
+        return trials
 
     @property
     def dimension(self) -> int:
@@ -163,7 +161,7 @@ class Search:
     def best(self) -> int:
         """The index of the violating row; without a violation, of the row with the minimum value.
 
-        A row that an error has ended is the best only where no other was judged.
+        A failed simulation is the best only if all failed.
         """
         if self.violated:
             return len(self.rows) - 1
@@ -172,16 +170,16 @@ class Search:
     @property
     def judged_points(self) -> Floats:
         """The points of simulations without an error, shape (points, dimension)."""
-        kept = [point for point, row in zip(self.points, self.rows, strict=True) if not row.error]
-        return np.array(kept).reshape(-1, self.dimension)
+        rows = zip(self.points, self.rows, strict=True)
+        return np.array([point for point, row in rows if not row.error]).reshape(-1, self.dimension)
 
     @property
     def closest(self) -> str:
-        """The requirement that the best row violates, or is closest to violate."""
+        """The requirement that the best row violates, or comes closest to violating."""
         return self.violated or self._least[self.best]
 
     def effects(self) -> Effects:
-        """Return the inputs without an effect, by simulations that are not among the rows.
+        """Return the inputs without an effect, from simulations that are not among the rows.
 
         The base points are the best row and the row with the most different value. An input with a
         range of one value is left out; without a judged simulation, all inputs are.
@@ -198,87 +196,79 @@ class Search:
             if entry.low < entry.high
         }
         with ExitStack() as opened:
-            runner: Runner | ParallelRunner = self._whole
-            if self._elsewhere is not None:
-                runner = opened.enter_context(self._elsewhere(self._whole))
+            runner: Runner | ParallelRunner = self._unscaled
+            if self._parallel is not None:
+                runner = opened.enter_context(self._parallel(self._unscaled))
 
             def run(index: int, points: Sequence[Floats]) -> list[object]:
                 cases = [Case({**self._space.case(point), **self._fixed}) for point in points]
                 seed = self.rows[bases[index]].seed
                 seeds = None if seed is None else [seed] * len(cases)
                 rows = dict(runner.run(cases, seeds))
-                return [self._result(rows[position]) for position in range(len(cases))]
+                return [_key(rows[position]) for position in range(len(cases))]
 
             return inputs_without_effect(groups, [self.points[index] for index in bases], run)
-
-    def _result(self, row: Trial) -> object:
-        """Return a key that compares two simulations, also with nan."""
-        return row.error, [repr(outcome.robustness) for outcome in row.outcomes.values()]
 
     def close(self) -> None:
         """Close the processes of the simulations, but not the runner of the caller."""
         self._opened.close()
 
     def _checked(self, points: ArrayLike) -> Floats:
-        """The points as an array.
-
-        Raises:
-            InputError: If they are not points of the unit cube.
-        """
+        """Return the points as an array; raise InputError for points outside the unit cube."""
         try:
-            asked = np.array(points, np.float64)
-            got = f"shape {asked.shape}"
+            array = np.array(points, np.float64)
+            got = f"shape {array.shape}"
         except (TypeError, ValueError):  # rows of different lengths, or no numbers
-            asked, got = np.empty(0), repr(points)
+            array, got = np.empty(0), repr(points)
         dimension = self.dimension
-        if asked.ndim != 2 or asked.shape[1] != dimension:
+        if array.ndim != 2 or array.shape[1] != dimension:
             raise InputError(
                 f"expected the optimizer to evaluate points of shape (k, {dimension}), a row for "
                 f"each point, got {got}"
             )
-        inside = (asked >= 0) & (asked <= 1)
+        inside = (array >= 0) & (array <= 1)
         if not inside.all():
             row, column = np.argwhere(~inside)[0].tolist()
             raise InputError(
                 f"expected the optimizer to evaluate points of the unit cube, got "
-                f"{asked[row, column]:g} in coordinate {column} of point {row}; "
+                f"{array[row, column]:g} in coordinate {column} of point {row}; "
                 "points.clip(0, 1) moves points into it"
             )
-        return asked
+        return array
 
     def _use(self, scales: Mapping[str, float]) -> None:
-        """Judge runs in units of scales too from now on; stop them once all values are known."""
+        """From now on, evaluate runs in units of scales too, and stop them at known values."""
         scaled: dict[str, Specification] = {}
         if scales:
             in_units = in_scales(self._specs, scales)
             scaled = {f"{name} in scales": spec for name, spec in in_units.items()}
-            self._valued = list(scaled)
+            self._scaled_names = list(scaled)
         every = {**self._specs, **scaled}
-        complete = prefers_offline(every, self._whole)
-        if self._elsewhere is not None:
+        complete = prefers_offline(every, self._unscaled)
+        if self._parallel is not None:
             runner = self._opened.enter_context(self._make(every, "known"))
-            self._runner = self._elsewhere(runner, offline=complete)
+            self._runner = self._parallel(runner, offline=complete)
         elif complete:
             self._runner = OfflineRunner(self._make, every)
         else:
             self._runner = self._make(every, "known")
         self._opened.callback(self._runner.close)
 
-    def _run(self, asked: Floats, level: float) -> Floats:
-        """Run points and keep their rows.
+    def _run(self, points: Floats, level: float) -> Floats:
+        """Run points and add their rows.
 
         Raises:
             SearchOver: If one violates, the budget is spent, or the first eight failed in the same
                 way before sample 0.
         """
         begin = len(self.rows)
-        asked = asked[: self._budget - begin]
-        cases = [Case({**self._space.case(point), **self._fixed}) for point in asked]
-        result: dict[int, Valued] = {}
+        points = points[: self._budget - begin]
+        cases = [Case({**self._space.case(point), **self._fixed}) for point in points]
+        result: dict[int, ValuedTrial] = {}
         traces: dict[int, SimulatedTrace] = {}
         last = len(cases)  # the number of cases that count
         for index, case in enumerate(cases):
-            known = None if self._kept is None else self._kept.known(begin + index, case)
+            known = None if self._folder is None else self._folder.known(begin + index, case)
             if known is not None and index <= last:
                 result[index] = known
                 last = min(last, self._last(index, result))
@@ -287,8 +277,8 @@ class Search:
         try:
             for index, row in self._rows(left, cases, begin, level, traces):
                 result[index] = self._valued_row(row)
-                if self._kept is not None and self.scales is not None:
-                    self._kept.add({begin + index: result[index]})
+                if self._folder is not None and self.scales is not None:
+                    self._folder.add({begin + index: result[index]})
                 self.advance(1)
                 last = min(last, self._last(index, result))
                 if last < len(cases) and all(i in result for i in range(last)):
@@ -298,7 +288,7 @@ class Search:
                 if index <= last:
                     if index in traces and not result[index].row.error:
                         self._traces[len(self.rows)] = traces[index]
-                    self._keep(result[index], asked[index])
+                    self._append(result[index], points[index])
         spent = len(self.rows) >= self._budget
         if self.violated is not None or spent or self._hopeless({}):
             raise SearchOver
@@ -312,49 +302,49 @@ class Search:
         level: float,
         traces: dict[int, SimulatedTrace],
     ) -> Iterator[tuple[int, Trial]]:
-        """Run the remaining cases, numbered from the first; yield rows with their indices."""
+        """Run the remaining cases; yield rows with the indices of their cases."""
         if not left:
             return
-        asked = [cases[index] for index in left]
+        remaining = [cases[index] for index in left]
         seeds = None
-        if self._whole.takes_seeds:
+        if self._unscaled.takes_seeds:
             seeds = [self._seed + begin + index for index in left]
         if self.scales is None:
             keep = lambda place, trace: traces.__setitem__(left[place], trace)  # noqa: E731
-            over = self._whole.run(asked, seeds, keep=keep)
+            rows = self._unscaled.run(remaining, seeds, keep=keep)
         else:
-            above = dict.fromkeys(self._specs, -math.inf) | dict.fromkeys(self._valued, level)
-            over = self._runner.run(asked, seeds, above=above)
-        for place, row in over:
+            above = dict.fromkeys(self._specs, -math.inf) | dict.fromkeys(self._scaled_names, level)
+            rows = self._runner.run(remaining, seeds, above=above)
+        for place, row in rows:
             yield left[place], row
 
-    def _last(self, index: int, found: Mapping[int, Valued]) -> int:
-        """Return the index of the last run that counts, given the row of this one."""
-        if found[index].violated is not None:
+    def _last(self, index: int, trials: Mapping[int, ValuedTrial]) -> int:
+        """Return the index of the last run that counts, now that run `index` has finished."""
+        if trials[index].violated is not None:
             return index
-        return _FIRST - len(self.rows) - 1 if self._hopeless(found) else sys.maxsize
+        return _FIRST - len(self.rows) - 1 if self._hopeless(trials) else sys.maxsize
 
-    def _hopeless(self, found: Mapping[int, Valued]) -> bool:
+    def _hopeless(self, trials: Mapping[int, ValuedTrial]) -> bool:
         """Return whether the first simulations all failed in the same way before sample 0."""
         first = self.rows[:_FIRST]
-        first += [found[i].row for i in range(_FIRST - len(first)) if i in found]
+        first += [trials[i].row for i in range(_FIRST - len(first)) if i in trials]
         errors = {row.error for row in first}
         began = any(row.outcomes for row in first)
         return len(first) == _FIRST and len(errors) == 1 and "" not in errors and not began
 
-    def _keep(self, found: Valued, point: Floats) -> None:
-        self.violated = found.violated
-        self._least.append(found.least)
-        self.values.append(found.value)
-        self.rows.append(found.row)
+    def _append(self, trial: ValuedTrial, point: Floats) -> None:
+        self.violated = trial.violated
+        self._least.append(trial.least)
+        self.values.append(trial.value)
+        self.rows.append(trial.row)
         self.points.append(point)
 
-    def _valued_row(self, row: Trial) -> Valued:
+    def _valued_row(self, row: Trial) -> ValuedTrial:
         """Return a row with its value, and with the outcomes of the requirements only."""
-        heights = {name: _height(row, name) for name in self._valued}
-        own = {name: row.outcomes[name] for name in self._specs if name in row.outcomes}
-        least, value = self._worth(heights)
-        return Valued(replace(row, outcomes=own), least, value, self._violated(row))
+        heights = {name: _height(row, name) for name in self._scaled_names}
+        outcomes = {name: row.outcomes[name] for name in self._specs if name in row.outcomes}
+        least, value = self._minimum(heights)
+        return ValuedTrial(replace(row, outcomes=outcomes), least, value, self._violated(row))
 
     def _violated(self, row: Trial) -> str | None:
         """Return the violated requirement with the smallest robustness, or None."""
@@ -362,19 +352,23 @@ class Search:
             return None
         violated = [
             (row.outcomes[value].robustness, name)
-            for name, value in zip(self._specs, self._valued, strict=True)
+            for name, value in zip(self._specs, self._scaled_names, strict=True)
             if row.outcomes[name].verdict is Verdict.VIOLATED
         ]
         return min(violated)[1] if violated else None
 
-    def _worth(self, heights: Mapping[str, float]) -> tuple[str, float]:
+    def _minimum(self, heights: Mapping[str, float]) -> tuple[str, float]:
         """Return the requirement with the smallest height, and the height in units of its scale."""
-        own = dict(zip(self._specs, heights.values(), strict=True))
-        worth = {
+        values = {
             name: _WORST if math.isnan(height) else min(max(height, -_WORST), _WORST)
-            for name, height in own.items()
+            for name, height in zip(self._specs, heights.values(), strict=True)
         }
-        return min(worth.items(), key=itemgetter(1))
+        return min(values.items(), key=itemgetter(1))
+
+
+def _key(row: Trial) -> object:
+    """Return a key that compares two simulations, also with nan."""
+    return row.error, [repr(outcome.robustness) for outcome in row.outcomes.values()]
 
 
 def _height(row: Trial, name: str) -> float:

@@ -50,12 +50,12 @@ State = dict[str, float]
 class TaliroProblem(Model[State, Case, Sample]):  # type: ignore[misc]  # it has no types here
     """A system with its requirements, as a model and a specification of psy-taliro.
 
-    A static input from 0 to 1 stands for each column of the space. The trace of a simulation has
-    the signals by name, so that specifications of psy-taliro can read them too. An evaluation has
-    the case as its ``extra.model``.
+    Each column of the space becomes a static input from 0 to 1. The trace of a simulation has the
+    signals by name, so that specifications of psy-taliro can read them too. The ``extra.model`` of
+    an evaluation is the case.
 
     Attributes:
-        space: What is searched.
+        space: The space of the search.
         static_inputs: The argument of this name of ``staliro.TestOptions``.
         requirement: The minimum robustness of the requirements, as a specification.
 
@@ -68,7 +68,7 @@ class TaliroProblem(Model[State, Case, Sample]):  # type: ignore[misc]  # it has
         signals: As for `rtamt_gym.simulate`.
         policy: As for `rtamt_gym.simulate`.
         duration: As for `rtamt_gym.simulate`.
-        **reading: How samples are judged, as for `rtamt_gym.sweep`.
+        **reading: Evaluation options, as for `rtamt_gym.sweep`.
 
     Raises:
         RtamtError: As `rtamt_gym.sweep` does.
@@ -140,7 +140,7 @@ class _Requirement(staliro.Specification[State, float, None]):  # type: ignore[m
         if not isinstance(trace, _RunTrace):
             raise InputTypeError(
                 "expected a trace of a TaliroProblem, which has the robustness, got another; "
-                "staliro.specifications.rtamt reads any"
+                "staliro.specifications.rtamt reads any trace"
             )
         return staliro.Result(min(entry.final for entry in trace.run.histories.values()), None)
 
@@ -149,21 +149,21 @@ class TaliroSystem(System):
     """A model of psy-taliro as a system that `rtamt_gym.falsify`, `sweep` and `simulate` run.
 
     Static inputs become parameters of `space`. A signal input with even control points of one range
-    becomes a signal with as many points at the same times; any other becomes a parameter for each
-    control point, ``name[0]`` and so on. If a signal gets other control points, as when a violating
-    input is reduced, psy-taliro gets its values at the original times, and its factory makes the
-    signal between them.
+    becomes a signal with the same control points. Any other signal input becomes a parameter for
+    each control point: ``name[0]`` and so on. If a signal gets other control points, as in the
+    reduction of a violating input, psy-taliro gets its values at the original times, and its
+    factory interpolates between them.
 
     Attributes:
-        space: What is searched.
+        space: The space of the search.
 
     Args:
         model: The model.
-        options: The description of its inputs: ``tspan``, ``static_inputs`` and ``signals`` are
-            read.
-        period: Seconds between samples. A trace with other times, as of an ordinary differential
-            equation, is sampled; between two times its values lie on straight lines.
-        columns: The places of variables in the states, ``{"gap": 0}``. None: states have names.
+        options: The description of its inputs: ``tspan``, ``static_inputs`` and ``signals``.
+        period: Seconds between samples. A trace with other times, such as the solution of a
+            differential equation, is interpolated linearly.
+        columns: The positions of variables in the states, ``{"gap": 0}``. Default: states have
+            names.
 
     Raises:
         InputError: If there are no inputs, or signals without ``tspan``.
@@ -194,36 +194,36 @@ class TaliroSystem(System):
         period: float,
         columns: Mapping[str, int] | None = None,
     ) -> None:
-        for phrase, given, kind in (
+        for phrase, value, kind in (
             ("a model", model, Model),
             ("staliro.TestOptions", options, staliro.TestOptions),
         ):
-            if not isinstance(given, kind):
-                raise InputTypeError(f"expected {phrase} of psy-taliro, got {given!r}")
+            if not isinstance(value, kind):
+                raise InputTypeError(f"expected {phrase} of psy-taliro, got {value!r}")
         self.name = getattr(model, "__name__", type(model).__name__)
         self.period = check_number("period", period)
         if options.signals and not np.isfinite(options.tspan.as_tuple()).all():
             raise InputError("expected options with tspan=(0, 30), which signals need, got none")
         self._inputs: list[_Static | _Driven] = [
-            *(_Static(name, each.start, each.end) for name, each in options.static_inputs.items()),
-            *(_Driven(name, each, options.tspan) for name, each in options.signals.items()),
+            *(_Static(name, span.start, span.end) for name, span in options.static_inputs.items()),
+            *(_Driven(name, signal, options.tspan) for name, signal in options.signals.items()),
         ]
         if not self._inputs:
             raise InputError("expected options with static_inputs= or signals=, got neither")
-        self.space = Space([entry for each in self._inputs for entry in each.entries])
+        self.space = Space([entry for source in self._inputs for entry in source.entries])
         self._model = model
         self._options = options
         self._columns = columns
         self._case: Case | None = None
 
     def driven(self, case: Case) -> TaliroSystem:
-        """A copy of the model that runs with the inputs of a case."""
+        """Return a copy of the model that runs with the inputs of a case."""
         for name in case:
             if name not in self.space.entries:
                 refuse_unknown(self.name, name, self.space.entries)
-        made = copy.copy(self)
-        made.__dict__ |= {"_case": case}
-        return made
+        system = copy.copy(self)
+        vars(system)["_case"] = case
+        return system
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         """Store the recorded names and the period."""
@@ -238,7 +238,7 @@ class TaliroSystem(System):
         if missing is not None:
             raise InputError(
                 f"{self.name} needs all of its inputs, {listing(self.space.entries)}, got no "
-                f"{missing!r}; system.space.case(point) has all"
+                f"{missing!r}; system.space.case(point) sets all"
             )
         values = [value for entry in self._inputs for value in entry.values(case)]
         trace = self._model.simulate(self._options.parse_sample(Sample(values))).value
@@ -246,7 +246,7 @@ class TaliroSystem(System):
         return next(self._samples)
 
     def advance(self) -> list[float] | None:
-        """The next sample; None after the last."""
+        """Return the next sample; None after the last."""
         sample = next(self._samples, None)
         if sample is None:
             self.ended = "terminated"
@@ -256,7 +256,7 @@ class TaliroSystem(System):
         """Keep nothing open."""
 
     def _table(self, trace: staliro.Trace[Any]) -> np.ndarray:
-        """The samples of a trace, one period apart: an array of shape (samples, values)."""
+        """Return the samples of a trace, one period apart, shape (samples, values)."""
         times = np.array([*trace.times], np.float64)
         if not len(times):
             raise InputError(f"expected a trace with states from {self.name}, got an empty one")
@@ -271,20 +271,20 @@ class TaliroSystem(System):
     def _read(self, state: Any) -> list[float]:  # noqa: ANN401 - of a model
         if self._columns is not None:
             known: Any = self._columns
-            read = {name: state[column] for name, column in self._columns.items()}
+            values = {name: state[column] for name, column in self._columns.items()}
         elif isinstance(state, Mapping):
-            known, read = state, {**state}
+            known, values = state, {**state}
         else:
             raise InputError(
                 f"expected the names of the states of {self.name}, which are numbers in a row; "
                 'write columns={"gap": 0, ...}'
             )
         for name in self._reads:
-            if name not in read:
+            if name not in values:
                 raise InputError(
                     f"{self.name} has no {name!r}; it has {listing(known)}{nearest(name, known)}"
                 )
-        return [read[name] for name in self._reads]
+        return [values[name] for name in self._reads]
 
 
 class _Static:
@@ -301,8 +301,8 @@ class _Static:
 class _Driven:
     """A signal input: a signal, or a parameter for each control point."""
 
-    def __init__(self, name: str, given: SignalInput, tspan: Any) -> None:  # noqa: ANN401
-        points, begin, span = given.control_points, tspan.start, tspan.end - tspan.start
+    def __init__(self, name: str, signal: SignalInput, tspan: Any) -> None:  # noqa: ANN401
+        points, begin, span = signal.control_points, tspan.start, tspan.end - tspan.start
         self._name = name
         self._count = len(points)
         at = (
@@ -313,7 +313,7 @@ class _Driven:
         ranges = [*points.values()] if isinstance(points, dict) else points
         self._distance = at[1] - at[0] if len(at) > 1 else span
         even = np.allclose(at, np.arange(self._count) * self._distance, 0.0, 1e-9 * span)
-        kind = _KINDS.get(given.factory)
+        kind = _KINDS.get(signal.factory)
         self._kind = kind if even and len(set(ranges)) == 1 else None
         self._times = np.array(at)
         if self._kind == "hold" or (self._kind is not None and self._count > 1):
@@ -334,15 +334,15 @@ class _Driven:
             ]
 
     def values(self, case: Case) -> list[float]:
-        """The values of the control points."""
+        """Return the values of the control points."""
         if self._kind is None:
-            return [as_number(each.name, case[each.name]) for each in self.entries]
+            return [as_number(item.name, case[item.name]) for item in self.entries]
         entry = case[self._name]
         if not isinstance(entry, Waveform):
             return [entry] * self._count
         if len(entry.values) == self._count and entry.interpolation == self._kind:
             return [*entry.values]
-        # Amid a piece, where no rounding takes the value of the piece before.
+        # The middle of a piece, where rounding cannot select the piece before.
         times = self._times + self._distance / 2 if self._kind == "hold" else self._times
         return list(map(float, entry.at(times)))
 
@@ -352,4 +352,4 @@ _KINDS: Final[Mapping[Any, WaveformInterpolation]] = {
     piecewise_linear: "linear",
     pchip: "pchip",
 }
-"""Factories of psy-taliro, and the interpolation that a signal of ours has in their place."""
+"""The interpolation of `Signal` for each signal factory of psy-taliro."""

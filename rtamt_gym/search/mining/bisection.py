@@ -1,7 +1,12 @@
-"""Bisection for the tightest value with which all traces satisfy a requirement."""
+"""Bisection for the tightest value with which all traces satisfy a requirement.
+
+Values of the parameter are numbered from 0: the multiples of a step, or all floats of a range.
+"""
 
 from __future__ import annotations
 
+import math
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -9,13 +14,156 @@ from typing import Final, NamedTuple
 
 from rtamt import InputError, Verdict
 from rtamt.errors import Advice, Argument, Message
-from rtamt_gym.search.mining.values import Candidates, text_of
+from rtamt_gym.checks.arguments import check_number
+from rtamt_gym.checks.numbers import exact
 from rtamt_gym.tables import counted, number, shorten
 
-__all__ = ["PROBES", "Found", "ValueVerdict", "tightest"]
+__all__ = [
+    "PROBES",
+    "Candidates",
+    "FloatValues",
+    "GridValues",
+    "Tightest",
+    "ValueVerdict",
+    "bounds_between",
+    "text_of",
+    "tightest",
+    "values_between",
+]
+
+
+@dataclass(frozen=True)
+class GridValues:
+    """The multiples of a step in a range, with both ends of the range.
+
+    Attributes:
+        low: The smallest value.
+        high: The largest value.
+        step: The distance of neighbours; it is smaller at an end that is not a multiple.
+    """
+
+    low: Fraction
+    high: Fraction
+    step: Fraction
+
+    @property
+    def last(self) -> int:
+        """The number of the largest value."""
+        return math.ceil(self.high / self.step) - math.floor(self.low / self.step)
+
+    def at(self, place: int) -> Fraction:
+        """Return the value of a number."""
+        value = (math.floor(self.low / self.step) + place) * self.step
+        return min(max(value, self.low), self.high)
+
+    def near(self, part: Fraction) -> int:
+        """Return the number of a value near a part of the range, from 0 to 1."""
+        return round(part * self.last)
+
+
+@dataclass(frozen=True)
+class FloatValues:
+    """All floats of a range, without floats closer to 0 than 1e-300, which no text can contain.
+
+    Attributes:
+        low: The smallest value.
+        high: The largest value.
+    """
+
+    low: float
+    high: float
+
+    @property
+    def last(self) -> int:
+        """The number of the largest value."""
+        return _ordinal(self.high) - _ordinal(self.low)
+
+    def at(self, place: int) -> Fraction:
+        """Return the value of a number."""
+        return Fraction(_float(_ordinal(self.low) + place))
+
+    def near(self, part: Fraction) -> int:
+        """Return the number of a value near a part of the range, from 0 to 1."""
+        value = Fraction(self.low) + part * (Fraction(self.high) - Fraction(self.low))
+        return _ordinal(float(value)) - _ordinal(self.low)
+
+
+Candidates = GridValues | FloatValues
+"""Increasing values of a parameter, numbered from 0."""
+
+
+def _bits(value: float) -> int:
+    """Return the number of a float above 0 in the order of all positive floats."""
+    (bits,) = struct.unpack("<q", struct.pack("<d", value))
+    return int(bits)
+
+
+_SMALLEST: Final = _bits(1e-300)
+
+
+def _ordinal(value: float) -> int:
+    """Return the number of a float in the order of all: 0 for 0, 1 for 1e-300."""
+    ordinal = max(0, _bits(abs(value)) - _SMALLEST + 1)
+    return ordinal if value > 0 else -ordinal
+
+
+def _float(ordinal: int) -> float:
+    """Return the float of a number of `_ordinal`."""
+    if ordinal == 0:
+        return 0.0
+    (value,) = struct.unpack("<d", struct.pack("<q", abs(ordinal) - 1 + _SMALLEST))
+    return math.copysign(float(value), ordinal)
+
+
+def values_between(low: float, high: float, tolerance: float | None) -> Candidates:
+    """Return the candidate values of a constant: steps of a tolerance, or all floats of a range.
+
+    Args:
+        low: The smallest value.
+        high: The largest value.
+        tolerance: The distance of two values; 0 for all floats. Default: the largest power of ten
+            up to a 100,000th of the range.
+
+    Raises:
+        InputError: If the tolerance is not a finite number from 0 up to the width of the range.
+
+    Example:
+        >>> [text_of(values_between(1, 200, step).at(1)) for step in (None, 0.25, 0)]
+        ['1.001', '1.25', '1.0000000000000002']
+    """
+    if tolerance == 0:
+        return FloatValues(low, high)
+    if tolerance is None:
+        step = Fraction(10) ** (math.floor(math.log10(high - low)) - 5)
+    else:
+        step = exact(check_number("tolerance", tolerance, high - low))
+    return GridValues(exact(low), exact(high), step)
+
+
+def bounds_between(low: float, high: float, step: Fraction) -> Candidates:
+    """Return the multiples of a step in a range; raise InputError if there are fewer than two."""
+    smallest, largest = exact(low), exact(high)
+    values = GridValues(math.ceil(smallest / step) * step, math.floor(largest / step) * step, step)
+    if values.last < 1:
+        raise InputError(
+            f"expected a range with at least two multiples of the period, got {text_of(smallest)} "
+            f"to {text_of(largest)}, where the period is {text_of(step)}"
+        )
+    return values
+
+
+def text_of(value: Fraction | float) -> str:
+    """Return a value as text that is read as the same float.
+
+    Example:
+        >>> text_of(Fraction(120214, 1000)), text_of(2.0), text_of(Fraction(1, 3))
+        ('120.214', '2', '0.3333333333333333')
+    """
+    return repr(float(value)).removesuffix(".0")
+
 
 PROBES: Final = 17
-"""The values of the range at which every trace is judged, to see whether it is monotone."""
+"""The number of values at which every trace is judged, to check that it is monotone."""
 
 
 class ValueVerdict(NamedTuple):
@@ -26,16 +174,16 @@ class ValueVerdict(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Tightest:
     """The tightest value, with its evidence.
 
     Attributes:
         place: The number of the value.
         tighter: The number of the neighbour, where the requirement does not hold.
         failing: The traces that do not satisfy it there, in ascending order of robustness.
-        robustness: The robustness of each of them at the tightest value.
-        evaluations: How many times a trace was judged.
-        probes: At how many values every trace was judged.
+        robustness: The robustness of each failing trace at the tightest value.
+        evaluations: The number of evaluations of a trace.
+        probes: The number of values at which every trace was judged.
     """
 
     place: int
@@ -79,7 +227,7 @@ class _Bisection:
 
     def check_monotone(self, trace: int) -> None:
         """Refuse a trace that satisfies the requirement, then does not, and then does; or back."""
-        places = sorted(position for each, position in self._known if each == trace)
+        places = sorted(position for number, position in self._known if number == trace)
         held = [self.holds(trace, position) for position in places]
         changes = [i for i in range(1, len(places)) if held[i] != held[i - 1]]
         if len(changes) < 2:
@@ -103,7 +251,7 @@ def tightest(
     parameter: str,
     judge: Callable[[int, Fraction], ValueVerdict],
     advance: Callable[[int], None],
-) -> Found:
+) -> Tightest:
     """Return the tightest value with which all traces satisfy a requirement.
 
     Every trace is judged at `PROBES` values. Then each trace that does not satisfy the requirement
@@ -139,11 +287,11 @@ def tightest(
     if not brackets:
         raise _everywhere(search)
     rising = brackets[0][0] < brackets[0][1]
-    # Those that need most come first, so that few others have to be bisected.
+    # The traces with the strictest brackets come first, so that few others have to be bisected.
     brackets.sort(
-        key=lambda each: (
-            -each[0] if rising else each[0],
-            search.judged(each[2], each[0]).robustness,
+        key=lambda bracket: (
+            -bracket[0] if rising else bracket[0],
+            search.judged(bracket[2], bracket[0]).robustness,
         )
     )
     best: int | None = None
@@ -167,7 +315,9 @@ def tightest(
     failing = [trace for trace in range(len(names)) if not search.holds(trace, tighter)]
     failing.sort(key=lambda trace: search.judged(trace, tighter).robustness)
     robustness = tuple(search.judged(trace, best).robustness for trace in failing)
-    return Found(best, tighter, tuple(failing), robustness, search.evaluations, len(search.probes))
+    return Tightest(
+        best, tighter, tuple(failing), robustness, search.evaluations, len(search.probes)
+    )
 
 
 def _refuse_opposite(search: _Bisection, brackets: Sequence[tuple[int, int, int]]) -> None:
@@ -195,21 +345,21 @@ def _refuse_never(search: _Bisection, never: Sequence[int]) -> None:
     )
     there = search.judged(trace, nearest)
     if there.verdict is Verdict.UNDECIDED:
-        way_out: str = Message(
-            "what would decide it was not recorded; leave it out",
-            Advice(", or take it for all there is with ", Argument("end", "complete")),
+        advice: str = Message(
+            "the samples that would decide it are missing; leave it out",
+            Advice(", or judge it as complete with ", Argument("end", "complete")),
         )
     elif nearest in {search.probes[0], search.probes[-1]}:
-        way_out = "give a wider range"
+        advice = "give a wider range"
     else:
-        way_out = "one between them might; give a narrower range around it"
+        advice = "a value between them might; give a narrower range around it"
     others = f", and {counted(len(never) - 1, 'other')} alike" * (len(never) > 1)
     raise InputError(
         f"none of the {len(search.probes)} tried values of {search.parameter!r} from "
-        f"{_span(search)} satisfies the requirement on {_whole(search)}: "
-        f"{shorten(search.names[trace], 60)} is nearest to it at {search.text(nearest)}, "
+        f"{_span(search)} satisfies the requirement on {_traces(search)}: "
+        f"{shorten(search.names[trace], 60)} comes closest at {search.text(nearest)}, "
         f"{there.verdict.name} with robustness {number(there.robustness + 0.0)}{others}; ",
-        way_out,
+        advice,
     )
 
 
@@ -222,12 +372,12 @@ def _everywhere(search: _Bisection) -> InputError:
         shown.append(f"{height} at {search.text(position)} ({shorten(search.names[worst], 60)})")
     return InputError(
         f"all {len(search.probes)} tried values of {search.parameter!r} from "
-        f"{_span(search)} satisfy the requirement on {_whole(search)}; the least robustness is "
+        f"{_span(search)} satisfy the requirement on {_traces(search)}; the minimum robustness is "
         f"{' and '.join(shown)}; give a wider range"
     )
 
 
-def _whole(search: _Bisection) -> str:
+def _traces(search: _Bisection) -> str:
     return "the trace" if len(search.names) == 1 else f"all {len(search.names)} traces"
 
 

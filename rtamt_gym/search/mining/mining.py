@@ -20,15 +20,17 @@ from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.mining.bisection import Found, ValueVerdict, tightest
-from rtamt_gym.search.mining.requirement import Ranges, Template, template
-from rtamt_gym.search.mining.traces import Samples, Traces, samples_of
-from rtamt_gym.search.mining.values import (
+from rtamt_gym.search.mining.bisection import (
     Candidates,
+    Tightest,
+    ValueVerdict,
     bounds_between,
     text_of,
+    tightest,
     values_between,
 )
+from rtamt_gym.search.mining.requirement import Ranges, Template, template
+from rtamt_gym.search.mining.traces import Samples, Traces, samples_of
 from rtamt_gym.tables import counted, number, shorten, wrapped
 
 __all__ = ["Mined", "Witness", "mine", "mined_over"]
@@ -43,9 +45,9 @@ class Witness:
     """A trace that lets no tighter value pass.
 
     Attributes:
-        name: Its name: the path, the label of a run, or its number.
-        index: Its number among the traces, from 0.
-        robustness: Its robustness at the value that was found.
+        name: The name of the trace: the path, the label of a run, or its number.
+        index: The number of the trace, from 0.
+        robustness: The robustness of the trace at the mined value.
         trace: The trace as passed; for a sweep, the `Row`, which ``sweep.replay`` runs again.
     """
 
@@ -62,26 +64,26 @@ class Mined:
     ``print`` shows the value, the trace that decided it, and how far it was checked.
 
     Attributes:
-        requirement: The requirement with its parameter, as it was given.
+        requirement: The requirement with its parameter, as it was passed.
         parameter: The name of the parameter.
-        value: The value. The requirement holds for it on all traces; that was judged.
+        value: The value. All traces were judged to satisfy the requirement with it.
         side: ``"least"`` if the requirement holds from this value on, ``"greatest"`` if it holds up
             to it.
-        fails_at: The neighbour of the value on the other side, where it does not hold on all
-            traces; this was judged too.
+        fails_at: The neighbour of the value on the other side, with which at least one trace was
+            judged not to satisfy the requirement.
         low: The lower end of the range.
         high: The upper end of the range.
-        specification: The requirement with the value in the place of the parameter.
+        specification: The requirement with the value in place of the parameter.
         traces: The number of traces.
         witnesses: The traces that do not satisfy the requirement at ``fails_at``, in ascending
             order of robustness there.
         explanation: Which sub-formulas and samples decide the robustness of the first witness at
             the value.
-        evaluations: How many times a trace was judged.
-        probes: At how many values, both ends among them, every trace was judged to see whether it
-            changes its verdict once at most.
+        evaluations: The number of evaluations of a trace.
+        probes: The number of values, with both ends, at which every trace was judged to check that
+            its verdict changes at most once.
         notes: Further remarks, in sentences.
-        triggers: How many traces trigger the requirement at the value; None if it has no
+        triggers: The number of traces that trigger the requirement at the value; None if it has no
             implication. If it is 0, the value does not describe the system.
     """
 
@@ -122,7 +124,7 @@ class Mined:
 
     @property
     def formula(self) -> str:
-        """The requirement as text, with the value in the place of the parameter."""
+        """The requirement as text, with the value in place of the parameter."""
         return str(self.specification.formula)
 
     @property
@@ -164,14 +166,14 @@ class Mined:
         name, witness = self.parameter, self.witness
         satisfy = "the trace satisfies" if self.traces == 1 else f"all {self.traces} traces satisfy"
         value, fails_at, low, high = map(text_of, (self.value, self.fails_at, self.low, self.high))
-        most = _SIDES[self.side]
+        side = _SIDES[self.side]
         others = counted(len(self.witnesses) - 1, "other")
         others_text = f", nor does {others}" if len(self.witnesses) == 2 else f", nor do {others}"
         others_text *= len(self.witnesses) > 1
         checked = f"at the {self.probes} values that were tried from {low} to {high}"
         evaluations = counted(self.evaluations, "evaluation")
         texts = [
-            f"{name} = {value} is the {most} for which {satisfy} {self._formula}",
+            f"{name} = {value} is the {side} for which {satisfy} {self._formula}",
             f"at {name} = {fails_at} {witness.name} does not{others_text}",
             f"no trace changes its verdict more than once {checked} ({evaluations})",
             *(f"note: {note}" for note in self.notes),
@@ -206,37 +208,37 @@ def mine(
 ) -> Mined:
     """Return the tightest value of a parameter with which a requirement holds on all traces.
 
-    A ``?`` before a name makes it the parameter: ``always(speed < ?v)``. It may stand in place of a
-    number in a predicate, which is then found to a tolerance, or of a bound in an interval,
-    ``eventually[0:?t](x > 1)``, which is then sought among the multiples of the period.
+    A ``?`` before a name makes it the parameter: ``always(speed < ?v)``. A parameter in a predicate
+    is mined to a tolerance. A parameter in an interval, ``eventually[0:?t](x > 1)``, is a multiple
+    of the period.
 
-    The requirement has to be monotone: all traces satisfy it from some value on, or up to it. That
+    The requirement has to be monotone: all traces satisfy it from some value on, or up to it. This
     is checked, not proved: every trace is judged at 17 values spread over the range, and a trace
     that changes its verdict twice is an error that shows the values. Then bisection finds the
-    value. The result is certain: at the value all traces were judged to satisfy the requirement,
-    and at its neighbour at least one was judged not to.
+    value. All traces were judged to satisfy the requirement at the value, and at least one was
+    judged not to satisfy it at the neighbour.
 
     Args:
         requirement: A text with a parameter ``?name``; or a text or a specification that defines a
             constant of this name (``const float v = 3``), which is then the parameter.
-        traces: One trace or several: columns by name, data frames, paths of files as ``rtamt
-            monitor`` reads them, `Run`s; or a `Sweep`: its simulations run again, once, to their
-            end, without failed ones.
+        traces: One trace or several: columns by name, data frames, paths of files as for ``rtamt
+            monitor``, `Run`s; or a `Sweep`, whose simulations run once more to their end, except
+            failed ones.
         ranges: The lower and upper end of the parameter's range: ``{"v": (0, 200)}``.
         constants: Values of other parameters and constants.
-        tolerance: The distance of values to distinguish; its multiples are tried. 0: all floats.
-            Default: the largest power of ten up to a 100,000th of the range. Not for a bound.
+        tolerance: The values are multiples of this; 0 for all floats. Not for a bound of an
+            interval. Default: the largest power of ten up to a 100,000th of the range.
         end: The end mode of a trace, as for `rtamt.judge`. Default: ``"complete"`` for a run that
             its system ended, otherwise ``"cut"``. An undecided trace does not satisfy.
         progress: Whether to show a bar on a terminal if tqdm is installed.
-        **reading: How samples are judged: ``period`` (None: the period of a file or a run, else
-            bounds count samples), ``nan``, ``align`` (a run has the one that it was judged with),
-            ``semantics``, ``inputs`` and ``outputs``, as for `rtamt.judge`.
+        **reading: Evaluation options: ``period`` (default: the period of a file or a run; otherwise
+            bounds count samples), ``nan``, ``align`` (default: the align of a run), ``semantics``,
+            ``inputs`` and ``outputs``, as for `rtamt.judge`.
 
     Raises:
         SpecificationError: If the requirement is wrong for some value of the range.
-        InputError: If the requirement is not monotone, or holds for no value of the range, or for
-            all; if there is not one parameter with a range; if a trace cannot be read or judged.
+        InputError: If the requirement is not monotone, or holds for no value or for all values of
+            the range, if not exactly one parameter has a range, or if a trace cannot be judged.
         InputTypeError: If an argument is not of the types above.
         OSError: If a file does not exist.
 
@@ -253,13 +255,13 @@ def mine(
         <Mined t = 1, the smallest: eventually[0:?t](speed > 20) on 2 traces>
     """
     check_choice("end", end, (None, *get_args(End)))
-    judged = checked_options(reading, mine, "samples")
+    options = checked_options(reading, mine, "samples")
     if end is not None:
-        judged = judged.having(end=end)
-    wanted = template(requirement, ranges, constants)
-    spec = wanted.at(wanted.low)
-    read, notes = samples_of(traces, spec, judged, shown=progress)
-    return mined_over(wanted, read, tolerance, notes, shown=progress)
+        options = options.having(end=end)
+    parametric = template(requirement, ranges, constants)
+    spec = parametric.at(parametric.low)
+    samples, notes = samples_of(traces, spec, options, shown=progress)
+    return mined_over(parametric, samples, tolerance, notes, shown=progress)
 
 
 def mined_over(
@@ -270,7 +272,7 @@ def mined_over(
     *,
     shown: bool,
 ) -> Mined:
-    """Mine over traces that were read, with notes on them.
+    """Mine the parameter on traces, with notes on the traces.
 
     Raises:
         RtamtError: As `mine` does.
@@ -293,7 +295,7 @@ def mined_over(
 
 
 def _values(wanted: Template, traces: list[Samples], tolerance: float | None) -> Candidates:
-    """The values to try: multiples of the tolerance, or bounds at samples."""
+    """Return the values to try: multiples of the tolerance, or bounds at samples."""
     if wanted.unit is None:
         return values_between(wanted.low, wanted.high, tolerance)
     if tolerance is not None:
@@ -326,37 +328,37 @@ def _mined(
     wanted: Template,
     traces: list[Samples],
     values: Candidates,
-    found: Found,
+    result: Tightest,
     notes: tuple[str, ...],
 ) -> Mined:
-    spec = wanted.at(values.at(found.place))
+    spec = wanted.at(values.at(result.place))
     witnesses = tuple(
-        Witness(traces[i].name, i, robustness, traces[i].given)
-        for i, robustness in zip(found.failing, found.robustness, strict=True)
+        Witness(traces[i].name, i, robustness, traces[i].source)
+        for i, robustness in zip(result.failing, result.robustness, strict=True)
     )
     return Mined(
         wanted.text,
         wanted.parameter,
-        float(values.at(found.place)),
-        "least" if found.tighter < found.place else "greatest",
-        float(values.at(found.tighter)),
+        float(values.at(result.place)),
+        "least" if result.tighter < result.place else "greatest",
+        float(values.at(result.tighter)),
         float(values.at(0)),
         float(values.at(values.last)),
         spec,
         len(traces),
         witnesses,
-        traces[found.failing[0]].explain(spec),
-        found.evaluations,
-        found.probes,
+        traces[result.failing[0]].explain(spec),
+        result.evaluations,
+        result.probes,
         notes,
-        _asked(spec, traces),
+        _triggers(spec, traces),
     )
 
 
-def _asked(spec: rtamt.Specification, traces: list[Samples]) -> int | None:
-    """How many traces put a requirement to the test; None if it has no implication."""
+def _triggers(spec: rtamt.Specification, traces: list[Samples]) -> int | None:
+    """Return how many traces trigger a requirement; None if it has no implication."""
     rows = [traces[0].judge(spec).triggers]
     if not rows[0]:
         return None
     rows += [trace.judge(spec).triggers for trace in traces[1:]]
-    return sum(any(item.count for item in asked) for asked in rows)
+    return sum(any(trigger.count for trigger in triggers) for triggers in rows)

@@ -1,4 +1,4 @@
-"""A requirement with a parameter: `always(speed < ?v)` becomes a specification for each value."""
+"""A requirement with a parameter, and the specification for each value of the parameter."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ from rtamt_gym.tables import number
 __all__ = ["Ranges", "Template", "check_parameter", "template", "unmarked"]
 
 Ranges = Mapping[str, tuple[float, float]]
-"""The least and the greatest value of a parameter, by its name."""
+"""The smallest and the largest value of a parameter, by its name."""
 
 _PARTS = re.compile(r"//[^\n]*|/\*.*?\*/|\?([A-Za-z_]\w*)|([A-Za-z_][\w.]*)", re.DOTALL)
 """Comments, marked names and other words of a text."""
 
 
 def unmarked(text: str) -> tuple[str, tuple[str, ...]]:
-    """The text with a blank for each ``?`` before a name, and these names.
+    """Return the text with a blank for each ``?`` before a name, and these names.
 
     Every other character stays where it was, so that errors show the right place.
 
     Raises:
-        InputError: If a name stands with and without the mark.
+        InputError: If a name occurs with and without the mark.
 
     Example:
         >>> unmarked("always(x < ?v) // all?right")
         ('always(x <  v) // all?right', ('v',))
     """
-    names = list(dict.fromkeys(found[1] for found in _PARTS.finditer(text) if found[1]))
-    for found in _PARTS.finditer(text):
-        if found[2] in names:
+    names = list(dict.fromkeys(match[1] for match in _PARTS.finditer(text) if match[1]))
+    for match in _PARTS.finditer(text):
+        if match[2] in names:
             raise InputError(
-                f"{found[2]!r} stands with and without '?', as a parameter and as something else; "
+                f"{match[2]!r} occurs with and without '?', as a parameter and as another name; "
                 "give the parameter another name"
             )
-    plain = _PARTS.sub(lambda found: f" {found[1]}" if found[1] else found[0], text)
+    plain = _PARTS.sub(lambda match: f" {match[1]}" if match[1] else match[0], text)
     return plain, tuple(names)
 
 
 class Template:
-    """A requirement for each value of its parameter; `template` makes it.
+    """A requirement for each value of its parameter; `template` returns it.
 
     Attributes:
-        text: The requirement, as it was given.
+        text: The requirement, as it was passed.
         parameter: The name of the parameter.
         low: The lower end of the range.
         high: The upper end of the range.
@@ -62,7 +62,7 @@ class Template:
 
     def __init__(
         self,
-        given: str | rtamt.Specification,
+        requirement: str | rtamt.Specification,
         parameter: str,
         low: float,
         high: float,
@@ -76,19 +76,19 @@ class Template:
         self._unit = "s"
         self._every = every
         self._constants = dict(constants)
-        if isinstance(given, str):
-            self.text = text or given.strip()
-            self._plain = unmarked(given)[0]
+        if isinstance(requirement, str):
+            self.text = text or requirement.strip()
+            self._plain = unmarked(requirement)[0]
         else:
-            self.text = text or given.text.strip()
-            self._plain, self._unit = given.text, given.unit
-            self._requirement = given.requirement
-            self._constants = {**given.overrides, **self._constants}
+            self.text = text or requirement.text.strip()
+            self._plain, self._unit = requirement.text, requirement.unit
+            self._requirement = requirement.requirement
+            self._constants = {**requirement.overrides, **self._constants}
         self.at = lru_cache(maxsize=64)(self._at)
         self.unit = self._bounding_unit()
 
     def _at(self, value: float | Fraction) -> rtamt.Specification:
-        """The specification for a value of the parameter."""
+        """Return the specification for a value of the parameter."""
         constants = {**self._constants, self.parameter: value}
         spec = rtamt.parse(self._plain, unit=self._unit, constants=constants)  # type: ignore[arg-type]  # it checks them
         if self._requirement is not None:
@@ -107,26 +107,26 @@ class Template:
         return spec
 
     def _bounding_unit(self) -> str | None:
-        """The unit of the parameter if an interval of an operator depends on it, or None."""
-        least, most = (list(_intervals(self.at(value).formula)) for value in (self.low, self.high))
-        for one, other in zip(least, most, strict=True):
+        """Return the unit of the parameter if an interval depends on it, or None."""
+        ends = (list(_intervals(self.at(value).formula)) for value in (self.low, self.high))
+        for one, other in zip(*ends, strict=True):
             if one != other:
                 return one.unit or other.unit or self._unit
         return None
 
 
 def _intervals(formula: rtamt.Formula) -> Iterator[rtamt.Interval]:
-    """The intervals of all operators; of one without, that which it stands for."""
-    remainder: list[object] = [formula]
-    while remainder:
-        node = remainder.pop()
+    """Yield the interval of each operator, or its default interval."""
+    nodes: list[object] = [formula]
+    while nodes:
+        node = nodes.pop()
         if isinstance(node, rtamt.Formula):
             yield node.interval or rtamt.Interval(Fraction(0), None)
-            remainder += node.args
+            nodes += node.args
 
 
 def template(
-    given: str | rtamt.Specification,
+    requirement: str | rtamt.Specification,
     ranges: Ranges,
     constants: Mapping[str, object] | None = None,
     *,
@@ -136,26 +136,27 @@ def template(
     """Read a requirement and the range of its parameter.
 
     Args:
-        given: A text in which ``?name`` stands for the parameter, or a text or a specification that
+        requirement: A text in which ``?name`` is the parameter, or a text or a specification that
             defines a constant of this name.
         ranges: The range of the parameter.
         constants: Values of other parameters and constants.
-        every: Whether the requirement is to hold at every sample, not at the first alone.
+        every: Whether the requirement has to hold at every sample, not at the first only.
         text: The displayed text of the requirement; empty for the original text.
 
     Raises:
         InputError: If not exactly one parameter has a range, or the range is empty.
         InputTypeError: If an argument is not of the types above.
-        SpecificationError: If the requirement is wrong, or reads no sample but the first.
+        SpecificationError: If the requirement is wrong, or reads only the first sample.
     """
-    if not isinstance(given, str | rtamt.Specification):
+    if not isinstance(requirement, str | rtamt.Specification):
         raise InputTypeError(
-            f"expected the text of a requirement or a specification, got {given!r}"
+            f"expected the text of a requirement or a specification, got {requirement!r}"
         )
-    if isinstance(given, str) and given.endswith(".stl") and len(given.split()) == 1:
+    path = requirement if isinstance(requirement, str) else ""
+    if path.endswith(".stl") and len(path.split()) == 1:
         raise SpecificationError(
-            f"expected the text of a requirement, got the path {given!r}; write "
-            f"Path({given!r}).read_text()"
+            f"expected the text of a requirement, got the path {path!r}; write "
+            f"Path({path!r}).read_text()"
         )
     if not isinstance(ranges, Mapping):
         raise InputTypeError(
@@ -171,29 +172,27 @@ def template(
     fixed = dict(constants or {})
     if parameter in fixed:
         raise InputError(f"expected {parameter!r} with a range or a value, got both")
-    check_parameter(given, parameter, fixed)
-    return Template(given, parameter, *_read_range(parameter, ends), fixed, every=every, text=text)
+    check_parameter(requirement, parameter, fixed)
+    low, high = _read_range(parameter, ends)
+    return Template(requirement, parameter, low, high, fixed, every=every, text=text)
 
 
 def check_parameter(
-    given: str | rtamt.Specification, parameter: str, fixed: Mapping[str, object]
+    requirement: str | rtamt.Specification, parameter: str, fixed: Mapping[str, object]
 ) -> None:
     """Raise InputError for a name that is not a parameter, or a parameter without a value.
 
     Args:
-        given: The requirement.
+        requirement: The requirement.
         parameter: The name that has a range.
         fixed: Values of other names.
-
-    Raises:
-        InputError: If there is such a name.
     """
     marked: tuple[str, ...] = ()
     known: Mapping[str, object] = {}
-    if isinstance(given, rtamt.Specification):
-        known = given.constants
+    if isinstance(requirement, rtamt.Specification):
+        known = requirement.constants
     else:
-        plain, marked = unmarked(given)
+        plain, marked = unmarked(requirement)
         if re.search(r"\bconst\b", plain):
             values = dict.fromkeys(marked, 1.0)
             known = rtamt.parse(plain, constants=values).constants
@@ -201,8 +200,8 @@ def check_parameter(
     if parameter not in names:
         has = f"; it has {listing(names)}{nearest(parameter, names)}" if names else ""
         raise InputError(
-            f"the requirement has no parameter {parameter!r}{has}; write ?{parameter} where its "
-            f"value is to stand, as in always(x < ?{parameter})"
+            f"the requirement has no parameter {parameter!r}{has}; write ?{parameter} in place of "
+            f"its value, as in always(x < ?{parameter})"
         )
     for name in marked:
         if name not in fixed and name != parameter:
@@ -214,13 +213,13 @@ def check_parameter(
 
 
 def _read_range(parameter: str, ends: object) -> tuple[float, float]:
-    """The two ends of a range."""
-    read = list(ends) if isinstance(ends, tuple | list) else []
-    if len(read) != 2 or not all(isinstance(each, Real) for each in read):
+    """Return the two ends of a range."""
+    numbers = list(ends) if isinstance(ends, tuple | list) else []
+    if len(numbers) != 2 or not all(isinstance(item, Real) for item in numbers):
         raise InputTypeError(
             f"expected the range of {parameter!r} as two numbers, (0, 100), got {ends!r}"
         )
-    low, high = map(float, read)
+    low, high = map(float, numbers)
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise InputError(
             f"expected the range of {parameter!r} as two finite numbers, the smaller first, got "

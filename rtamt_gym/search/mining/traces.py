@@ -36,7 +36,7 @@ __all__ = ["Samples", "Traces", "notes_on", "samples_of"]
 TraceLike = Any
 """Columns by name, a data frame, an array, the path of a file, or a `Run`."""
 Traces = TraceLike | Iterable[TraceLike]
-"""One trace or several, or a `Sweep`, whose runs are made again."""
+"""One trace or several, or a `Sweep`, whose simulations run again."""
 
 
 @dataclass(frozen=True)
@@ -44,18 +44,18 @@ class Samples:
     """A trace of samples.
 
     Attributes:
-        name: Its name in messages.
-        given: The trace as passed; for a sweep, the `Row`.
-        signals: The values of its variables, as `rtamt.judge` takes them.
-        reading: How it is judged: its period in seconds, and the reading of its end too.
+        name: The name in messages.
+        source: The trace as passed; for a sweep, the `Row`.
+        signals: The values of the variables, as for `rtamt.judge`.
+        reading: The evaluation options, with the period in seconds and the end mode.
         n: The number of samples, if it is known.
         start: The time of the first sample.
         notes: Changes to the trace that its file does not show, in sentences.
-        stopped: Whether it is a run that was stopped at a verdict.
+        stopped: Whether the trace is a run that stopped at a verdict.
     """
 
     name: str
-    given: object
+    source: object
     signals: Any
     reading: EvaluationOptions
     n: int | None = None
@@ -106,54 +106,53 @@ def samples_of(
     Args:
         traces: The traces.
         spec: The requirement at some value of its parameter; its variables are read.
-        reading: How traces are judged. Without a period each trace has its own; without an end,
-            a run that its system has ended is ``"complete"``.
-        shown: Whether to show a bar while runs are made.
+        reading: The evaluation options. Without a period each trace has its own; without an end,
+            a run that its system ended is ``"complete"``.
+        shown: Whether to show a bar during simulations.
 
     Raises:
         InputError: If there is no trace, a trace cannot be read, or a sweep has no system.
         InputTypeError: If a value is not a trace.
         OSError: If a file does not exist.
     """
-    every = [traces] if _is_one(traces) else _listed(traces)
-    read: list[Samples] = []
+    samples: list[Samples] = []
     notes: list[str] = []
-    for value in every:
+    for value in [traces] if _is_one(traces) else _listed(traces):
         if _is_a(value, "sweep", "Sweep"):
             sweep = cast("Sweep", value)
-            read += _of_sweep(sweep, spec, reading, shown=shown)
+            samples += _of_sweep(sweep, spec, reading, shown=shown)
             if failed := len(sweep.record.failed()):
                 verb = "is" if failed == 1 else "are"
-                of = f"{counted(failed, 'simulation')} of {len(sweep.record)}"
-                notes.append(f"{of} failed and {verb} left out")
+                count = f"{counted(failed, 'simulation')} of {len(sweep.record)}"
+                notes.append(f"{count} failed and {verb} left out")
         elif _is_a(value, "run", "Run"):
             run = cast("Run", value)
-            name = run.label or f"run {len(read)}"
-            read.append(_of_run(run, name, reading))
+            name = run.label or f"run {len(samples)}"
+            samples.append(_of_run(run, name, reading))
         elif isinstance(value, str | os.PathLike):
-            read.append(_of_file(os.fspath(value), value, spec, reading))
+            samples.append(_of_file(os.fspath(value), value, spec, reading))
         elif isinstance(value, Mapping | np.ndarray) or hasattr(value, "columns"):
-            name = f"trace {len(read)}"
+            name = f"trace {len(samples)}"
             _check_columns(name, value, spec)
-            read.append(Samples(name, value, value, reading))
+            samples.append(Samples(name, value, value, reading))
         else:
             raise InputTypeError(
                 "expected a trace as columns by name, a data frame, a path, or a Run, got "
                 f"{type(value).__name__} {value!r:.60}"
             )
-    if not read:
+    if not samples:
         raise InputError("expected at least one trace, got none")
-    return read, (*notes, *notes_on(read))
+    return samples, (*notes, *notes_on(samples))
 
 
 def notes_on(traces: Sequence[Samples]) -> tuple[str, ...]:
     """Return notes on the traces for readers of the result."""
-    having: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for trace in traces:
         for note in trace.notes:
-            having.setdefault(note, []).append(trace.name)
+            names.setdefault(note, []).append(trace.name)
     notes = []
-    for note, (first, *others) in having.items():
+    for note, (first, *others) in names.items():
         suffix = f" (and {counted(len(others), 'other trace')})" if others else ""
         notes.append(f"{first}: {note}{suffix}")
     if stopped := [trace.name for trace in traces if trace.stopped]:
@@ -165,7 +164,7 @@ def notes_on(traces: Sequence[Samples]) -> tuple[str, ...]:
 
 
 def _is_one(traces: Traces) -> bool:
-    """Whether this is one trace, or a sweep, and no sequence of them."""
+    """Return whether the argument is one trace or a sweep, and not a sequence of traces."""
     one = isinstance(traces, Mapping | np.ndarray | str | os.PathLike)
     simulated = _is_a(traces, "run", "Run") or _is_a(traces, "sweep", "Sweep")
     return one or simulated or hasattr(traces, "columns")
@@ -177,26 +176,26 @@ def _listed(traces: Any) -> list[Any]:  # noqa: ANN401
     return list(traces)
 
 
-def _check_columns(name: str, given: object, spec: rtamt.Specification) -> None:
+def _check_columns(name: str, trace: object, spec: rtamt.Specification) -> None:
     """Raise InputError for a mapping without a variable, such as traces by name."""
     variables = {re.split(r"[.\[]", variable)[0] for variable in spec.variables} | {*spec.variables}
-    if not isinstance(given, Mapping) or not variables or variables & given.keys():
+    if not isinstance(trace, Mapping) or not variables or variables & trace.keys():
         return
     several = any(
-        isinstance(value, Mapping) or hasattr(value, "columns") for value in given.values()
+        isinstance(value, Mapping) or hasattr(value, "columns") for value in trace.values()
     )
     hint = "; several traces are a sequence: list(traces.values())" if several else ""
     raise InputError(
         f"{name}: expected columns by name, {listing(spec.variables)} among them, got "
-        f"{listing(given)}{hint}"
+        f"{listing(trace)}{hint}"
     )
 
 
-def _is_a(given: object, module: str, name: str) -> bool:
-    """Whether this is a `Run` or a `Sweep`; their modules need Gymnasium, which files do not."""
+def _is_a(trace: object, module: str, name: str) -> bool:
+    """Return whether the argument is a `Run` or a `Sweep`, without an import of Gymnasium."""
     room = {"run": "play", "sweep": "search.sweeps"}[module]
     loaded = sys.modules.get(f"rtamt_gym.{room}.{module}")
-    return loaded is not None and isinstance(given, getattr(loaded, name))
+    return loaded is not None and isinstance(trace, getattr(loaded, name))
 
 
 def _of_run(run: Run, name: str, reading: EvaluationOptions) -> Samples:
@@ -219,7 +218,7 @@ def _of_run(run: Run, name: str, reading: EvaluationOptions) -> Samples:
 
 def _of_file(
     path: str,
-    given: object,
+    source: object,
     spec: rtamt.Specification,
     reading: EvaluationOptions,
 ) -> Samples:
@@ -234,7 +233,7 @@ def _of_file(
     assert not isinstance(trace, EventTrace), "there is no dense time"  # noqa: S101 - for mypy
     return Samples(
         path,
-        given,
+        source,
         trace.columns,
         reading.having(period=seconds),
         trace.samples,
@@ -246,7 +245,7 @@ def _of_file(
 def _of_episode(
     reading: EvaluationOptions, period: Fraction | None, ended: RunEnd
 ) -> EvaluationOptions:
-    """Return the end mode of a run: complete if its system ended it."""
+    """Return the options with the period of a run, and complete if its system ended it."""
     if reading.period is None:
         reading = reading.having(period=period)
     if "end" not in reading.given and ended == "terminated":
@@ -261,15 +260,15 @@ def _of_sweep(
     *,
     shown: bool,
 ) -> list[Samples]:
-    """Run the simulations of a sweep again, each to its end; return the signals it reads."""
+    """Run the simulations of a sweep again, each to its end; return the samples of each."""
     runner = sweep.under({"mined": spec})
     rows = {i: row for i, row in enumerate(sweep.record) if not row.error}
-    kept: dict[int, SimulatedTrace] = {}
+    simulated: dict[int, SimulatedTrace] = {}
     ended: dict[int, RunEnd] = {}
     cases = [row.case for row in rows.values()]
     seeds = [row.seed for row in rows.values() if row.seed is not None]
     with progress(f"runs of {runner.name}", len(rows) if shown else 0, "run") as advance:
-        for index, row in runner.run(cases, seeds or None, keep=kept.__setitem__):
+        for index, row in runner.run(cases, seeds or None, keep=simulated.__setitem__):
             if row.error:
                 raise InputError(f"run {list(rows)[index]} failed when run again: {row.error}")
             ended[index] = row.ended
@@ -278,9 +277,9 @@ def _of_sweep(
         Samples(
             f"run {number}",
             row,
-            kept[index].signals,
-            _of_episode(reading, kept[index].period, ended[index]),
-            kept[index].samples,
+            simulated[index].signals,
+            _of_episode(reading, simulated[index].period, ended[index]),
+            simulated[index].samples,
         )
         for index, (number, row) in enumerate(rows.items())
     ]

@@ -31,8 +31,7 @@ _MEASURES: Final = {
     },
     "saltelli": {"ST": "ST", "ST +-": "ST_conf", "S1": "S1", "S1 +-": "S1_conf"},
 }
-"""The columns for each sampler, the one that orders the rows first: as they are called here, and by
-SALib."""
+"""The names of the indices for each sampler, here and in SALib. The first index sorts the rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class Indices:
     values: Mapping[str, NDArray[np.float64]]
 
     def to_frame(self) -> pd.DataFrame:
-        """The indices as a data frame of pandas; the index has the columns of the space."""
+        """Return the indices as a data frame of pandas, a row for each column of the space."""
         try:
             import pandas as pd
         except ModuleNotFoundError as error:
@@ -67,9 +66,9 @@ class Indices:
 
     def __str__(self) -> str:
         head = ("varied", *self.values)
-        # Differences of rounding are shown as 0.
-        least = 1e-12 * max(float(np.abs(values).max()) for values in self.values.values())
-        shown = [np.where(np.abs(values) > least, values, 0.0) for values in self.values.values()]
+        # Rounding errors are shown as 0.
+        limit = 1e-12 * max(float(np.abs(values).max()) for values in self.values.values())
+        shown = [np.where(np.abs(values) > limit, values, 0.0) for values in self.values.values()]
         rows = [
             (shorten(name, 32), *(f"{values[i]:.4g}" for values in shown))
             for i, name in enumerate(self.names)
@@ -81,19 +80,19 @@ class Indices:
 def indices(
     record: Record, space: Space, sampler: Sampler, seed: int, requirement: str | None = None
 ) -> Indices:
-    """The sensitivity indices of a requirement over the record of a sweep.
+    """Return the sensitivity indices of a requirement over the record of a sweep.
 
     Args:
-        record: The simulations, one for each point of `sample`, none of them stopped.
-        space: The space that they are of.
-        sampler: The sampler that chose them.
-        seed: The seed that chose them.
-        requirement: The name of the requirement; None: the only one.
+        record: The simulations, one for each point of `sample`.
+        space: The space of the sweep.
+        sampler: The sampler of the points.
+        seed: The seed of the points.
+        requirement: The name of the requirement. Default: the only one.
 
     Raises:
         InputError: If the sampler is neither Morris's nor Saltelli's, a simulation failed or was
             stopped, or the robustness is not finite or the same everywhere.
-        ModuleNotFoundError: If SALib is not installed, which the extra ``search`` does.
+        ModuleNotFoundError: If SALib, of the extra ``search``, is not installed.
     """
     if sampler not in _MEASURES:
         raise InputError(
@@ -120,11 +119,11 @@ def indices(
 
 
 def _heights(record: Record, name: str) -> NDArray[np.float64]:
-    """The robustness of every simulation."""
-    lacking = sum(1 for row in record if row.error or name not in row.outcomes)
-    if lacking:
+    """Return the robustness of every simulation; raise InputError if one has no finite value."""
+    failed = sum(1 for row in record if row.error or name not in row.outcomes)
+    if failed:
         raise InputError(
-            f"indices need every simulation of a sweep, and {counted(lacking, 'simulation')} of "
+            f"indices need every simulation of a sweep, and {counted(failed, 'simulation')} of "
             f"{len(record)} failed"
         )
     if any(row.ended in {"violation", "decided"} for row in record):
@@ -150,9 +149,9 @@ def _analyzed(space: Space, sampler: Sampler, seed: int, heights: NDArray[np.flo
     from SALib.analyze import morris, sobol
 
     problem = problem_of(space)
-    again = seed + 1  # SALib takes a seed of 0 for none
+    salib_seed = seed + 1  # SALib ignores a seed of 0
     if sampler == "saltelli":
-        return sobol.analyze(problem, heights, calc_second_order=False, seed=again)
+        return sobol.analyze(problem, heights, calc_second_order=False, seed=salib_seed)
     count = len(heights) // (space.dimension + 1)
     points = sample(space, count, sampler, seed)
-    return morris.analyze(problem, points, heights, num_levels=LEVELS, seed=again)
+    return morris.analyze(problem, points, heights, num_levels=LEVELS, seed=salib_seed)

@@ -16,7 +16,7 @@ from rtamt import Verdict
 from rtamt_gym import drawing
 from rtamt_gym.inputs.space import Parameter, Space
 from rtamt_gym.play.record import Record
-from rtamt_gym.search.sweeps.heights import RobustnessMap, text_of
+from rtamt_gym.search.sweeps.robustness_map import RobustnessMap, text_of
 from rtamt_gym.tables import shorten
 
 __all__ = ["draw_map", "draw_scatter"]
@@ -31,7 +31,7 @@ _PANELS = 5
 """The panels in a line of a scatter."""
 
 _CELLS = 150
-"""The most cells of a map that have their numbers written in them."""
+"""The maximum number of cells of a map that shows their numbers."""
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +56,8 @@ def draw_map(heights: RobustnessMap, space: Space, formula: str) -> Figure:
             edgecolors=drawing.OPEN,
             linewidths=0.5,
         )
-        _scale(ax, heights, space)
+        _log(ax.set_xscale, heights.x, space)
+        _log(ax.set_yscale, heights.y, space)
     else:
         shown = ax.imshow(
             np.clip(heights.cells, -reach, reach),
@@ -68,8 +69,8 @@ def draw_map(heights: RobustnessMap, space: Space, formula: str) -> Figure:
         ax.grid(visible=False)
         _write_cells(ax, heights)
     bar = figure.colorbar(shown, ax=ax)
-    least = " (minimum over all else)" if heights.folded else ""
-    bar.set_label(f"robustness of {heights.requirement}{least}", fontsize=9.5)
+    minimum = " (minimum over all else)" if heights.folded else ""
+    bar.set_label(f"robustness of {heights.requirement}{minimum}", fontsize=9.5)
     bar.ax.tick_params(labelsize=8.5)
     return figure
 
@@ -130,11 +131,6 @@ def _colour(verdict: Verdict) -> str:
     return drawing.VERDICT_COLOURS.get(verdict, drawing.OPEN)
 
 
-def _scale(ax: Axes, heights: RobustnessMap, space: Space) -> None:
-    _log(ax.set_xscale, heights.x, space)
-    _log(ax.set_yscale, heights.y, space)
-
-
 def _log(set_scale: object, column: str, space: Space) -> None:
     entry = space.entries.get(column)
     if isinstance(entry, Parameter) and entry.log and callable(set_scale):
@@ -142,6 +138,6 @@ def _log(set_scale: object, column: str, space: Space) -> None:
 
 
 def _label(column: str, space: Space) -> str:
-    """The name of a column, with its unit."""
+    """Return the name of a column with its unit."""
     entry = space.entries.get(column)
     return f"{column} [{entry.unit}]" if isinstance(entry, Parameter) and entry.unit else column

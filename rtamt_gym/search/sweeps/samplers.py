@@ -1,4 +1,4 @@
-"""Samplers: which points of a space are run, from their number and a seed.
+"""Samplers: the points of a space to simulate, from their number and a seed.
 
 To add a sampler, such as ``"lhs"``: its name in `Sampler`, a row of `_SAMPLERS` here, and its name
 in ``_SAMPLERS`` of `rtamt_gym.commands.sweep`. Describe it in ``docs/sweeps.md``.
@@ -23,10 +23,10 @@ from rtamt_gym.inputs.space import Parameter, Space
 __all__ = ["LEVELS", "SampleCount", "Sampler", "problem_of", "sample"]
 
 Sampler = Literal["grid", "sobol", "lhs", "random", "morris", "saltelli"]
-"""How the points of a sweep are chosen; `sample` says what each does."""
+"""The way to choose the points of a sweep; `sample` describes each."""
 
 SampleCount = int | Mapping[str, int]
-"""How many points; for a grid also by the name of what is varied."""
+"""The number of points; for a grid also the number of values by name."""
 
 Points = NDArray[np.float64]
 
@@ -34,32 +34,31 @@ LEVELS: Final = 4
 """The levels of the grid on which Morris's trajectories run."""
 
 _MOST: Final = 10_000_000
-"""The points of more would take gigabytes before the first simulation."""
+"""The maximum number of coordinates; more would take gigabytes before the first simulation."""
 
 
 def sample(space: Space, samples: SampleCount, sampler: Sampler = "sobol", seed: int = 0) -> Points:
-    """Choose points of the unit cube of a space: an array of shape (points, dimension).
+    """Return points of the unit cube of a space, shape (points, dimension).
 
     | sampler | points | ``samples`` |
     |---|---|---|
     | ``"grid"`` | all combinations of evenly spaced values, the last column running fastest | the \
-values of each column, both ends among them; a mapping gives each its own number |
+values of each column, with both ends; a mapping sets the number for each name |
     | ``"sobol"`` | a scrambled Sobol sequence, which fills the space evenly | all |
     | ``"lhs"`` | a Latin hypercube: each column takes each of its shares once | all |
     | ``"random"`` | independent and uniform | all |
     | ``"morris"`` | Morris's trajectories, which change one column at a time | trajectories, each \
 of dimension + 1 points |
-    | ``"saltelli"`` | what Sobol's indices are made of | a power of two; dimension + 2 times as \
-many points |
+    | ``"saltelli"`` | the points of Sobol's indices | a power of two; dimension + 2 times as many \
+points |
 
-    On a grid a parameter with ``values`` takes all of them, whatever the number is. A seed always
-    gives the same points, and with ``"sobol"`` more points begin with the same ones as fewer.
+    On a grid, a parameter with ``values`` always takes all of them. A seed always gives the same
+    points. With ``"sobol"``, more points start with the same points as fewer.
 
     Raises:
         InputError: If the number does not fit the sampler.
         InputTypeError: If it is not a whole number.
-        ModuleNotFoundError: If the sampler needs SciPy or SALib, which the extra ``search``
-            installs.
+        ModuleNotFoundError: If SciPy or SALib, of the extra ``search``, is missing.
 
     Example:
         >>> from rtamt_gym.inputs.space import Space
@@ -102,7 +101,7 @@ many points |
 
 
 def problem_of(space: Space) -> dict[str, Any]:
-    """The unit cube of a space as SALib describes it."""
+    """Return the unit cube of a space in the form of SALib."""
     return {
         "num_vars": space.dimension,
         "names": list(space.columns),
@@ -129,7 +128,7 @@ def _grid(space: Space, samples: SampleCount) -> Points:
 
 
 def _counts(space: Space, samples: SampleCount) -> list[list[int]]:
-    """How many values each column takes, by entry of the space."""
+    """Return the number of values of each column, by entry of the space."""
     if not isinstance(samples, Mapping):
         count = check_count(Argument("samples"), samples)
         return [[count] * len(entry.columns) for entry in space]
@@ -145,11 +144,12 @@ def _counts(space: Space, samples: SampleCount) -> list[list[int]]:
     for entry in space:
         chosen = isinstance(entry, Parameter) and entry.values is not None
         if chosen == (entry.name in samples):
-            few, many = (
-                f" gives no number for {entry.name!r}",
-                f" gives a number for {entry.name!r}, which takes all of its values; omit it",
-            )
-            raise InputError(Argument("samples"), many if chosen else few)
+            problem = f" gives no number for {entry.name!r}"
+            if chosen:
+                problem = (
+                    f" gives a number for {entry.name!r}, which takes all of its values; omit it"
+                )
+            raise InputError(Argument("samples"), problem)
         count = (
             1
             if chosen
@@ -162,19 +162,19 @@ def _counts(space: Space, samples: SampleCount) -> list[list[int]]:
 
 
 def _ticks(count: int) -> Points:
-    """Values from 0 to 1; of one value, the middle."""
+    """Return evenly spaced values from 0 to 1; a single value is the middle."""
     return np.linspace(0.0, 1.0, count) if count > 1 else np.array([0.5])
 
 
 def _shares(count: int) -> Points:
-    """The middles of parts of the same length."""
+    """Return the middles of `count` equal parts."""
     return (np.arange(count) + 0.5) / count
 
 
 def _sobol(space: Space, count: int, seed: int) -> Points:
     from scipy.stats import qmc
 
-    # The sequence is balanced at powers of two; a shorter one is its beginning.
+    # The sequence is balanced at powers of two; a shorter one is its start.
     sequence = qmc.Sobol(space.dimension, seed=seed)
     points: Points = sequence.random_base2((count - 1).bit_length())
     return points[:count]

@@ -14,6 +14,7 @@ import numpy as np
 
 from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument
+from rtamt_gym.checks.arguments import check_whole
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
@@ -28,8 +29,8 @@ from rtamt_gym.play.summaries import failures, record_table
 from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.warnings import evidence_lines
-from rtamt_gym.search.sweeps.heights import RobustnessMap, map_of
 from rtamt_gym.search.sweeps.indices import Indices, indices
+from rtamt_gym.search.sweeps.robustness_map import RobustnessMap, map_of
 from rtamt_gym.search.sweeps.samplers import SampleCount, Sampler, sample
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.systems.system import Policy
@@ -47,7 +48,7 @@ class FailedSimulationWarning(UserWarning):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep:
-    """Many simulations of one system, each on a point of a space; `sweep` makes it.
+    """Many simulations of one system, each on a point of a space; `sweep` returns it.
 
     ``print`` shows the robustness and the verdicts of every requirement, and the maps of a grid of
     two columns, except maps with a constant value.
@@ -72,7 +73,7 @@ class Sweep:
 
     @property
     def playable(self) -> bool:
-        """Whether the system is at hand, so that `replay` can run it."""
+        """Whether the sweep has its system, so that `replay` can run it."""
         return self._runner is not None
 
     def worst(self, requirement: str | None = None) -> Trial:
@@ -88,7 +89,7 @@ class Sweep:
 
         Raises:
             InputError: If the sweep comes from a file or a pickle, which do not hold the system.
-            InputTypeError: If it is given something else than a row.
+            InputTypeError: If the argument is not a row.
         """
         if not isinstance(row, Trial):
             raise InputTypeError(
@@ -116,12 +117,12 @@ class Sweep:
         return Runner(self._runner.system, requirements, **options)
 
     def indices(self, requirement: str | None = None) -> Indices:
-        """How much each column moves a requirement's robustness: Morris's indices, or Sobol's.
+        """Return how much each column changes the robustness of a requirement.
 
-        They are Morris's for ``sampler="morris"``, Sobol's for ``sampler="saltelli"``.
+        The indices are Morris's for ``sampler="morris"`` and Sobol's for ``sampler="saltelli"``.
 
         Raises:
-            InputError: If the sampler was another, a simulation failed or was stopped, or the
+            InputError: If the sweep has another sampler, a simulation failed or was stopped, or the
                 robustness is infinite somewhere or the same everywhere.
         """
         return indices(self.record, self.space, self.sampler, self.seed, requirement)
@@ -129,12 +130,12 @@ class Sweep:
     def map(
         self, x: str | None = None, y: str | None = None, requirement: str | None = None
     ) -> RobustnessMap:
-        """The robustness of a requirement over two columns; its `cells` are an array.
+        """Return the robustness of a requirement over two columns; its `cells` are an array.
 
         Args:
-            x: The column that runs to the right; None: the second of only two.
-            y: The column that runs upwards; None: the first of only two.
-            requirement: The requirement; None: the only one.
+            x: The column that runs to the right. Default: the second of only two.
+            y: The column that runs upwards. Default: the first of only two.
+            requirement: The requirement. Default: the only one.
 
         Raises:
             InputError: If a column or requirement is unknown or must be named.
@@ -179,8 +180,7 @@ class Sweep:
         Raises:
             InputError: If the name does not end in ``.parquet``.
         """
-        phrase = "Sweep.save"
-        self.record.write(path, phrase, _also(self.space, self.sampler, self.seed))
+        self.record.write(path, "Sweep.save", _sweep_fields(self.space, self.sampler, self.seed))
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Sweep:
@@ -196,7 +196,7 @@ class Sweep:
         return Sweep(record, space, also["sampler"], also["seed"])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without the system, as `save` writes it: a system may not go to a process."""
+        """Pickle without the system, as `save` does: not every system can be pickled."""
         return Sweep, (self.record, self.space, self.sampler, self.seed)
 
     def __repr__(self) -> str:
@@ -206,7 +206,7 @@ class Sweep:
         return "\n".join([*self.lines(), *evidence_lines(self.record, "simulation")])
 
     def lines(self) -> list[str]:
-        """The record in a table, and the map of a grid of two columns, as lines of text."""
+        """Return the record as a table, and the map of a grid of two columns, as lines of text."""
         lines = record_table(self.record)
         if self.sampler == "grid" and len(self.space.columns) == 2:
             for name in self.requirements:
@@ -296,7 +296,7 @@ def sweep(
         >>> done.replay(done.worst())
         <Run of tank: terminated at 9 s, 10 samples>
     """
-    seed, judged = _checked_seed(seed), checked_options(reading, sweep, "episodes")
+    seed = check_whole(Argument("seed"), seed)
     runner = Runner(
         system,
         requirements,
@@ -305,15 +305,16 @@ def sweep(
         duration=duration,
         stop=stop,
         batch=batch,
-        **judged.options(),
+        **checked_options(reading, sweep, "episodes").options(),
     )
     varied = space_of(runner, space, "sweep")
-    given = Case(fixed or {})
-    for name in given:
+    constants = Case(fixed or {})
+    for name in constants:
         if name in varied.entries:
             raise InputError(f"expected {name!r} varied or fixed, got both")
-    check_columns([*varied.columns, *given.columns()], runner.requirements)
-    cases = [{**varied.case(point), **given} for point in sample(varied, samples, sampler, seed)]
+    check_columns([*varied.columns, *constants.columns()], runner.requirements)
+    points = sample(varied, samples, sampler, seed)
+    cases = [{**varied.case(point), **constants} for point in points]
     seeds = range(seed, seed + len(cases)) if runner.takes_seeds else None
     record = run_campaign(
         runner,
@@ -323,7 +324,7 @@ def sweep(
         timeout=timeout,
         folder=folder,
         accept_changed=accept_changed,
-        about=None if folder is None else _also(varied, sampler, seed),
+        about=None if folder is None else _sweep_fields(varied, sampler, seed),
         what=f"sweep of {runner.name}",
         progress=progress,
     )
@@ -331,18 +332,9 @@ def sweep(
     return Sweep(record, varied, sampler, seed, runner)
 
 
-def _also(space: Space, sampler: Sampler, seed: int) -> dict[str, Any]:
+def _sweep_fields(space: Space, sampler: Sampler, seed: int) -> dict[str, Any]:
     """The parts of a saved sweep next to its record."""
     return {"space": written_space(space), "sampler": sampler, "seed": seed}
-
-
-def _checked_seed(seed: object) -> int:
-    """Return the seed as an int; raise an error if no random generator takes it."""
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError(
-            "expected ", Argument("seed"), f" as a whole number, 0 or more, got {seed!r}"
-        )
-    return int(seed)
 
 
 def space_of(runner: Runner, space: SpaceLike | None, caller: str) -> Space:
@@ -366,11 +358,7 @@ def space_of(runner: Runner, space: SpaceLike | None, caller: str) -> Space:
 
 
 def tell_failures(record: Record) -> None:
-    """Warn if some simulations failed.
-
-    Raises:
-        InputError: If all did.
-    """
+    """Warn if some simulations failed; raise InputError if all failed."""
     failed = record.failed()
     if not len(failed):
         return
@@ -379,8 +367,8 @@ def tell_failures(record: Record) -> None:
         raise InputError(
             f"all {counted(len(record), phrase)} failed, the first with {failed[0].error}"
         )
-    told = " ".join(line.strip() for line in failures(record))
-    warnings.warn(told, FailedSimulationWarning, stacklevel=caller_level())
+    text = " ".join(line.strip() for line in failures(record))
+    warnings.warn(text, FailedSimulationWarning, stacklevel=caller_level())
 
 
 def _pictures(what: str) -> tuple[Any, Any]:

@@ -121,14 +121,14 @@ def test_nobody_who_reads_what_is_said_ends_the_command(monkeypatch: pytest.Monk
 
 def test_no_value_is_code_2_with_the_trace_that_has_none(capsys: Output) -> None:
     assert refused([BELOW, "--range", "v=0:30", "--", "runs"], capsys) == (
-        "none of the 17 tried values of 'v' from 0 to 30 satisfies the requirement on "
-        "all 2 traces: runs/b.csv is nearest to it at v = 30, VIOLATED with robustness -1.5; give "
-        "a wider range"
+        "none of the 17 tried values of 'v' from 0 to 30 satisfies the requirement on all 2 "
+        "traces: runs/b.csv comes closest at v = 30, VIOLATED with robustness -1.5; give a wider "
+        "range"
     )
     open_end = ["always(speed > 30 implies eventually[0:1](gnt > ?v))", "--range", "v=3:9"]
     assert refused([*open_end, "runs/b.csv"], capsys).endswith(
-        "runs/b.csv is nearest to it at v = 3, UNDECIDED with robustness 0; what would decide it "
-        "was not recorded; leave it out, or take it for all there is with --end complete"
+        "runs/b.csv comes closest at v = 3, UNDECIDED with robustness 0; the samples that would "
+        "decide it are missing; leave it out, or judge it as complete with --end complete"
     )
 
 
@@ -138,8 +138,8 @@ def test_no_value_is_code_2_with_the_trace_that_has_none(capsys: Output) -> None
         (
             [BELOW, "--range", "w=0:9", "late.csv"],
             (
-                "the requirement has no parameter 'w'; it has 'v'; write ?w where its value is to "
-                "stand, as in always(x < ?w)"
+                "the requirement has no parameter 'w'; it has 'v'; write ?w in place of its "
+                "value, as in always(x < ?w)"
             ),
         ),
         (

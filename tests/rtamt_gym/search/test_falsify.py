@@ -13,7 +13,7 @@ import rtamt
 from rtamt_gym import Parameter, Signal, falsify, simulate
 from rtamt_gym.results import Falsification
 from rtamt_gym.search.falsification.optimizers import OPTIMIZERS, OptimizerLike
-from rtamt_gym.search.falsification.protocol import Evaluate
+from rtamt_gym.search.falsification.points import Evaluate
 
 TRANSMISSION = "rtamt/AutomaticTransmission-v0"
 
@@ -146,7 +146,7 @@ def test_the_text_says_how_simple_how_far_and_how_long() -> None:
         "6 simulations of 30; 114 simulated seconds, optimizer six, seed 0"
     )
     assert told("always[30:40](level < 9)", 6)[2] == (
-        "no sample of any simulation counts, as where windows lie beyond the end"
+        "no sample of any simulation counts; windows may lie beyond its end"
     )
     assert "no simpler one found by 1 more simulation" in told("always(level < 2)", 30)
     rounded = told("always(level < 1.5)", 30, "random")

@@ -10,7 +10,7 @@ import pytest
 from rtamt import InputError, InputTypeError, RtamtError
 from rtamt_gym import Parameter, falsify
 from rtamt_gym.search.falsification.falsify import IrreproducibleWarning
-from rtamt_gym.search.falsification.protocol import Evaluate
+from rtamt_gym.search.falsification.points import Evaluate
 from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 
 X = [Parameter("x", 0, 1)]

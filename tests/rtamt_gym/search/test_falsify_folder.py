@@ -19,7 +19,7 @@ from rtamt_gym.play.record import PARTS
 from rtamt_gym.play.record import RECORD as WHOLE
 from rtamt_gym.results import Falsification, Record, Sweep
 from rtamt_gym.results.provenance import reuse_lines
-from rtamt_gym.search.falsification.protocol import Evaluate
+from rtamt_gym.search.falsification.points import Evaluate
 from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 
 Output = pytest.CaptureFixture[str]

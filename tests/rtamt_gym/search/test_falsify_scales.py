@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 import rtamt
 from rtamt_gym import Parameter, falsify
 from rtamt_gym.play.run_record import SimulatedTrace
-from rtamt_gym.search.falsification.protocol import Evaluate
-from rtamt_gym.search.falsification.scales import in_scales, needs_scales, spreads
+from rtamt_gym.search.falsification.points import Evaluate
+from rtamt_gym.search.falsification.scales import checked_scales, in_scales, spreads
 
 SPEC = rtamt.parse("slow = always(rpm < 3000); slow implies always(v < 35 and v > -5)")
 
@@ -37,9 +37,10 @@ def test_a_predicate_that_never_changes_has_no_scale() -> None:
 
 
 def test_one_unit_needs_no_scales() -> None:
-    assert needs_scales([SPEC])
-    assert not needs_scales([rtamt.parse("always(x < 1) and eventually(x > 3)")])
-    assert needs_scales([rtamt.parse("always(x < 1)"), rtamt.parse("always(y < 1)")])
+    assert checked_scales(None, {"a": SPEC}) is None
+    assert checked_scales(None, {"a": rtamt.parse("always(x < 1) and eventually(x > 3)")}) == {}
+    two = {"a": rtamt.parse("always(x < 1)"), "b": rtamt.parse("always(y < 1)")}
+    assert checked_scales(None, two) is None
 
 
 @given(st.lists(st.tuples(st.floats(0, 6000), st.floats(-20, 80)), min_size=1, max_size=5))

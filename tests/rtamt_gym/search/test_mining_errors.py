@@ -37,19 +37,19 @@ def refusal(
 
 def test_it_holds_nowhere_or_everywhere() -> None:
     assert refusal(ranges={"v": (0, 20)}) == (
-        "none of the 17 tried values of 'v' from 0 to 20 satisfies the requirement on "
-        "all 2 traces: trace 0 is nearest to it at v = 20, VIOLATED with robustness -4.5, and 1 "
-        "other alike; give a wider range"
+        "none of the 17 tried values of 'v' from 0 to 20 satisfies the requirement on all 2 "
+        "traces: trace 0 comes closest at v = 20, VIOLATED with robustness -4.5, and 1 other "
+        "alike; give a wider range"
     )
     assert refusal(traces=CALM, ranges={"v": (100, 200)}) == (
-        "all 17 tried values of 'v' from 100 to 200 satisfy the requirement on the trace;"
-        " the least robustness is 75.5 at v = 100 (trace 0) and 175.5 at v = 200 (trace 0); give a "
+        "all 17 tried values of 'v' from 100 to 200 satisfy the requirement on the trace; the "
+        "minimum robustness is 75.5 at v = 100 (trace 0) and 175.5 at v = 200 (trace 0); give a "
         "wider range"
     )
     assert refusal("always(speed < ?v) and eventually(speed > ?v)", CALM) == (
-        "none of the 17 tried values of 'v' from 0 to 50 satisfies the requirement on "
-        "the trace: trace 0 is nearest to it at v = 25, VIOLATED with robustness -0.5; one between "
-        "them might; give a narrower range around it"
+        "none of the 17 tried values of 'v' from 0 to 50 satisfies the requirement on the trace: "
+        "trace 0 comes closest at v = 25, VIOLATED with robustness -0.5; a value between them "
+        "might; give a narrower range around it"
     )
 
 
@@ -57,15 +57,14 @@ def test_what_is_undecided_does_not_satisfy() -> None:
     text = "always(speed > 15 implies eventually[0:1](speed < ?v))"
     trace = {"speed": [10.0, 20.0, 18.0]}
     assert refusal(text, trace, {"v": (0, 17)}, end="cut") == (
-        "none of the 17 tried values of 'v' from 0 to 17 satisfies the requirement on "
-        "the trace: trace 0 is nearest to it at v = 17, VIOLATED with robustness -1; give a wider "
-        "range"
+        "none of the 17 tried values of 'v' from 0 to 17 satisfies the requirement on the trace: "
+        "trace 0 comes closest at v = 17, VIOLATED with robustness -1; give a wider range"
     )
     recorded = {"speed": [10.0, 12.0, 18.0]}
     assert refusal(text, recorded, {"v": (0, 17)}) == (
-        "none of the 17 tried values of 'v' from 0 to 17 satisfies the requirement on "
-        "the trace: trace 0 is nearest to it at v = 17, UNDECIDED with robustness -1; what would "
-        "decide it was not recorded; leave it out, or take it for all there is with end='complete'"
+        "none of the 17 tried values of 'v' from 0 to 17 satisfies the requirement on the trace: "
+        "trace 0 comes closest at v = 17, UNDECIDED with robustness -1; the samples that would "
+        "decide it are missing; leave it out, or judge it as complete with end='complete'"
     )
 
 
@@ -92,23 +91,22 @@ def test_a_requirement_that_is_not_monotone_is_refused_with_the_values_that_show
 
 def test_the_parameter_is_in_the_requirement_and_has_a_range() -> None:
     assert refusal(ranges={"w": (0, 20)}) == (
-        "the requirement has no parameter 'w'; it has 'v'; write ?w where its value is to stand, "
-        "as in always(x < ?w)"
+        "the requirement has no parameter 'w'; it has 'v'; write ?w in place of its value, as in "
+        "always(x < ?w)"
     )
     assert refusal("always(speed < v)") == (
-        "the requirement has no parameter 'v'; write ?v where its value is to stand, as in "
-        "always(x < ?v)"
+        "the requirement has no parameter 'v'; write ?v in place of its value, as in always(x < ?v)"
     )
     assert refusal("always(speed < ?limit)", ranges={"limt": (0, 1)}) == (
         "the requirement has no parameter 'limt'; it has 'limit'; did you mean 'limit'?; write "
-        "?limt where its value is to stand, as in always(x < ?limt)"
+        "?limt in place of its value, as in always(x < ?limt)"
     )
     assert refusal("always(speed < ?v or speed > ?w)") == (
         "the parameter ?w has neither a range nor a value; one is mined at a time: write "
         "constants={'w': 3}"
     )
     assert refusal("always(speed < ?speed)", ranges={"speed": (0, 50)}) == (
-        "'speed' stands with and without '?', as a parameter and as something else; give the "
+        "'speed' occurs with and without '?', as a parameter and as another name; give the "
         "parameter another name"
     )
     assert refusal(constants={"v": 3}) == "expected 'v' with a range or a value, got both"
@@ -166,7 +164,8 @@ def test_the_values_that_are_tried() -> None:
         "the period"
     )
     assert refusal("eventually[0:?v](speed > 20)", ranges={"v": (0, 0.3)}, period=0.5) == (
-        "expected a range with two multiples of the period at least, got 0 to 0.3 where one is 0.5"
+        "expected a range with at least two multiples of the period, got 0 to 0.3, where the "
+        "period is 0.5"
     )
     assert refusal(end="cutt") == (
         "expected end=None or 'complete' or 'cut' or 'open', got 'cutt'; did you mean 'cut'?"

@@ -97,7 +97,7 @@ def test_the_end_of_a_run_is_read_as_the_run_read_it() -> None:
     assert mine(text, run, RANGE, tolerance=0.5).value == 3.5
     assert mine(text, {"level": levels}, RANGE, tolerance=0.5, end="complete").value == 3.5
     for options in ({"traces": {"level": levels}}, {"traces": run, "end": "cut"}):
-        with pytest.raises(InputError, match="is nearest to it at v = 10, UNDECIDED"):
+        with pytest.raises(InputError, match="comes closest at v = 10, UNDECIDED"):
             mine(text, ranges=RANGE, **options)
 
 

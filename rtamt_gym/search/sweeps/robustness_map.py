@@ -31,9 +31,9 @@ class RobustnessMap:
     Attributes:
         requirement: The name of the requirement.
         x: The column that runs to the right.
-        y: The column that runs upwards, in a table downwards.
-        at: The two numbers of each simulation that has a robustness, shape (n, 2): x, then y.
-        values: The robustness of each of them, shape (n,).
+        y: The column that runs upwards in a picture and downwards in a table.
+        at: The x and y of each simulation with a robustness, shape (n, 2).
+        values: The robustness of these simulations, shape (n,).
         xs: The different numbers of x, increasing.
         ys: The different numbers of y, increasing.
         cells: The robustness of each pair of numbers, shape (ys, xs), nan for failures; None if the
@@ -61,44 +61,43 @@ class RobustnessMap:
         lines = table(rows, ">" * len(rows[0]))
         if max(map(len, lines)) > _WIDEST:
             return []
-        least = ", minimum over all else" if self.folded else ""
-        return [f"robustness of {self.requirement} over {self.x}{least}:", *lines]
+        minimum = ", minimum over all else" if self.folded else ""
+        return [f"robustness of {self.requirement} over {self.x}{minimum}:", *lines]
 
 
 def map_of(
     record: Record, space: Space, x: str | None, y: str | None, requirement: str | None
 ) -> RobustnessMap:
-    """The map of a requirement over two columns; None: the second and the first of only two.
+    """Return the map of a requirement over two columns, by default of a space with only two.
 
     Raises:
-        InputError: If a column or requirement is unknown, is missing although there are several, or
-            no simulation has a robustness.
+        InputError: If a column or requirement is unknown or must be named, or no simulation has a
+            robustness.
     """
     name = record.name(requirement)
     x, y = two_of(space.columns, x, y)
-    every = np.stack([record.numbers(x), record.numbers(y)], axis=1)
+    numbers = np.stack([record.numbers(x), record.numbers(y)], axis=1)
     heights = record.robustness_values(name)
     known = ~np.isnan(heights)
     if not known.any():
         raise InputError(f"cannot draw a map: no simulation has a robustness of {name!r}")
-    xs, i = np.unique(every[:, 0], return_inverse=True)
-    ys, j = np.unique(every[:, 1], return_inverse=True)
-    times = np.zeros((len(ys), len(xs)), np.int64)
-    np.add.at(times, (j, i), 1)
+    xs, i = np.unique(numbers[:, 0], return_inverse=True)
+    ys, j = np.unique(numbers[:, 1], return_inverse=True)
+    counts = np.zeros((len(ys), len(xs)), np.int64)
+    np.add.at(counts, (j, i), 1)
     cells: Floats | None = None
-    if times.all():
-        cells = np.full(times.shape, np.nan)
-        # the minimum of the known values
-        np.fmin.at(cells, (j, i), heights)
-    folded = cells is not None and bool((times > 1).any())
-    return RobustnessMap(name, x, y, every[known], heights[known], xs, ys, cells, folded)
+    if counts.all():
+        cells = np.full(counts.shape, np.nan)
+        np.fmin.at(cells, (j, i), heights)  # the minimum of the known values
+    folded = cells is not None and bool((counts > 1).any())
+    return RobustnessMap(name, x, y, numbers[known], heights[known], xs, ys, cells, folded)
 
 
 def two_of(columns: Sequence[str], x: str | None, y: str | None) -> tuple[str, str]:
-    """The columns of a map; where neither is named, the second and the first of only two.
+    """Return the columns of a map, by default the second and the first of a space with only two.
 
     Raises:
-        InputError: If a column is unknown, or is missing although there are several.
+        InputError: If a column is unknown or must be named.
     """
     if x is None or y is None:
         if len(columns) != 2 or x is not y:
@@ -121,7 +120,7 @@ def two_of(columns: Sequence[str], x: str | None, y: str | None) -> tuple[str, s
 
 
 def text_of(value: float) -> str:
-    """A robustness in three digits after the point, or fewer where it is large.
+    """Return a robustness with three digits after the point, or fewer if it is large.
 
     Example:
         >>> text_of(-0.70512), text_of(1234.5), text_of(float("nan"))
