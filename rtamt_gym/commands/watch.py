@@ -324,6 +324,7 @@ def _settings(options: argparse.Namespace) -> WatchOptions:
         options.stop,
         options.skip_bad,
         None if least is None else read_seconds("--min-duration", least),
+        live=options.follow or options.source.startswith(("tcp:", "unix:")),
     )
 
 

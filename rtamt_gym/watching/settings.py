@@ -34,6 +34,7 @@ class WatchOptions:
         stop: When the stream stops.
         skip_bad: Whether bad lines are left out.
         min_duration: Seconds that each trace is to last; None: any time.
+        live: Whether the input may end in the middle of a line, as a socket or a growing file.
     """
 
     specs: Mapping[str, rtamt.Specification]
@@ -47,6 +48,7 @@ class WatchOptions:
     stop: StreamStop = "end"
     skip_bad: bool = False
     min_duration: Fraction | None = None
+    live: bool = False
 
     def __post_init__(self) -> None:
         stated = self.reading.period is not None

@@ -107,6 +107,7 @@ class StreamSource:
                     continue
                 if not self.follow:
                     return
+                self._check_same_file(os.fstat(file.fileno()))
                 if os.fstat(file.fileno()).st_size < file.tell():
                     raise InputError(
                         f"{self.title}: expected a file that grows, but it has become shorter. "
@@ -119,6 +120,18 @@ class StreamSource:
                     beat = now
                     yield b""
                 sleep(_POLL)
+
+    def _check_same_file(self, opened: os.stat_result) -> None:
+        """Refuse a file in place of which there is another one, as after a rotation of logs."""
+        try:
+            now = Path(self.name).stat()
+        except FileNotFoundError:
+            return  # the process that writes it may still go on
+        if (now.st_ino, now.st_dev) != (opened.st_ino, opened.st_dev):
+            raise InputError(
+                f"{self.title}: expected a file that grows, but another file has its name now. "
+                "Start again to read it from its first line."
+            )
 
     def _of_socket(self, kind: str, address: str) -> Iterator[bytes]:
         with closing(_listener(kind, address)) as listener:

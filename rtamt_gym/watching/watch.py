@@ -404,7 +404,14 @@ class StreamWatch:
         Raises:
             InputError: At a bad line, and if there was no row.
         """
-        self._take(self._lines.finish())
+        remaining = self._lines.finish()
+        self._take(remaining)
+        if self._options.live and b"".join(remaining).strip():
+            text = (
+                f"the last line, line {self._line - 1}, has no end, as if the writer had stopped "
+                "in it: its values may be cut. Write an end of line after the last row."
+            )
+            self._warnings.append(VerdictWarning(text, "last line", fails=True))
         if self._reader is None:
             raise InputError(
                 f"{self._source}: expected a first line with the names of the columns, or one "

@@ -462,6 +462,29 @@ def test_a_file_that_shrinks_is_an_error(tmp_path: Path) -> None:
         next(blocks)
 
 
+def test_a_file_that_is_replaced_is_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"a\nb\n")
+    blocks = StreamSource(str(path), follow=True, idle=5).blocks()
+    next(blocks)
+    path.rename(tmp_path / "log.1")
+    path.write_bytes(b"a\nb\nc\n")
+    with pytest.raises(rtamt.InputError, match="another file has its name now"):
+        next(blocks)
+
+
+@pytest.mark.parametrize(("last", "code"), [("2.0,1\n", 0), ("2.0,1", 3), ("2.0,9", 1)])
+def test_a_growing_file_may_end_in_a_line(
+    last: str, code: int, capsys: Output, stream: Path
+) -> None:
+    """The number may be the begin of a longer one, which violates the requirement."""
+    text = f"{rows([1, 2])}{last}"
+    got, _, errors = watched(capsys, stream, text, CALM, "--follow", "--idle", "50ms")
+    assert got == code
+    assert ("line 4, has no end" in errors) == (code != 0)
+    assert watched(capsys, stream, text, CALM)[0] == (code if code == 1 else 0)
+
+
 @pytest.mark.parametrize("kind", ["tcp", "unix"])
 def test_a_socket_takes_one_client(kind: str, tmp_path: Path) -> None:
     name = "tcp:0" if kind == "tcp" else f"unix:{tmp_path}/socket"
