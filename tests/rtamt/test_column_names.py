@@ -171,8 +171,8 @@ IDS = np.array([0, 0, 1, 1, 2, 2])
 
 
 def test_ids_tell_objects_apart() -> None:
-    found = objects_in({"episode_index": IDS})
-    assert found == ("episode_index", ("0", "1", "2"), None)
+    result = objects_in({"episode_index": IDS})
+    assert result == ("episode_index", ("0", "1", "2"), None)
     assert objects_in({"name": np.array(list("aabbaa"))}) == ("name", ("a", "b"), None)
     assert objects_in({"id": IDS.astype(float)}) == ("id", ("0", "1", "2"), None)
     assert objects_in({"id": np.arange(6)}) is None  # a number for each row

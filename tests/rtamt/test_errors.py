@@ -1,4 +1,4 @@
-"""What errors have in common: the arguments they speak of, and the nearest name."""
+"""Common parts of errors: their arguments, and hints with the nearest name."""
 
 import ast
 import pickle
@@ -47,7 +47,7 @@ def _refused(text: str) -> None:
 
 
 def test_names_are_compared_in_one_place() -> None:
-    found = {
+    result = {
         path.relative_to(ROOT).as_posix()
         for package in ("rtamt", "rtamt_gym", "rtamt_ros", "envs")
         for path in (ROOT / package).rglob("*.py")
@@ -55,7 +55,7 @@ def test_names_are_compared_in_one_place() -> None:
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.Import) and node.names[0].name == "difflib"
     }
-    assert found == {"rtamt/errors.py"}
+    assert result == {"rtamt/errors.py"}
 
 
 ARGUMENTS = st.builds(Argument, LETTERS, st.just(...) | LETTERS | st.integers())
@@ -70,7 +70,7 @@ def printed(piece: object) -> str:
 
 
 @given(st.lists(PIECES, min_size=1))
-def test_a_message_is_the_text_that_a_python_caller_reads(pieces: list[object]) -> None:
+def test_message_text_in_python(pieces: list[object]) -> None:
     error = rtamt.InputError(*pieces)
     assert str(error) == error.message == "".join(map(printed, pieces))
     again = pickle.loads(pickle.dumps(error))
@@ -88,7 +88,7 @@ def test_a_program_without_options_gives_no_advice(text: str, pieces: list[objec
     assert message.worded(str) == message
 
 
-def test_an_error_at_a_place_of_a_text_knows_the_arguments_of_its_hint() -> None:
+def test_arguments_of_a_parse_error() -> None:
     with pytest.raises(rtamt.ParseError) as caught:
         rtamt.Monitor("always[0:1](x > 0)", 0.4)
     assert caught.value.arguments == ("align",)
@@ -97,7 +97,7 @@ def test_an_error_at_a_place_of_a_text_knows_the_arguments_of_its_hint() -> None
 
 
 @pytest.mark.parametrize("text", ["always[0:1ps](x > 0)", rtamt.parse("always[0:1ps](x > 0)")])
-def test_a_hint_that_a_program_has_no_option_for_leaves_no_line(
+def test_hint_without_option_is_omitted(
     text: str | rtamt.Specification,
 ) -> None:
     with pytest.raises(rtamt.SpecificationError) as caught:

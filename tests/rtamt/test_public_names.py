@@ -14,7 +14,7 @@ import rtamt
 IMPORTED = {*rtamt.__all__} - {"__version__"}
 
 
-def test_table_of_modules_matches_imports_for_type_checkers() -> None:
+def test_modules_match_type_checker_imports() -> None:
     tree = ast.parse((ROOT / "rtamt" / "__init__.py").read_text(encoding="utf-8"))
     block = next(
         node for node in tree.body if isinstance(node, ast.If) and "TYPE_CH" in ast.unparse(node)

@@ -1,4 +1,4 @@
-"""Every old name works in this version, warns, and stands for the new one."""
+"""Old names: each warns and equals its new name."""
 
 import re
 import warnings

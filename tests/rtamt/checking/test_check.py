@@ -20,7 +20,7 @@ from rtamt.checking.search import SearchAnswer
 
 
 def verdicts(text: str, most: int = 4) -> set[Verdict]:
-    """The verdicts on all traces over the values, by the definition of a trace that was cut."""
+    """The verdicts on all traces over the values, with the end mode "cut"."""
     return {
         judge(text, {"x": list(trace)}, end="cut", n=n).verdict
         for n in range(1, most + 1)
@@ -30,11 +30,11 @@ def verdicts(text: str, most: int = 4) -> set[Verdict]:
 
 @given(text=texts)
 def test_answers_are_those_of_all_traces(text: str) -> None:
-    found = rtamt.check(text).requirements["spec"]
+    result = rtamt.check(text).requirements["spec"]
     possible = verdicts(text)
     for verdict, answer in (
-        (Verdict.SATISFIED, found.satisfiable),
-        (Verdict.VIOLATED, found.falsifiable),
+        (Verdict.SATISFIED, result.satisfiable),
+        (Verdict.VIOLATED, result.falsifiable),
     ):
         if verdict in possible:
             assert answer.answer == "yes"
@@ -50,51 +50,51 @@ def test_answers_are_those_of_all_traces(text: str) -> None:
 @pytest.mark.slow
 @given(one=texts, other=texts)
 def test_equal_and_implied_hold_on_all_traces(one: str, other: str) -> None:
-    found = rtamt.check({"one": one, "other": other})
+    result = rtamt.check({"one": one, "other": other})
     traces = [t for n in (3, 4) for t in itertools.product(VALUES, repeat=n)]
-    ways = {
+    pairs = {
         tuple(judge(text, {"x": list(t)}, n=len(t)).verdict for text in (one, other))
         for t in traces
     }
-    if found.equal:
-        assert all(Verdict.UNDECIDED in way or way[0] is way[1] for way in ways)
-    for one_implied, by in found.implied.items():
+    if result.equal:
+        assert all(Verdict.UNDECIDED in pair or pair[0] is pair[1] for pair in pairs)
+    for one_implied, by in result.implied.items():
         against = {"one": Verdict.VIOLATED, "other": Verdict.SATISFIED}
         assert {one_implied, by} == {"one", "other"}
-        way = (Verdict.VIOLATED, Verdict.SATISFIED)
-        assert (way if one_implied == "one" else way[::-1]) not in ways, against
+        pair = (Verdict.VIOLATED, Verdict.SATISFIED)
+        assert (pair if one_implied == "one" else pair[::-1]) not in pairs, against
 
 
 def only(text: str, **options: object) -> rtamt.checking.CheckedRequirement:
-    (found,) = rtamt.check(text, **options).requirements.values()  # type: ignore[arg-type]
-    return found
+    (result,) = rtamt.check(text, **options).requirements.values()  # type: ignore[arg-type]
+    return result
 
 
 def test_a_requirement_in_which_nothing_is_wrong() -> None:
-    found = only("always(req >= 3 implies eventually[0:5](gnt >= 3))")
-    assert found.answer == "yes"
-    assert not found.redundant
-    assert [answer.answer for answer in found.triggers.values()] == ["yes"]
-    (answer,) = found.triggers.values()
+    result = only("always(req >= 3 implies eventually[0:5](gnt >= 3))")
+    assert result.answer == "yes"
+    assert not result.redundant
+    assert [answer.answer for answer in result.triggers.values()] == ["yes"]
+    (answer,) = result.triggers.values()
     assert answer.trace is not None
     first = {name: values[0] for name, values in answer.trace.columns.items()}
     assert first["req"] >= 3
 
 
 def test_parts_that_clash_are_named() -> None:
-    found = only("always(x < 3 and y > 0) and eventually(x > 5)")
-    assert found.satisfiable.answer == "no"
-    assert found.satisfiable.clash == ("always(x < 3)", "eventually(x > 5)")
-    assert found.satisfiable.places == ((1, 10), (1, 29))
+    result = only("always(x < 3 and y > 0) and eventually(x > 5)")
+    assert result.satisfiable.answer == "no"
+    assert result.satisfiable.clash == ("always(x < 3)", "eventually(x > 5)")
+    assert result.satisfiable.places == ((1, 10), (1, 29))
     assert only("always(x > 1 and x < 0)").satisfiable == Answer(
         "no", clash=("always(x > 1)", "always(x < 0)"), places=((1, 10), (1, 20))
     )
 
 
 def test_ranges_that_clash_are_named() -> None:
-    found = only("float x in [5, 9]\nfloat y in [0, 1]\nalways(x < 3 and y < 2)")
-    assert found.satisfiable.clash == ("always(x < 3)", "declared: x in [5, 9]")
-    assert found.satisfiable.places == ((3, 10), None)
+    result = only("float x in [5, 9]\nfloat y in [0, 1]\nalways(x < 3 and y < 2)")
+    assert result.satisfiable.clash == ("always(x < 3)", "declared: x in [5, 9]")
+    assert result.satisfiable.places == ((3, 10), None)
     nothing = only("float x in [5, 9]; x > 3")
     assert (nothing.falsifiable.answer, nothing.falsifiable.clash) == (
         "no",
@@ -113,7 +113,7 @@ def test_ranges_that_clash_are_named() -> None:
     ],
 )
 def test_parts_that_decide_nothing_are_named(text: str, idle: list[tuple[str, str]]) -> None:
-    assert [(each.text, each.instead) for each in only(text).redundant] == idle
+    assert [(entry.text, entry.instead) for entry in only(text).redundant] == idle
 
 
 def test_tautology_and_unreachable_implication() -> None:
@@ -147,15 +147,15 @@ def test_rounding_can_violate() -> None:
 
 
 def test_a_trace_may_have_to_repeat() -> None:
-    found = only("always(eventually[1:2](x > 0) and eventually[1:2](x <= 0))").satisfiable
-    assert found.trace is not None
-    assert found.trace.loop == 2
-    assert str(found) == "yes, by 4 samples, the last 2 samples again and again"
+    result = only("always(eventually[1:2](x > 0) and eventually[1:2](x <= 0))").satisfiable
+    assert result.trace is not None
+    assert result.trace.loop == 2
+    assert str(result) == "yes, by 4 samples, the last 2 samples again and again"
 
 
 def test_a_horizon_that_is_too_short_is_said() -> None:
-    found = only("eventually[100:200](x > 3)", horizon=50).satisfiable
-    assert found == Answer("unknown", why="it needs 201 samples, the horizon is 50")
+    result = only("eventually[100:200](x > 3)", horizon=50).satisfiable
+    assert result == Answer("unknown", why="it needs 201 samples, the horizon is 50")
     assert only("eventually[100:200](x > 3)").answer == "yes"
 
 
@@ -172,22 +172,22 @@ def test_bounds_in_time_become_samples() -> None:
 
 
 def test_several_requirements() -> None:
-    found = rtamt.check(
+    result = rtamt.check(
         {"low": "always(x < 3)", "lower": "always(x < 2)", "high": "eventually(x > 5)"}
     )
-    assert found.together is not None
-    assert found.together.answer == "no"
-    assert found.conflict in {("low", "high"), ("lower", "high")}
-    assert found.implied == {"low": "lower"}
+    assert result.together is not None
+    assert result.together.answer == "no"
+    assert result.conflict in {("low", "high"), ("lower", "high")}
+    assert result.implied == {"low": "lower"}
     same = rtamt.check("a = always(x < 3); b = not eventually(x >= 3)")
     assert same.equal == (("a", "b"),)
     assert same.answer == "no"
 
 
 def test_an_answer_that_takes_too_long_is_unknown() -> None:
-    found = rtamt.check("always(x > 1 implies eventually[0:50](y > 1))", timeout=1e-9)
-    assert found.answer == "unknown"
-    assert "within 1e-09 s" in found.requirements["spec"].satisfiable.why
+    result = rtamt.check("always(x > 1 implies eventually[0:50](y > 1))", timeout=1e-9)
+    assert result.answer == "unknown"
+    assert "within 1e-09 s" in result.requirements["spec"].satisfiable.why
 
 
 @pytest.mark.parametrize(
@@ -229,16 +229,16 @@ def test_unrolled_trace_repeats_its_end() -> None:
 
 @pytest.mark.slow
 def test_requirements_compatible_only_without_triggers() -> None:
-    found = rtamt.check(
+    result = rtamt.check(
         {"up": "always(m == 1 implies x > 1)", "down": "always(m == 1 implies x < 0)"}
     )
-    assert found.together is not None
-    assert found.together.answer == "yes"
-    assert {name: answer.answer for (name, _), answer in found.triggers.items()} == {
+    assert result.together is not None
+    assert result.together.answer == "yes"
+    assert {name: answer.answer for (name, _), answer in result.triggers.items()} == {
         "up": "no",
         "down": "no",
     }
-    assert found.answer == "no"
+    assert result.answer == "no"
     fine = rtamt.check(
         {"up": "always(m == 1 implies x > 1)", "more": "always(m == 1 implies x > 0)"}
     )
@@ -274,15 +274,15 @@ def test_what_is_assumed_is_named_where_it_clashes() -> None:
 def test_functions_that_are_linear_are_decided(
     text: str, satisfiable: str, falsifiable: str
 ) -> None:
-    found = only(text)
-    assert (found.satisfiable.answer, found.falsifiable.answer) == (satisfiable, falsifiable)
+    result = only(text)
+    assert (result.satisfiable.answer, result.falsifiable.answer) == (satisfiable, falsifiable)
 
 
 def test_unknown_implication_has_a_reason() -> None:
-    found = rtamt.check({"a": "x * y > z", "b": "y * x > z"})
-    assert found.unknown == {("a", "b"): "it is not linear (mul)"}
-    assert found.implied == {}
-    assert found.equal == ()
+    result = rtamt.check({"a": "x * y > z", "b": "y * x > z"})
+    assert result.unknown == {("a", "b"): "it is not linear (mul)"}
+    assert result.implied == {}
+    assert result.equal == ()
 
 
 @given(
@@ -294,13 +294,16 @@ def test_of_what_clashes_nothing_can_be_left_out(
 ) -> None:
     def find(places: list[int]) -> SearchAnswer:
         none = any(clash <= {*places} for clash in clashes)
-        guessed = tuple(i for i, place in enumerate(places) if place in core)
+        guessed = tuple(i for i, position in enumerate(places) if position in core)
         return SearchAnswer(none=none, core=guessed)
 
-    kept = _fewest([*range(6)], find)
-    assert find(kept).impossible
-    for place in kept:
-        assert kept == [place] or not find([each for each in kept if each != place]).impossible
+    keeps = _fewest([*range(6)], find)
+    assert find(keeps).impossible
+    for position in keeps:
+        assert (
+            keeps == [position]
+            or not find([entry for entry in keeps if entry != position]).impossible
+        )
 
 
 def test_a_name_that_is_no_text_is_refused() -> None:
@@ -310,15 +313,15 @@ def test_a_name_that_is_no_text_is_refused() -> None:
 
 
 def test_shared_traces_with_nan_terms_are_not_reused() -> None:
-    found = rtamt.check({"a": "x < 0", "b": "sqrt(x) > 2", "c": "sqrt(x) <= 2"})
-    for name, each in found.requirements.items():
+    result = rtamt.check({"a": "x < 0", "b": "sqrt(x) > 2", "c": "sqrt(x) <= 2"})
+    for name, entry in result.requirements.items():
         for answer, expected in (
-            (each.satisfiable, Verdict.SATISFIED),
-            (each.falsifiable, Verdict.VIOLATED),
+            (entry.satisfiable, Verdict.SATISFIED),
+            (entry.falsifiable, Verdict.VIOLATED),
         ):
             assert answer.trace is not None or answer.why == "it is not linear (sqrt)"
             if answer.trace is not None:
-                assert judge(each.text, answer.trace.columns).verdict is expected, name
+                assert judge(entry.text, answer.trace.columns).verdict is expected, name
 
 
 RATES = st.sampled_from([(-1.0, 1.0), (-0.5, 0.5), (0.0, 1.0), (-2.0, 0.0), (0.5, 1.0)])
@@ -328,7 +331,7 @@ RATES = st.sampled_from([(-1.0, 1.0), (-0.5, 0.5), (0.0, 1.0), (-2.0, 0.0), (0.5
 def test_answers_match_traces_within_the_rate(text: str, rate: tuple[float, float]) -> None:
     if "x" not in rtamt.parse(text).variables:
         return
-    found = rtamt.check(text, rates={"x": rate}).requirements["spec"]
+    result = rtamt.check(text, rates={"x": rate}).requirements["spec"]
     possible = {
         judge(text, {"x": list(trace)}, end="cut").verdict
         for n in range(1, 5)
@@ -336,8 +339,8 @@ def test_answers_match_traces_within_the_rate(text: str, rate: tuple[float, floa
         if all(rate[0] <= b - a <= rate[1] for a, b in itertools.pairwise(trace))
     }
     for verdict, answer in (
-        (Verdict.SATISFIED, found.satisfiable),
-        (Verdict.VIOLATED, found.falsifiable),
+        (Verdict.SATISFIED, result.satisfiable),
+        (Verdict.VIOLATED, result.falsifiable),
     ):
         if verdict in possible:
             assert answer.answer == "yes"
@@ -352,8 +355,8 @@ def test_answers_match_traces_within_the_rate(text: str, rate: tuple[float, floa
 @pytest.mark.slow
 def test_a_no_names_the_rate_on_which_it_rests() -> None:
     text = "always[0:9](x < 1 implies next(x > 5))"
-    found = rtamt.check(text, "100ms", rates={"x": (-2, 2)}).requirements["spec"]
-    assert [answer.answer for answer in found.triggers.values()] == ["no"]
+    result = rtamt.check(text, "100ms", rates={"x": (-2, 2)}).requirements["spec"]
+    assert [answer.answer for answer in result.triggers.values()] == ["no"]
     never = rtamt.check("x < 1 and next(x > 5)", "100ms", rates={"x": (-2, 2)})
     assert never.requirements["spec"].satisfiable.clash == (
         "x < 1",
@@ -371,8 +374,8 @@ def test_a_rate_is_per_second_or_per_sample() -> None:
 
 
 def test_steps_that_doubles_round_keep_the_rate() -> None:
-    found = rtamt.check("x <= 0 and eventually[0:30](x >= 2.9)", rates={"x": (-0.1, 0.1)})
-    trace = found.requirements["spec"].satisfiable.trace
+    result = rtamt.check("x <= 0 and eventually[0:30](x >= 2.9)", rates={"x": (-0.1, 0.1)})
+    trace = result.requirements["spec"].satisfiable.trace
     assert trace is not None
     steps = [Fraction(b) - Fraction(a) for a, b in itertools.pairwise(trace.columns["x"])]
     assert max(steps) <= 0.1
@@ -380,9 +383,9 @@ def test_steps_that_doubles_round_keep_the_rate() -> None:
 
 def test_what_repeats_keeps_the_rate() -> None:
     text = "always(eventually(x > 3) and eventually(x < 0))"
-    found = rtamt.check(text, rates={"x": (-2, 2)}).requirements["spec"].satisfiable
-    assert found.trace is not None
-    values = found.trace.unrolled("x")
+    result = rtamt.check(text, rates={"x": (-2, 2)}).requirements["spec"].satisfiable
+    assert result.trace is not None
+    values = result.trace.unrolled("x")
     assert all(abs(b - a) <= 2 for a, b in itertools.pairwise(values))
 
 
@@ -412,14 +415,14 @@ def test_wrong_rates_are_refused(rates: dict[str, tuple[float, float]], message:
     assert str(error.value) == message
 
 
-def test_rates_that_are_no_mapping_are_refused() -> None:
+def test_rates_type_error() -> None:
     with pytest.raises(InputTypeError) as error:
         rtamt.check("x > 0", rates=[("x", 1)])  # type: ignore[arg-type]
     assert str(error.value) == "rates= expected a mapping of variables, got list"
 
 
 @pytest.mark.parametrize(
-    ("values", "loop", "kept"),
+    ("values", "loop", "keeps"),
     [
         ((0.0, 1.0, 2.0), 0, True),
         ((0.0, 1.0, 2.0), 3, False),  # from 2 back to 0
@@ -431,10 +434,10 @@ def test_rates_that_are_no_mapping_are_refused() -> None:
         ((math.inf, 0.0), 0, False),
     ],
 )
-def test_values_keep_ranges_and_rates(values: tuple[float, ...], loop: int, *, kept: bool) -> None:
+def test_values_keep_ranges_and_rates(values: tuple[float, ...], loop: int, *, keeps: bool) -> None:
     upper = math.inf if math.inf in values else 3.0
     limits = VariableLimits({"x": (0.0, upper)}, {"x": (-1.0, 1.0)})
-    assert limits.allow({"x": values}, loop) is kept
+    assert limits.allow({"x": values}, loop) is keeps
 
 
 SHIFTS = """
@@ -469,11 +472,11 @@ LONG = {
 def test_long_windows_are_answered(name: str) -> None:
     text, period = LONG[name]
     spec = rtamt.parse(text)
-    (found,) = rtamt.check(spec, period).requirements.values()
-    assert found.answer == "yes"
+    (result,) = rtamt.check(spec, period).requirements.values()
+    assert result.answer == "yes"
     for answer, verdict in (
-        (found.satisfiable, Verdict.SATISFIED),
-        (found.falsifiable, Verdict.VIOLATED),
+        (result.satisfiable, Verdict.SATISFIED),
+        (result.falsifiable, Verdict.VIOLATED),
     ):
         assert answer.trace is not None
         if not answer.trace.loop:
@@ -487,20 +490,20 @@ def test_long_windows_are_answered(name: str) -> None:
 
 def test_endless_satisfaction_repeats_the_end() -> None:
     text = "always(req > 3 implies eventually[0:500](gnt > 3))"
-    (found,) = rtamt.check(text, end="open").requirements.values()
-    assert found.satisfiable.trace is not None
-    assert found.satisfiable.trace.loop == 1
-    assert found.falsifiable.trace is not None
-    assert found.falsifiable.trace.loop == 0
-    assert found.falsifiable.trace.samples <= 502
+    (result,) = rtamt.check(text, end="open").requirements.values()
+    assert result.satisfiable.trace is not None
+    assert result.satisfiable.trace.loop == 1
+    assert result.falsifiable.trace is not None
+    assert result.falsifiable.trace.loop == 0
+    assert result.falsifiable.trace.samples <= 502
     (cut,) = rtamt.check(text).requirements.values()
     assert str(cut.satisfiable) == "yes, in 1 sample"
 
 
 def test_a_long_no_is_proved() -> None:
     text = "always[0:1500](x < 3) implies always[0:400](x < 4)"
-    (found,) = rtamt.check(text).requirements.values()
-    assert found.falsifiable == Answer("no")
+    (result,) = rtamt.check(text).requirements.values()
+    assert result.falsifiable == Answer("no")
     (late,) = rtamt.check(text, horizon=300).requirements.values()
     assert late.falsifiable.answer == "unknown"
 
@@ -514,14 +517,14 @@ def test_a_long_no_is_proved() -> None:
     ],
 )
 def test_points_for_nonlinear_terms(text: str) -> None:
-    (found,) = rtamt.check(text).requirements.values()
-    assert (found.satisfiable.answer, found.falsifiable.answer) == ("yes", "yes")
+    (result,) = rtamt.check(text).requirements.values()
+    assert (result.satisfiable.answer, result.falsifiable.answer) == ("yes", "yes")
 
 
 def test_points_keep_ranges_and_are_whole() -> None:
     text = "input int x in [2, 9]; input float y in [-1, 1]; x * y > 6 and x * x < 70"
-    (found,) = rtamt.check(text).requirements.values()
-    assert found.satisfiable.trace is not None
-    columns = found.satisfiable.trace.columns
+    (result,) = rtamt.check(text).requirements.values()
+    assert result.satisfiable.trace is not None
+    columns = result.satisfiable.trace.columns
     assert columns["x"][0] in range(2, 10)
     assert -1 <= columns["y"][0] <= 1

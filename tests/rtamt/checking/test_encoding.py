@@ -37,7 +37,7 @@ ENDS: dict[End, tuple[World, World]] = {
 }
 
 
-def found(formula: Formula, trace: Trace, world: World, loop: int = 1) -> bool:
+def actual(formula: Formula, trace: Trace, world: World, loop: int = 1) -> bool:
     program = compile_program(Specification.of(formula))
     samples, n = known_samples(trace), length(trace)
     answer = truth(Graph(), samples, program, n, world, loop)
@@ -49,8 +49,8 @@ def found(formula: Formula, trace: Trace, world: World, loop: int = 1) -> bool:
 def test_truths_are_the_signs_of_the_bounds(formula: Formula, trace: Trace) -> None:
     for end, (lower, upper) in ENDS.items():
         judged = judge(formula, trace, end=end, n=length(trace))
-        assert found(formula, trace, lower) == holds(judged.lower), end
-        assert found(formula, trace, upper) == holds(judged.upper), end
+        assert actual(formula, trace, lower) == holds(judged.lower), end
+        assert actual(formula, trace, upper) == holds(judged.upper), end
 
 
 @given(formula=formulas(depth=2), trace=traces(most=5), data=st.data())
@@ -59,21 +59,21 @@ def test_repeating_trace_matches_a_long_trace(
 ) -> None:
     n = length(trace)
     loop = data.draw(st.integers(1, n))
-    # Windows of these formulas reach 6 samples at most, four deep.
+    # The windows of these formulas reach at most 6 samples and are nested four deep.
     longer = {name: v + v[n - loop :] * (40 // loop + 1) for name, v in trace.items()}
     judged = judge(formula, longer, end="complete", n=length(longer))
-    assert found(formula, trace, World.ENDLESS, loop) == holds(judged.robustness)
+    assert actual(formula, trace, World.ENDLESS, loop) == holds(judged.robustness)
 
 
 def test_endless_and_complete_traces_differ() -> None:
     trace = {"a": [1.0, -1.0]}
     both = parse("always(eventually[1:2](a > 0) and eventually[1:2](a < 0))").formula
-    assert found(both, trace, World.ENDLESS, 2)
-    assert not found(both, trace, World.ENDLESS, 1)
-    assert not found(both, trace, World.COMPLETE)
+    assert actual(both, trace, World.ENDLESS, 2)
+    assert not actual(both, trace, World.ENDLESS, 1)
+    assert not actual(both, trace, World.COMPLETE)
     again = parse("always(eventually(a > 0)) and not eventually(always(a < 0))").formula
-    assert found(again, trace, World.ENDLESS, 2)
-    assert not found(again, trace, World.ENDLESS, 1)
+    assert actual(again, trace, World.ENDLESS, 2)
+    assert not actual(again, trace, World.ENDLESS, 1)
 
 
 def test_unbounded_folds_match_a_longer_trace() -> None:
@@ -88,17 +88,17 @@ def test_unbounded_folds_match_a_longer_trace() -> None:
         formula = parse(text).formula
         for negated in (formula, ~formula):
             judged = judge(negated, longer, end="complete")
-            assert found(negated, trace, World.ENDLESS, 2) == holds(judged.robustness), text
+            assert actual(negated, trace, World.ENDLESS, 2) == holds(judged.robustness), text
 
 
 def test_nan_terms_are_unknown_on_known_traces() -> None:
     graph = Graph()
     program = compile_program(parse("sqrt(x) > 2"))
-    asked = truth(graph, unknown_samples(graph), program, 1, World.COMPLETE)
+    goal = truth(graph, unknown_samples(graph), program, 1, World.COMPLETE)
     for value, above, below in ((9.0, True, False), (1.0, False, True), (-1.0, False, False)):
         known = KnownTrace(graph, {"x": (value,)}, lambda _: 0.0)
-        assert known.fulfils([asked]) is above
-        assert known.fulfils([graph.no(asked)]) is below
+        assert known.fulfils([goal]) is above
+        assert known.fulfils([graph.no(goal)]) is below
     assert function_of("sqrt")(-1.0) != function_of("sqrt")(-1.0)  # nan
 
 
@@ -116,32 +116,32 @@ def test_trace_with_nan_term_reaches_no_goal() -> None:
     for value, expected in ((9.0, (True, False)), (1.0, (False, True)), (-1.0, (False, False))):
         for loop in (0, 1):
             trace = ExampleTrace({"x": (value,)}, 1, loop)
-            said = tuple(
+            actual_values = tuple(
                 reaches(trace, [Goal(program, holds)], None, "complete") for holds in (True, False)
             )
-            assert said == expected, (value, loop)
+            assert actual_values == expected, (value, loop)
 
 
 def test_simplified_trace_keeps_truths() -> None:
     graph = Graph()
     spec = parse("sqrt(x) < 2")
-    asked = truth(graph, unknown_samples(graph), compile_program(spec), 2, World.ENDLESS, loop=1)
+    goal = truth(graph, unknown_samples(graph), compile_program(spec), 2, World.ENDLESS, loop=1)
     plainness = Plainness([spec.formula], frozenset(), {})
     assert -2.0 in plainness.of("x")  # at which sqrt(x) is no number
     trace = ExampleTrace({"x": (3.25, 3.25)}, 2, 1)
-    assert simplified(trace, graph, [asked], plainness).columns["x"][0] in {0.0, 1.0, 2.0}
-    assert simplified(trace, graph, [graph.no(asked)], plainness) == trace
+    assert simplified(trace, graph, [goal], plainness).columns["x"][0] in {0.0, 1.0, 2.0}
+    assert simplified(trace, graph, [graph.no(goal)], plainness) == trace
 
 
 def test_long_traces_are_simplified() -> None:
     graph = Graph()
     spec = parse("always[0:38](x > 3 iff next(x <= 3))")
     program = compile_program(spec)
-    asked = truth(graph, unknown_samples(graph), program, 40, World.COMPLETE)
+    goal = truth(graph, unknown_samples(graph), program, 40, World.COMPLETE)
     before = ExampleTrace({"x": (7.625, -2.375) * 20}, 40, 0)
-    found = simplified(before, graph, [asked], Plainness([spec.formula], frozenset(), {}))
-    assert judge(spec, found.columns).robustness > 0
-    assert {*found.columns["x"]} == {0.0, 4.0}
+    actual = simplified(before, graph, [goal], Plainness([spec.formula], frozenset(), {}))
+    assert judge(spec, actual.columns).robustness > 0
+    assert {*actual.columns["x"]} == {0.0, 4.0}
 
 
 VALUES = st.sampled_from([-1.0, -0.0, 0.0, 1.0, 2.5])
@@ -156,10 +156,10 @@ def test_truths_of_runs_are_those_of_all_samples(formula: Formula, data: st.Data
         runs = [data.draw(VALUES) for _ in lengths]
         columns[name] = [value for value, n in zip(runs, lengths, strict=True) for _ in range(n)]
     program = compile_program(Specification.of(formula))
-    found = truth_of_runs(Graph(), known_samples(columns), program, times)
+    actual = truth_of_runs(Graph(), known_samples(columns), program, times)
     expected = truth(Graph(), known_samples(columns), program, sum(lengths), World.ENDLESS, loop=1)
-    assert found in {TRUE, FALSE}
-    assert found == expected
+    assert actual in {TRUE, FALSE}
+    assert actual == expected
 
 
 @pytest.mark.parametrize(
@@ -172,9 +172,9 @@ def test_truths_of_runs_are_those_of_all_samples(formula: Formula, data: st.Data
 )
 def test_traces_change_where_windows_begin_and_end(text: str, times: list[list[int]]) -> None:
     program = compile_program(parse(text))
-    found = [*map(list, change_times([program], 141))]
-    assert found[: len(times)] == times
-    assert all(each == sorted({*each}) and each[-1] < 141 for each in found)
+    actual = [*map(list, change_times([program], 141))]
+    assert actual[: len(times)] == times
+    assert all(row == sorted({*row}) and row[-1] < 141 for row in actual)
 
 
 def test_a_trace_of_one_sample_does_not_change() -> None:
@@ -187,11 +187,11 @@ def test_of_many_corners_some_are_tried() -> None:
         text = f"eventually[{2**power}:{3**power + 2**power}]({text})"
     program = compile_program(parse(text))
     most = 1 + sum(3**power + 2**power for power in range(9))
-    found = [*map(list, change_times([program], most))]
-    assert found[0] == [0]
-    assert all(each == sorted({*each}) and each[-1] < most for each in found)
-    assert 64 <= len(found[1]) <= 129
-    assert found[1][-1] > most // 2
+    actual = [*map(list, change_times([program], most))]
+    assert actual[0] == [0]
+    assert all(row == sorted({*row}) and row[-1] < most for row in actual)
+    assert 64 <= len(actual[1]) <= 129
+    assert actual[1][-1] > most // 2
 
 
 X: TermKey = ("load", "x", 0)
@@ -221,11 +221,11 @@ def value(term: TermKey, x: float, y: float) -> float:
 def test_exact_sides_compare_as_before(term: TermKey) -> None:
     for number, turned in itertools.product(DOUBLES, (False, True)):
         sides = (("const", number), term) if turned else (term, ("const", number))
-        made = exact_sides(*sides)
+        exact = exact_sides(*sides)
         for x, y in itertools.product(DOUBLES, DOUBLES):
             a, b = (value(side, x, y) for side in sides)
-            c, d = (value(side, x, y) for side in made)
-            assert (a >= b, a == b) == (c >= d, c == d), (number, x, y, made)
+            c, d = (value(side, x, y) for side in exact)
+            assert (a >= b, a == b) == (c >= d, c == d), (number, x, y, exact)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_exact_sides_compare_as_before(term: TermKey) -> None:
         ("always(2 * (x - y) > 0)", "always(x > y)", "yes"),
         ("x + y > 0", "x > -y", "yes"),
         ("x / 4 > 1", "x > 4", "yes"),
-        # Half of the least double above 0 is 0; 3 * x and x - y are rounded.
+        # Half of the smallest double above 0 is 0; 3 * x and x - y are rounded.
         ("0.5 * x > 0", "x > 0", "unknown"),
         ("3 * x > 1.5", "x > 0.5", "unknown"),
         ("x - y > 1", "x > y + 1", "unknown"),

@@ -20,30 +20,30 @@ def test_an_equivalence_holds_on_all_traces_in_range(
 ) -> None:
     least, most = min(least, most), max(least, most)
     declared = f"float x in [{least}, {most}]\n"
-    found = rtamt.equivalent(declared + one, other)
+    result = rtamt.equivalent(declared + one, other)
     values = [value for value in VALUES if least <= value <= most]
-    ways = {
+    pairs = {
         tuple(judge(text, {"x": list(t)}, end="cut", n=n).verdict for text in (one, other))
         for n in range(1, 5)
         for t in itertools.product(values, repeat=n)
     }
-    apart = {(Verdict.SATISFIED, Verdict.VIOLATED), (Verdict.VIOLATED, Verdict.SATISFIED)} & ways
-    if apart:
-        assert found.answer == "no"
-    if found.trace is not None:
-        assert all(least <= x <= most for x in found.trace.columns.get("x", ()))
-        columns, n = {"x": found.trace.columns.get("x", ())}, found.trace.samples
+    mixed = {(Verdict.SATISFIED, Verdict.VIOLATED), (Verdict.VIOLATED, Verdict.SATISFIED)} & pairs
+    if mixed:
+        assert result.answer == "no"
+    if result.trace is not None:
+        assert all(least <= x <= most for x in result.trace.columns.get("x", ()))
+        columns, n = {"x": result.trace.columns.get("x", ())}, result.trace.samples
         judged = [judge(text, columns, end="cut", n=n).verdict for text in (one, other)]
-        satisfied = ("one", "other").index(found.satisfied)
+        satisfied = ("one", "other").index(result.satisfied)
         assert judged[satisfied] is Verdict.SATISFIED
         assert judged[1 - satisfied] is Verdict.VIOLATED
     else:
-        assert (found.answer, found.samples) == ("yes", 0)  # all windows end
+        assert (result.answer, result.samples) == ("yes", 0)  # all windows end
 
 
 def test_unbounded_equivalence_states_its_samples() -> None:
-    found = rtamt.equivalent("always(x < 3)", "not eventually(x >= 3)")
-    assert str(found) == "yes, on all traces of up to 16 samples, their ends repeated"
+    result = rtamt.equivalent("always(x < 3)", "not eventually(x >= 3)")
+    assert str(result) == "yes, on all traces of up to 16 samples, their ends repeated"
     assert str(rtamt.equivalent("always[0:50](x < 3)", "always[0:5](x < 3)")) == (
         "no, in 7 samples: other is satisfied, one is violated"
     )
@@ -53,17 +53,17 @@ WHOLES = ("always({})", "eventually({})", "not (x > 0 until ({}))", "always(x > 
 
 
 @settings(max_examples=examples(30))
-@given(whole=st.sampled_from(WHOLES), one=texts, other=texts, end=st.sampled_from(get_args(End)))
+@given(frame=st.sampled_from(WHOLES), one=texts, other=texts, end=st.sampled_from(get_args(End)))
 def test_unbounded_equivalence_is_proved_by_parts(
-    whole: str, one: str, other: str, end: End
+    frame: str, one: str, other: str, end: End
 ) -> None:
-    found = rtamt.equivalent(whole.format(one), whole.format(other), end=end)
-    if (found.answer, found.samples) != ("yes", 0):
+    result = rtamt.equivalent(frame.format(one), frame.format(other), end=end)
+    if (result.answer, result.samples) != ("yes", 0):
         return
     for n in range(1, 4):
         for t in itertools.product(VALUES[::2], repeat=n):
             both = {
-                judge(whole.format(text), {"x": list(t)}, end=end, n=n).verdict
+                judge(frame.format(text), {"x": list(t)}, end=end, n=n).verdict
                 for text in (one, other)
             }
             assert both != {Verdict.SATISFIED, Verdict.VIOLATED}, (t, end)
@@ -85,9 +85,9 @@ def test_equal_parts_prove_equivalence(one: str, other: str) -> None:
 
 
 def test_what_nobody_knows_is_unknown() -> None:
-    found = rtamt.equivalent("x * x >= 0", "true or x > 0")
-    assert (found.answer, found.trace) == ("unknown", None)
-    assert str(found) == "unknown: it is not linear (mul)"
+    result = rtamt.equivalent("x * x >= 0", "true or x > 0")
+    assert (result.answer, result.trace) == ("unknown", None)
+    assert str(result) == "unknown: it is not linear (mul)"
 
 
 @pytest.mark.slow
@@ -106,18 +106,18 @@ def test_assumptions_and_the_ranges_of_both_hold() -> None:
 
 
 def test_types_have_ranges_that_hold() -> None:
-    (found,) = rtamt.check("uint8 gear; always(gear <= 255)").requirements.values()
-    assert found.falsifiable.answer == "no"
-    (found,) = rtamt.check("uint8 gear; gear > 255").requirements.values()
-    assert found.satisfiable.answer == "no"
-    (found,) = rtamt.check("int gear; gear > 255").requirements.values()
-    assert found.satisfiable.answer == "yes"
+    (result,) = rtamt.check("uint8 gear; always(gear <= 255)").requirements.values()
+    assert result.falsifiable.answer == "no"
+    (result,) = rtamt.check("uint8 gear; gear > 255").requirements.values()
+    assert result.satisfiable.answer == "no"
+    (result,) = rtamt.check("int gear; gear > 255").requirements.values()
+    assert result.satisfiable.answer == "yes"
 
 
 def test_values_without_effect_keep_their_range() -> None:
     text = "float x in [5, 9]; float y in [-4, -2]; x > 6 or y > -3"
-    (found,) = rtamt.check(text).requirements.values()
-    for answer in (found.satisfiable, found.falsifiable):
+    (result,) = rtamt.check(text).requirements.values()
+    for answer in (result.satisfiable, result.falsifiable):
         assert answer.trace is not None
         assert all(5 <= x <= 9 for x in answer.trace.columns["x"])
         assert all(-4 <= y <= -2 for y in answer.trace.columns["y"])
@@ -125,12 +125,12 @@ def test_values_without_effect_keep_their_range() -> None:
 
 def test_requirements_are_compared_with_their_namesakes() -> None:
     text = "a = always(x < 3); b = x > 1"
-    found = rtamt.check(text, same_as="b = not x <= 1; a = always(x <= 3)")
-    assert {name: each.answer for name, each in found.same.items()} == {"a": "no", "b": "yes"}
-    assert found.answer == "no"
-    assert [(name, what) for name, what, _ in found.traces()] == [("a", "apart")]
+    result = rtamt.check(text, same_as="b = not x <= 1; a = always(x <= 3)")
+    assert {name: item.answer for name, item in result.same.items()} == {"a": "no", "b": "yes"}
+    assert result.answer == "no"
+    assert [(name, what) for name, what, _ in result.traces()] == [("a", "apart")]
     one = rtamt.check("a = x > 1", same_as={"other": "x > 1 or x > 2"})
-    assert {name: each.answer for name, each in one.same.items()} == {"a": "yes"}
+    assert {name: item.answer for name, item in one.same.items()} == {"a": "yes"}
     assert one.answer == "yes"
 
 
@@ -164,5 +164,5 @@ def test_requirements_without_a_namesake_are_refused() -> None:
     ],
 )
 def test_parts_prove_as_much_as_they_can(one: str, other: str, samples: int) -> None:
-    found = rtamt.equivalent(one, other)
-    assert (found.answer, found.samples) == ("yes", samples)
+    result = rtamt.equivalent(one, other)
+    assert (result.answer, result.samples) == ("yes", samples)

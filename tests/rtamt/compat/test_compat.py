@@ -28,7 +28,7 @@ from rtamt import (
 
 
 def play(spec: StlDiscreteTimeOnlineSpecification, trace: Trace) -> list[float]:
-    """What update gives at every sample."""
+    """The result of update at every sample."""
     n = length(trace)
     return [spec.update(i, [(name, trace[name][i]) for name in trace]) for i in range(n)]
 
@@ -37,9 +37,7 @@ def play(spec: StlDiscreteTimeOnlineSpecification, trace: Trace) -> list[float]:
 
 
 @given(formula=formulas(endless=True), trace=traces())
-def test_evaluate_gives_time_and_the_definition_at_every_sample(
-    formula: Formula, trace: Trace, backend: str
-) -> None:
+def test_evaluate_matches_definition(formula: Formula, trace: Trace, backend: str) -> None:
     n = length(trace)
     time = [i / 4 for i in range(n)]
     spec = declared(formula, language=LANGUAGES[backend])
@@ -51,12 +49,12 @@ def test_evaluate_gives_time_and_the_definition_at_every_sample(
 @given(formula=formulas(), trace=traces(most=16))
 def test_update_is_late_by_the_latency(formula: Formula, trace: Trace, backend: str) -> None:
     n, late = length(trace), Monitor(formula).latency
-    whole = robustness(formula, trace, n)
+    complete = robustness(formula, trace, n)
     so_far = [
         robustness(formula, {name: trace[name][: i + 1] for name in trace}, i + 1)[0]
         for i in range(min(late, n))
     ]
-    assert play(declared(formula, language=LANGUAGES[backend]), trace) == [*so_far, *whole][:n]
+    assert play(declared(formula, language=LANGUAGES[backend]), trace) == [*so_far, *complete][:n]
 
 
 @given(formula=formulas(), trace=traces())
@@ -68,14 +66,16 @@ def test_pastify_changes_nothing(formula: Formula, trace: Trace) -> None:
     assert pastified.evaluate(data) == plain.evaluate(data)
 
 
-@given(formula=formulas(), trace=traces(least=2), stop=st.integers(0, 12), rest=st.integers(0, 1))
-def test_absent_variables_keep_values(formula: Formula, trace: Trace, stop: int, rest: int) -> None:
+@given(formula=formulas(), trace=traces(least=2), stop=st.integers(0, 12), shift=st.integers(0, 1))
+def test_absent_variables_keep_values(
+    formula: Formula, trace: Trace, stop: int, shift: int
+) -> None:
     held = {name: list(values) for name, values in trace.items()}
     spec, robustnesses = declared(formula), []
     for i in range(length(trace)):
         sample: list[tuple[str, float]] = [("unknown", 7.0)]
         for k, name in enumerate(VARIABLES):
-            if (i + k + stop) % 3 <= rest:
+            if (i + k + stop) % 3 <= shift:
                 held[name][i] = held[name][i - 1] if i else 0.0
             else:
                 sample.append((name, trace[name][i]))
@@ -96,17 +96,15 @@ def test_reset_starts_afresh(formula: Formula, trace: Trace, after: int) -> None
 def test_copies_go_on_by_themselves(formula: Formula, trace: Trace, after: int) -> None:
     spec = declared(formula)
     play(spec, {name: values[:after] for name, values in trace.items()})
-    rest = {name: values[after:] for name, values in trace.items()}
+    shift = {name: values[after:] for name, values in trace.items()}
     twins = [copy.deepcopy(spec), pickle.loads(pickle.dumps(spec))]
-    expected = play(spec, rest)
-    assert [play(twin, rest) for twin in twins] == [expected, expected]
+    expected = play(spec, shift)
+    assert [play(twin, shift) for twin in twins] == [expected, expected]
 
 
 @settings(max_examples=examples(50))
 @given(p=formulas(2), q=formulas(2), trace=traces())
-def test_get_value_gives_the_last_robustness_of_named_formulas(
-    p: Formula, q: Formula, trace: Trace
-) -> None:
+def test_get_value_of_named_formulas(p: Formula, q: Formula, trace: Trace) -> None:
     spec, monitor = declared("c > 0"), Monitor(f"p = {p}\nq = {q}\nout = p or q")
     spec.add_sub_spec(f"p = {p}")
     spec.add_sub_spec(f"q = {q}")
@@ -136,12 +134,12 @@ def test_named_formula_before_its_latency(
     spec.spec = f"out = p or {q}"
     spec.parse()
     late, n = Monitor(p).latency, length(trace)
-    whole = robustness(p, trace, n)
+    complete = robustness(p, trace, n)
     for i in range(n):
         so_far = {name: trace[name][: i + 1] for name in trace}
         now = spec.update(i, [(name, trace[name][i]) for name in trace])
         assert spec.get_value("out") == now
-        expected = robustness(p, so_far, i + 1)[0] if i < late else whole[i - late]
+        expected = robustness(p, so_far, i + 1)[0] if i < late else complete[i - late]
         assert spec.get_value("p") == expected
 
 
@@ -165,10 +163,10 @@ def test_semantics_are_those_of_all_monitors(semantics: Semantics, backend: str)
     spec = declared(text, ("a", "b"), semantics=semantics, language=LANGUAGES[backend])
     spec.set_var_io_type("a", "input")
     interface: dict[str, Any] = {"semantics": semantics.value, "inputs": ["a"], "outputs": ["b"]}
-    whole = rtamt.evaluate(text, trace, **interface)
-    assert [value for _, value in spec.evaluate({"time": [0, 1, 2], **trace})] == list(whole)
+    complete = rtamt.evaluate(text, trace, **interface)
+    assert [value for _, value in spec.evaluate({"time": [0, 1, 2], **trace})] == list(complete)
     episode = EpisodeMonitor(text, **interface)
-    assert play(spec, trace) == [episode.update(3.0, 1.0), *whole[:2]]
+    assert play(spec, trace) == [episode.update(3.0, 1.0), *complete[:2]]
 
 
 @pytest.mark.parametrize("given_as", ["input", rtamt.StlIOType.IN])
@@ -388,7 +386,9 @@ def test_undeclared_names_warn(caplog: pytest.LogCaptureFixture) -> None:
     ]
     for call, _ in calls:
         call()
-    assert [record.getMessage() for record in caplog.records] == [said for _, said in calls]
+    assert [record.getMessage() for record in caplog.records] == [
+        text_of_log for _, text_of_log in calls
+    ]
     assert "z" not in spec.var_io_dict
     assert "z" not in spec.var_topic_dict
 
@@ -417,7 +417,7 @@ def test_period_0_counts_every_new_time() -> None:
 
 
 def test_earlier_dense_names() -> None:
-    def made() -> rtamt.STLCTSpecification:
+    def built_value() -> rtamt.STLCTSpecification:
         spec = rtamt.STLCTSpecification(is_pure_python=True)
         spec.declare_var("x", "float")
         spec.spec = "once[0:1](x > 0)"
@@ -425,14 +425,14 @@ def test_earlier_dense_names() -> None:
         return spec
 
     first, last = ["x", [(0, 1.0), (1, -2.0)]], ["x", [(2, 1.0), (4, -2.0)]]
-    assert made().offline(first) == made().evaluate(first)
-    one, other = made(), made()
+    assert built_value().offline(first) == built_value().evaluate(first)
+    one, other = built_value(), built_value()
     assert one.update(first) == other.update(first)
     assert one.update_final(last) == other.final_update(last)
 
 
 def negative_zeros(values: list[float]) -> int:
-    """How many of the values are -0.0."""
+    """Return how many values are -0.0."""
     return sum(value == 0 and math.copysign(1, value) < 0 for value in values)
 
 
@@ -463,9 +463,11 @@ def test_no_breakpoint_has_a_zero_with_a_sign(formula: str) -> None:
     assert 0.0 in values
     assert negative_zeros(values) == 0
     online = dense(formula)
-    told = [value for _, value in online.update(["x", events]) + online.final_update(["x", []])]
-    assert 0.0 in told
-    assert negative_zeros(told) == 0
+    online_pairs = [
+        value for _, value in online.update(["x", events]) + online.final_update(["x", []])
+    ]
+    assert 0.0 in online_pairs
+    assert negative_zeros(online_pairs) == 0
 
 
 def test_signs_of_zeros_are_not_steps() -> None:

@@ -24,35 +24,33 @@ bounded = formulas(dense=True).filter(lambda f: f.variables)
 
 
 @settings(max_examples=examples(50))
-@given(formula=formulas(endless=True, dense=True).filter(lambda f: f.variables), whole=signals())
+@given(formula=formulas(endless=True, dense=True).filter(lambda f: f.variables), full=signals())
 def test_evaluate_holds_signals_to_the_last_time(
-    formula: Formula, whole: Signals, backend: str
+    formula: Formula, full: Signals, backend: str
 ) -> None:
     spec = declared(formula, language=LANGUAGES[backend])
-    same_end = held(relevant(whole, formula.variables))
+    same_end = held(relevant(full, formula.variables))
     steps = by_value(rtamt.dense.evaluate(formula, same_end, backend="python"))
-    assert spec.evaluate(*call(whole)) == [list(step) for step in steps]
+    assert spec.evaluate(*call(full)) == [list(step) for step in steps]
 
 
 @settings(max_examples=examples(50))
-@given(formula=bounded, whole=signals(), shares=chunks(1))
-def test_copies_go_on_by_themselves_and_reset_starts_afresh(
-    formula: Formula, whole: Signals, shares: list[list[float]]
-) -> None:
-    begin, rest = chunked(whole, shares)
+@given(formula=bounded, full=signals(), shares=chunks(1))
+def test_copies_and_reset(formula: Formula, full: Signals, shares: list[list[float]]) -> None:
+    begin, remainder = chunked(full, shares)
     spec = declared(formula)
     first = update(spec, begin)
     twins = [copy.deepcopy(spec), pickle.loads(pickle.dumps(spec))]
-    second = update(spec, rest)
-    assert [update(twin, rest) for twin in twins] == [second, second]
+    second = update(spec, remainder)
+    assert [update(twin, remainder) for twin in twins] == [second, second]
     spec.reset()
-    assert (update(spec, begin), update(spec, rest)) == (first, second)
+    assert (update(spec, begin), update(spec, remainder)) == (first, second)
 
 
 # Calls. ------------------------------------------------------------------------------------------
 
 
-def test_signals_may_be_tuples_unknown_or_in_several_parts() -> None:
+def test_forms_of_signals() -> None:
     spec = declared("a > b", ("a", "b"))
     parts = ("a", [(0, 3.0)]), ["a", ((1, 4.0),)], ("b", [[0, 1.0], [1, 1.0]]), ("c", [(9, 9.0)])
     assert spec.evaluate(*parts) == [[0.0, 2.0], [1.0, 3.0]]
@@ -61,7 +59,7 @@ def test_signals_may_be_tuples_unknown_or_in_several_parts() -> None:
     assert spec.get_value("c") == [(9, 9.0)]
 
 
-def test_get_value_gives_the_last_robustness_of_named_formulas() -> None:
+def test_get_value_of_named_formulas() -> None:
     spec = declared("out = p or b > 5", ("a", "b", "p", "out"))
     spec.add_sub_spec("p = a > 1")
     spec.parse()
@@ -102,8 +100,8 @@ def test_units_are_those_of_the_specification() -> None:
 def test_a_sampling_period_means_nothing() -> None:
     spec = declared("a > 0")
     spec.set_sampling_period(100, "ms", 0.1)
-    found = spec.get_sampling_frequency(), spec.sampling_tolerance, spec.sampling_violation_counter  # type: ignore[func-returns-value]
-    assert found == (None, None, None)
+    actual = spec.get_sampling_frequency(), spec.sampling_tolerance, spec.sampling_violation_counter  # type: ignore[func-returns-value]
+    assert actual == (None, None, None)
 
 
 def test_after_an_error_all_is_as_before() -> None:
@@ -117,12 +115,12 @@ def test_after_an_error_all_is_as_before() -> None:
     ):
         with pytest.raises(rtamt.RTAMTException):
             update(spec, bad)
-    rest: Signals = {"a": [(1.0, 0.0)], "b": [(1.0, 5.0)]}
+    remainder: Signals = {"a": [(1.0, 0.0)], "b": [(1.0, 5.0)]}
     assert spec.var_object_dict == twin.var_object_dict
-    assert update(spec, rest) == update(twin, rest)
+    assert update(spec, remainder) == update(twin, remainder)
 
 
-def test_a_variable_with_one_event_has_its_value_for_the_whole_trace() -> None:
+def test_single_event_holds() -> None:
     events = ["a", [[0, 1], [10, -3]]], ["c", [[0, 0]]]
     assert declared("always(a > c)", ("a", "c")).evaluate(*events) == [[0.0, -3.0]]
     assert declared("a > c", ("a", "c")).evaluate(*events) == [[0.0, 1.0], [10.0, -3.0]]
@@ -132,9 +130,7 @@ def test_a_variable_with_one_event_has_its_value_for_the_whole_trace() -> None:
 
 @pytest.mark.parametrize("begin", [0.0, -3.0, 0.1, 1e6, 1.7e9])
 @pytest.mark.parametrize("gap", [2e-10, 6e-10, 1e-9, 5e-9, 1e-6, 0.25])
-def test_the_last_event_of_a_tick_counts_wherever_and_however_near(
-    begin: float, gap: float
-) -> None:
+def test_last_event_of_a_tick_counts(begin: float, gap: float) -> None:
     events = [(begin, 1.0), (begin + gap, 5.0), (begin + gap + 1.0, 2.0)]
     ticks = [round(Fraction(repr(time)) * 10**9) for time, _ in events]
     last = {tick: (tick / 10**9, value) for tick, (_, value) in zip(ticks, events, strict=True)}
@@ -172,7 +168,7 @@ def test_sample_operators_and_unbounded_future_errors() -> None:
 
 
 def settled(formula: Formula, known: Signals) -> float | None:
-    """The least last time of the variables, if all are known then."""
+    """The minimum of the variables' last times, if all variables have a value there."""
     if any(not known.get(name) for name in formula.variables):
         return None
     signals = relevant(known, formula.variables)
@@ -181,7 +177,7 @@ def settled(formula: Formula, known: Signals) -> float | None:
 
 
 def decided(formula: Formula, known: Signals, end: float) -> Breakpoints:
-    """All that the events decide up to the settled time, each at the time at which they do.
+    """All values that the events decide up to the settled time, at the time of the decision.
 
     What may still come can change only the robustness after that time less the horizon: every
     variable keeps its value from there on.
@@ -191,12 +187,12 @@ def decided(formula: Formula, known: Signals, end: float) -> Breakpoints:
         before = [event for event in events if event[0] <= end]
         lasting[name] = [*before, (end + horizon + 100.0, before[-1][1])]
     steps = rtamt.dense.evaluate(formula, lasting)
-    # Between zeros of other signs there is no step for programs.
+    # 0.0 and -0.0 are equal for programs, so there is no step between them.
     return by_value([(time + horizon, value) for time, value in steps if time <= end - horizon])
 
 
 def expected_of(formula: Formula, known: Signals, before: float | None) -> Pairs:
-    """What a call gives after which these events are known; `before` is the settled time then."""
+    """The result of a call that completes these events; `before` is the previous settled time."""
     end = settled(formula, known)
     if end is None or end == before:
         return []
@@ -208,62 +204,62 @@ def expected_of(formula: Formula, known: Signals, before: float | None) -> Pairs
     return news if news and news[-1][0] == end else [*news, [end, steps[-1][1]]]
 
 
-@given(formula=bounded, whole=signals(), shares=chunks())
+@given(formula=bounded, full=signals(), shares=chunks())
 def test_update_returns_new_steps_and_settled_value(
-    formula: Formula, whole: Signals, shares: list[list[float]], backend: str
+    formula: Formula, full: Signals, shares: list[list[float]], backend: str
 ) -> None:
     spec = declared(formula, language=LANGUAGES[backend])
     known: Signals = {}
     before = None
-    for chunk in chunked(whole, shares):
-        told = update(spec, chunk)
+    for chunk in chunked(full, shares):
+        reported = update(spec, chunk)
         for name, events in chunk.items():
             known.setdefault(name, []).extend(events)
-        assert told == expected_of(formula, known, before)
+        assert reported == expected_of(formula, known, before)
         before = settled(formula, known)
-        if told:
-            assert spec.get_value("out") == told[-1][1]
+        if reported:
+            assert spec.get_value("out") == reported[-1][1]
 
 
 def function(pairs: Pairs, since: float = -math.inf) -> Breakpoints:
-    """The step function that pairs describe; of several at one time the last counts."""
+    """The step function of pairs; the last pair at a time counts."""
     return by_value(sorted({time: value for time, value in pairs if time >= since}.items()))
 
 
-def whole_trace(formula: Formula, whole: Signals) -> Breakpoints:
-    """What `evaluate` gives, each step at the time at which it is known online."""
+def whole_trace(formula: Formula, full: Signals) -> Breakpoints:
+    """The result of `evaluate`, with each step at the time when it is known online."""
     horizon = rtamt.dense.Monitor(formula).horizon
-    steps = rtamt.dense.evaluate(formula, held(relevant(whole, formula.variables)))
+    steps = rtamt.dense.evaluate(formula, held(relevant(full, formula.variables)))
     return by_value([(time + horizon, value) for time, value in steps])
 
 
 @settings(max_examples=examples(50))
-@given(formula=bounded, whole=signals(), shares=chunks())
-def test_with_final_update_the_calls_give_what_evaluate_does(
-    formula: Formula, whole: Signals, shares: list[list[float]], backend: str
+@given(formula=bounded, full=signals(), shares=chunks())
+def test_updates_match_evaluate(
+    formula: Formula, full: Signals, shares: list[list[float]], backend: str
 ) -> None:
-    *calls, last = chunked(whole, shares)
+    *calls, last = chunked(full, shares)
     spec = declared(formula, language=LANGUAGES[backend])
-    told = [pair for chunk in calls for pair in update(spec, chunk)]
-    told += spec.final_update(*call(last))
-    expected = whole_trace(formula, whole)
-    assert function(told, since=expected[0][0]) == expected
+    reported = [pair for chunk in calls for pair in update(spec, chunk)]
+    reported += spec.final_update(*call(last))
+    expected = whole_trace(formula, full)
+    assert function(reported, since=expected[0][0]) == expected
     with pytest.raises(rtamt.StateError, match="the trace is finished"):
         update(spec, {formula.variables[0]: [(1e6, 0.0)]})
 
 
 @settings(max_examples=examples(50))
-@given(formula=bounded, whole=signals())
-def test_event_replaces_event_of_same_time(formula: Formula, whole: Signals, backend: str) -> None:
+@given(formula=bounded, full=signals())
+def test_event_replaces_event_of_same_time(formula: Formula, full: Signals, backend: str) -> None:
     spec = declared(formula, language=LANGUAGES[backend])
-    told = []
-    events = [(time, name, value) for name in whole for time, value in whole[name]]
+    reported = []
+    events = [(time, name, value) for name in full for time, value in full[name]]
     for time, name, value in sorted(events):
-        told += update(spec, {name: [(time, value + 3.0)]})
-        told += update(spec, {name: [(time, value - 2.0), (time, value)]})
-    told += spec.final_update()
-    expected = whole_trace(formula, whole)
-    assert function(told, since=expected[0][0]) == expected
+        reported += update(spec, {name: [(time, value + 3.0)]})
+        reported += update(spec, {name: [(time, value - 2.0), (time, value)]})
+    reported += spec.final_update()
+    expected = whole_trace(formula, full)
+    assert function(reported, since=expected[0][0]) == expected
 
 
 # Calls. ------------------------------------------------------------------------------------------
@@ -298,7 +294,7 @@ def test_update_before_a_window_is_over() -> None:
     ]
 
 
-def test_an_event_of_the_same_time_corrects_what_was_told() -> None:
+def test_event_at_same_time_corrects_report() -> None:
     spec = declared("a > 0", ("a",))
     assert update(spec, {"a": [(0.0, 1.0), (4.0, 5.0)]}) == [[0.0, 1.0], [4.0, 5.0]]
     assert update(spec, {"a": [(4.0, 5.0), (6.0, 7.0)]}) == [[6.0, 7.0]]
@@ -319,8 +315,11 @@ def test_final_update_needs_events_of_every_variable() -> None:
 
 def test_value_at_the_last_tick() -> None:
     last = Fraction(2**62 - 1, 10**9)
-    for time, told in ((last - 1, True), (last, False)):
+    for time, reported in ((last - 1, True), (last, False)):
         spec = declared("a > 0", ("a",))
         shown = [[float(time), 2.0]]
-        assert spec.update(["a", [[0.0, 1], [time, 2]]]) == [[0.0, 1.0], *(shown if told else [])]
-        assert spec.final_update() == ([] if told else shown)
+        assert spec.update(["a", [[0.0, 1], [time, 2]]]) == [
+            [0.0, 1.0],
+            *(shown if reported else []),
+        ]
+        assert spec.final_update() == ([] if reported else shown)

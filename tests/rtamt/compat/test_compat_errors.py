@@ -97,8 +97,8 @@ def test_samples_and_times_of_another_kind_are_refused() -> None:
 
 def test_after_an_error_all_is_as_before() -> None:
     spec, twin = declared("historically[0:1](a > b)"), declared("historically[0:1](a > b)")
-    for each in (spec, twin):
-        each.update(0, [("a", 3.0), ("b", 1.0)])
+    for copy in (spec, twin):
+        copy.update(0, [("a", 3.0), ("b", 1.0)])
     for bad in ([("a", float("nan"))], [("a", "3")], [("b", None)]):
         with pytest.raises(rtamt.RTAMTException):
             spec.update(5, bad)
@@ -221,7 +221,7 @@ def test_the_native_machines_are_asked_for_by_language() -> None:
 
 @pytest.mark.parametrize("call", ["update", "evaluate", "final_update"])
 @pytest.mark.parametrize(
-    ("events", "said"),
+    ("events", "expected_text"),
     [
         ([[0.0, 1], ["late", 2]], "expected a number as the time of event 1 of 'x', got str"),
         ([[None, 1], [1.0, 2]], "expected a number as the time of event 0 of 'x', got NoneType"),
@@ -229,11 +229,13 @@ def test_the_native_machines_are_asked_for_by_language() -> None:
         ([[0.0, 1], [math.inf, 2]], "expected a finite time at event 1 of 'x', got inf"),
     ],
 )
-def test_wrong_times_error_for_each_call(call: str, events: list[list[Any]], said: str) -> None:
+def test_wrong_times_error_for_each_call(
+    call: str, events: list[list[Any]], expected_text: str
+) -> None:
     spec = declared_dense("x > 0 and y > 0", ("x", "y"))
     with pytest.raises(rtamt.RTAMTException) as error:
         getattr(spec, call)(["x", events], ["y", [[0.0, 1.0], [3.0, 1.0]]])
-    assert str(error.value).startswith(said)
+    assert str(error.value).startswith(expected_text)
 
 
 _S = TypeVar("_S", bound=AbstractSpecification)
@@ -247,7 +249,7 @@ CLASSES: list[Kind] = [
 ]
 
 
-def made(kind: Callable[[], _S], text: str, *names: str) -> _S:
+def specified(kind: Callable[[], _S], text: str, *names: str) -> _S:
     """A specification of variables of type float, not yet parsed."""
     spec = kind()
     for name in names:
@@ -258,7 +260,7 @@ def made(kind: Callable[[], _S], text: str, *names: str) -> _S:
 
 @pytest.mark.parametrize("kind", CLASSES)
 def test_a_name_that_nobody_declares_is_refused_at_parse(kind: Kind) -> None:
-    spec = made(kind, "always[0:1](sped < 30)", "speed")
+    spec = specified(kind, "always[0:1](sped < 30)", "speed")
     with pytest.raises(rtamt.ParseError) as caught:
         spec.parse()
     assert str(caught.value) == (
@@ -292,22 +294,22 @@ UNDECLARED = [
 
 
 @pytest.mark.parametrize("kind", CLASSES)
-@pytest.mark.parametrize(("text", "parts", "place", "hint"), UNDECLARED)
+@pytest.mark.parametrize(("text", "parts", "where", "hint"), UNDECLARED)
 def test_undeclared_name_error_shows_its_place(
-    kind: Kind, text: str, parts: list[str], place: str, hint: str
+    kind: Kind, text: str, parts: list[str], where: str, hint: str
 ) -> None:
-    spec = made(kind, text, "x")
+    spec = specified(kind, text, "x")
     for part in parts:
         spec.add_sub_spec(part)
     with pytest.raises(rtamt.ParseError) as caught:
         spec.parse()
-    assert str(caught.value).startswith(f"STL:{place} is not declared\n")
+    assert str(caught.value).startswith(f"STL:{where} is not declared\n")
     assert caught.value.hint == hint
 
 
 @pytest.mark.parametrize("kind", CLASSES)
 def test_calls_and_the_text_may_each_declare_a_part(kind: Kind) -> None:
-    spec = made(kind, "float y\nconst float k = 2\nout = p and y > k and x > c", "x")
+    spec = specified(kind, "float y\nconst float k = 2\nout = p and y > k and x > c", "x")
     spec.declare_const("c", "float", "1")
     spec.add_sub_spec("p = x > 0")
     spec.parse()
@@ -317,11 +319,11 @@ def test_calls_and_the_text_may_each_declare_a_part(kind: Kind) -> None:
 @pytest.mark.parametrize("word", ["min", "max", "rise", "fall", "abs", "sqrt", "log", "s", "ms"])
 def test_language_words_as_variables(word: str) -> None:
     for text in (f"{word} > 1 and a > 2", f"float b\nonce({word} - 1 > 0) and (a > 2 or b > 99)"):
-        discrete = made(rtamt.StlDiscreteTimeSpecification, text, word, "a")
+        discrete = specified(rtamt.StlDiscreteTimeSpecification, text, word, "a")
         discrete.parse()
         assert discrete.update(0, [(word, 3.0), ("a", 7.0)]) == 2.0
         assert discrete.evaluate({"time": [0], word: [3.0], "a": [7.0], "b": [0.0]}) == [[0, 2.0]]
-        dense = made(rtamt.StlDenseTimeSpecification, text, word, "a")
+        dense = specified(rtamt.StlDenseTimeSpecification, text, word, "a")
         dense.parse()
         events = [word, [[0.0, 3.0]]], ["a", [[0.0, 7.0]]], ["b", [[0.0, 0.0]]]
         assert dense.update(*events) == dense.evaluate(*events) == [[0.0, 2.0]]
@@ -331,27 +333,31 @@ def test_language_words_as_variables(word: str) -> None:
 def test_ignored_similar_name_warns_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    said = "the data of 'sped' is ignored: no variable has that name; did you mean 'speed'?"
-    discrete = made(rtamt.StlDiscreteTimeSpecification, "speed < 30 and gap > 1", "speed", "gap")
+    expected_text = (
+        "the data of 'sped' is ignored: no variable has that name; did you mean 'speed'?"
+    )
+    discrete = specified(
+        rtamt.StlDiscreteTimeSpecification, "speed < 30 and gap > 1", "speed", "gap"
+    )
     discrete.parse()
     sample: list[tuple[Any, float]] = [("sped", 50.0), ("gap", 5.0), ("other", 1.0), (7, 1.0)]
     for i in range(3):
         assert discrete.update(i, sample) == 4.0
-    assert caplog.messages == [said]
-    dense = made(rtamt.StlDenseTimeSpecification, "speed < 30 and gap > 1", "speed", "gap")
+    assert caplog.messages == [expected_text]
+    dense = specified(rtamt.StlDenseTimeSpecification, "speed < 30 and gap > 1", "speed", "gap")
     dense.parse()
     for i in range(3):
         assert dense.update(["sped", [[i, 50.0]]], ["gap", [[i, 5.0]]], ["other", []]) == []
-    assert caplog.messages == [said, said]
+    assert caplog.messages == [expected_text, expected_text]
 
 
 def test_extra_data_is_ignored_silently(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    discrete = made(rtamt.StlDiscreteTimeSpecification, "speed1 < 30", "speed1")
+    discrete = specified(rtamt.StlDiscreteTimeSpecification, "speed1 < 30", "speed1")
     discrete.parse()
     assert discrete.update(0, [("speed1", 20.0), ("speed2", 50.0)]) == 10.0
-    dense = made(rtamt.StlDenseTimeSpecification, "speed1 < 30", "speed1")
+    dense = specified(rtamt.StlDenseTimeSpecification, "speed1 < 30", "speed1")
     dense.parse()
     assert dense.update(["speed1", [[0, 20.0]]], ["speed2", [[0, 50.0]]]) == [[0.0, 10.0]]
     assert caplog.messages == []

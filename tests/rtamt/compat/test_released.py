@@ -18,9 +18,9 @@ from rtamt import Formula, StlDenseTimeSpecification, StlDiscreteTimeSpecificati
 
 RELEASED = json.loads((GOLDEN / "released.json").read_text())
 
-# Folders of its own modules, of which those that hold what programs import are there too.
+# Folders of its own modules; the ones that programs import from exist here too.
 FOLDERS = {"antlr", "exception", "explanation", "pastifier", "semantics", "spec", "syntax"}
-# The objects inside: interpreters, the rewriting of formulas.
+# Internal objects: interpreters, the rewriting of formulas.
 INSIDE = {"explainer", "interpreter", "offline_interpreter", "online_interpreter"}
 INSIDE |= {"pastifier", "set_ast_flag"}
 # Reading or calling these fails there.
@@ -84,9 +84,7 @@ def test_modules_are_where_programs_import_them_from(path: str) -> None:
 @pytest.mark.parametrize("time", ["Discrete", "Dense"])
 @pytest.mark.parametrize("mode", ["Offline", "Online"])
 @pytest.mark.parametrize("semantics", list(rtamt.Semantics)[1:])
-def test_interface_aware_monitors_have_a_constructor_each(
-    semantics: rtamt.Semantics, mode: str, time: str
-) -> None:
+def test_interface_aware_constructors(semantics: rtamt.Semantics, mode: str, time: str) -> None:
     words = semantics.value.title().replace("-", "")
     module = importlib.import_module(f"rtamt.spec.iastl.{time.lower()}_time.specification")
     spec = getattr(module, f"IAStl{words}{time}Time{mode}Specification")()
@@ -189,16 +187,16 @@ def test_ast_lists_formulas_with_horizon(kind: type[Spec]) -> None:
     spec.add_sub_spec("p = eventually[0:2](a > c)")
     spec.spec = "always[0:3](p implies b > a)"
     spec.parse()
-    inner, whole = spec.ast.specs
+    inner, outer = spec.ast.specs
     assert (inner.name, inner.horizon) == ("eventually[0:2](a > c)", 2.0)
     assert (inner.in_vars, inner.out_vars) == (("a",), ())
-    assert (whole.name, whole.horizon) == (
+    assert (outer.name, outer.horizon) == (
         "always[0:3](eventually[0:2](a > c) implies b > a)",
         5.0,
     )
-    assert (whole.in_vars, whole.out_vars) == (("a",), ("b",))
+    assert (outer.in_vars, outer.out_vars) == (("a",), ("b",))
     with pytest.raises(AttributeError):
-        whole.horizon = 1.0  # type: ignore[misc]
+        outer.horizon = 1.0  # type: ignore[misc]
     spec.spec = "out = eventually(b > 1)"
     spec.parse()
     assert [formula.horizon for formula in spec.ast.specs] == [2.0, math.inf]

@@ -34,12 +34,12 @@ def monitors(
     semantics: SemanticsName = "standard",
 ) -> Expected:
     """The monitors of a drawn specification."""
-    whole, part = (parse(text, constants=constants) for text in (drawn.text, drawn.part))
-    return Expected(whole, part, whole, period=period, semantics=semantics)
+    full, part = (parse(text, constants=constants) for text in (drawn.text, drawn.part))
+    return Expected(full, part, full, period=period, semantics=semantics)
 
 
 def check_steps(unit: Unit, expected: Expected, trace: Trace, period: float) -> None:
-    """Every step gives what the monitors give, up to the first sample that they refuse."""
+    """Every step equals the monitors, up to the first sample that they refuse."""
     assert unit.outputs() == OUTPUTS
     assert identical(unit.get(*OUTPUTS), expected.values)
     for i in range(length(trace)):
@@ -129,7 +129,7 @@ def test_unbounded_named_formulas_match_episode_monitor(fmi: Fmi) -> None:
 
 
 def test_a_sample_is_refused_by_every_formula_or_by_none() -> None:
-    # The terms of `other` are in no formula of the result, which would have taken the sample.
+    # The result does not use the terms of `other`, and would have accepted the sample.
     text = "other = always(eventually(sqrt(y) > 0)); fine = always(eventually(x > 0))"
     with exported(text, 2, period=1) as unit:
         unit.begin()
@@ -149,7 +149,7 @@ def test_a_sample_is_refused_by_every_formula_or_by_none() -> None:
     steps=st.lists(st.sampled_from((0.25, 1.0, 1.5, 3.0)), min_size=12, max_size=12),
     semantics=st.just("standard") | st.sampled_from(SEMANTICS),
 )
-def test_a_monitor_over_dense_time_is_the_dense_episode_monitor(
+def test_dense_unit_matches_episode_monitor(
     fmi: Fmi, drawn: Drawn, trace: Trace, steps: list[float], semantics: SemanticsName
 ) -> None:
     try:
@@ -175,7 +175,7 @@ def test_a_monitor_over_dense_time_is_the_dense_episode_monitor(
 
 
 @pytest.mark.parametrize("unit", ["s", "ms"])
-def test_steps_are_in_seconds_whatever_the_unit_of_the_text(unit: str) -> None:
+def test_steps_are_in_seconds(unit: str) -> None:
     size = {"s": 1.0, "ms": 0.001}[unit]
     spec = parse("out = eventually[0:2](x > 0)", unit=unit)
     with exported(spec, 2, dense=True) as monitor:
@@ -188,7 +188,7 @@ def test_steps_are_in_seconds_whatever_the_unit_of_the_text(unit: str) -> None:
     assert identical(settled[0], [nan, -1.0, inf, 0.0])
     assert identical(settled[1], [nan, 5.0, inf, 1.0])
     assert identical(settled[2], [nan, 5.0, 5.0, 1.0])
-    assert [each[0] for each in settled[3:]] == [5.0, 5.0]
+    assert [item[0] for item in settled[3:]] == [5.0, 5.0]
 
 
 def test_dense_named_formula_over_the_trace_so_far() -> None:
@@ -223,7 +223,7 @@ def test_unbounded_formula_as_if_the_run_ended_now(fmi: Fmi) -> None:
         for time, x, y in steps:
             unit.step(time, {0.0: 2.0, 2.0: 1.0}.get(time, 0.5), {"x": x, "y": y})
             found.append(unit.get("done", "near", "robustness"))
-    assert [each[0] for each in found] == [-1.0, -1.0, 4.0, -1.0]
+    assert [item[0] for item in found] == [-1.0, -1.0, 4.0, -1.0]
     assert identical(found[0][1:], [math.nan, -1.0])
     assert found[3][1:] == [1.0, -1.0]
 
@@ -232,7 +232,7 @@ KINDS: dict[str, dict[str, Any]] = {"samples": {"period": 1}, "dense": {"dense":
 
 
 def continued(unit: Unit, trace: Trace, begin: int, names: tuple[str, ...]) -> list[list[int]]:
-    """The outputs of each step from one on, up to the first that is refused."""
+    """The outputs of each step from one on, up to the first refused step."""
     found = []
     for i in range(begin, length(trace)):
         try:
@@ -246,28 +246,28 @@ def continued(unit: Unit, trace: Trace, begin: int, names: tuple[str, ...]) -> l
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fmi", [2, 3])
 @settings(max_examples=examples(10))
-@given(drawn=texts(dense=True), trace=traces(4), at=st.integers(0, 4))
+@given(drawn=texts(dense=True), trace=traces(4), step_index=st.integers(0, 4))
 def test_a_restored_monitor_goes_on_alike(
-    fmi: Fmi, kind: str, drawn: Drawn, trace: Trace, at: int
+    fmi: Fmi, kind: str, drawn: Drawn, trace: Trace, step_index: int
 ) -> None:
     names = parse(drawn.text).variables
     try:
         with exported(drawn.text, fmi, **KINDS[kind]) as unit:
             unit.begin()
-            before = {name: trace[name][:at] for name in trace}
-            if len(continued(unit, before, 0, names)) < at:
+            before = {name: trace[name][:step_index] for name in trace}
+            if len(continued(unit, before, 0, names)) < step_index:
                 return
             outputs = bits(unit.get(*unit.outputs()))
             state = unit.state()
-            once = continued(unit, trace, at, names)
+            once = continued(unit, trace, step_index, names)
             unit.restore(state)
             assert bits(unit.get(*unit.outputs())) == outputs
-            assert continued(unit, trace, at, names) == once
+            assert continued(unit, trace, step_index, names) == once
             with exported(drawn.text, fmi, **KINDS[kind]) as other:
                 other.begin()
                 other.restore(state)
                 assert bits(other.get(*other.outputs())) == outputs
-                assert continued(other, trace, at, names) == once
+                assert continued(other, trace, step_index, names) == once
     except SpecificationError:  # it has no variables, or a term of constants is no number
         return
 
@@ -279,7 +279,7 @@ BOTH = pytest.mark.parametrize("fmi", [2, 3])
 
 
 class Heard:
-    """The last message of a unit, without the call that it begins with."""
+    """The last message of a unit, without the call at its start."""
 
     last = ""
 
@@ -288,7 +288,7 @@ class Heard:
 
 
 @BOTH
-def test_inputs_have_the_defaults_of_the_text_until_they_are_set(fmi: Fmi) -> None:
+def test_input_defaults(fmi: Fmi) -> None:
     with exported(TEXT, fmi, period=1) as unit:
         unit.begin()
         unit.step(0, 1, {})
@@ -350,7 +350,7 @@ def test_nan_constant_fails_initialization(fmi: Fmi) -> None:
 
 
 @BOTH
-def test_a_longer_step_takes_several_samples_of_held_inputs(fmi: Fmi) -> None:
+def test_long_step_holds_inputs(fmi: Fmi) -> None:
     text = "historically[2:2](x > 0) or x > 5"
     episode = EpisodeMonitor(f"always({text})", 0.5)
     with exported(f"always({text})", fmi, period=0.5) as unit:

@@ -1,4 +1,4 @@
-"""What the model description of an exported monitor says."""
+"""The model description of an exported monitor."""
 
 import re
 import zipfile
@@ -49,12 +49,12 @@ def test_declared_ranges_are_limits_of_inputs(tmp_path: Path, fmi: Fmi) -> None:
     text = "input float v in [5, 120]; uint8 gear in [0, 5] = 1; uint8 mode; float y in [-inf, -2]"
     export_fmu(f"{text}; always(v > gear + mode + y)", path, period="100ms", fmi=fmi)
     assert validate_fmu(path) == []
-    said = {
-        each.name: (each.min, each.max, each.start)
-        for each in read_model_description(path).modelVariables
-        if each.causality == "input"
+    described_values = {
+        scalar.name: (scalar.min, scalar.max, scalar.start)
+        for scalar in read_model_description(path).modelVariables
+        if scalar.causality == "input"
     }
-    assert said == {
+    assert described_values == {
         "v": ("5.0", "120.0", "5.0"),
         "gear": ("0.0", "5.0", "1.0"),
         "mode": (None, None, "0.0"),
@@ -68,12 +68,12 @@ def test_the_variables_are_those_of_the_specification(tmp_path: Path, fmi: Fmi) 
     export_fmu(TEXT, path, period="100ms", fmi=fmi, stop_on_violation=True)
     assert validate_fmu(path) == []
     described = read_model_description(path)
-    said = [
-        (each.name, each.causality, each.start)
-        for each in described.modelVariables
-        if each.name != "time"
+    described_values = [
+        (scalar.name, scalar.causality, scalar.start)
+        for scalar in described.modelVariables
+        if scalar.name != "time"
     ]
-    assert said == [
+    assert described_values == [
         ("robustness", "output", None),
         ("lower", "output", None),
         ("upper", "output", None),
@@ -92,7 +92,7 @@ def test_the_variables_are_those_of_the_specification(tmp_path: Path, fmi: Fmi) 
         "always(abs(offset) * gain <= limit implies "
         "eventually[0:3](odom.twist[1].x < 0 and abs(offset) * gain <= limit))"
     )
-    meaning = {each.name: each.description for each in described.modelVariables}
+    meaning = {scalar.name: scalar.description for scalar in described.modelVariables}
     assert meaning["near"] == "abs(offset) * gain <= limit"
     assert meaning["whole"] == described.description + ", late by 3 s"
     assert meaning["T"] == "a constant in a bound of an interval, which cannot be set"
@@ -115,7 +115,7 @@ def test_dense_time_suggests_no_step(tmp_path: Path) -> None:
 def test_outputs_depend_on_no_input_of_their_own_time(tmp_path: Path, fmi: Fmi) -> None:
     export_fmu("a = x > 0; always(a)", tmp_path / "one.fmu", period=1, fmi=fmi)
     described = read_model_description(tmp_path / "one.fmu")
-    known = [(each.variable.name, each.dependencies) for each in described.outputs]
+    known = [(scalar.variable.name, scalar.dependencies) for scalar in described.outputs]
     assert known == [(n, []) for n in ("robustness", "lower", "upper", "verdict", "a")]
 
 
@@ -126,10 +126,10 @@ def test_initial_outputs_depend_only_on_constants(tmp_path: Path, fmi: Fmi) -> N
     export_fmu(text, tmp_path / "one.fmu", period=1, fmi=fmi)
     described = read_model_description(tmp_path / "one.fmu")
     known = {
-        each.variable.name: [variable.name for variable in each.dependencies]
-        for each in described.initialUnknowns
+        scalar.variable.name: [variable.name for variable in scalar.dependencies]
+        for scalar in described.initialUnknowns
     }
-    outputs = [each.name for each in described.modelVariables if each.causality == "output"]
+    outputs = [scalar.name for scalar in described.modelVariables if scalar.causality == "output"]
     assert known == {name: ["v", "w"] for name in outputs}
     assert outputs == ["robustness", "lower", "upper", "verdict", "a"]
 
@@ -159,10 +159,10 @@ def test_one_of_several_requirements_is_exported(tmp_path: Path) -> None:
     spec = rtamt.parse("const float v = 5; apart = always(gap > 1); slow = always(speed < v)")
     path = tmp_path / "slow.fmu"
     export_fmu(spec.requirements["slow"], path, period=1)
-    names = [each.name for each in read_model_description(path).modelVariables]
+    names = [scalar.name for scalar in read_model_description(path).modelVariables]
     assert names[5:] == ["speed", "v", "slow"]
     export_fmu(spec.requirements["apart"], path, period=1)
-    names = [each.name for each in read_model_description(path).modelVariables]
+    names = [scalar.name for scalar in read_model_description(path).modelVariables]
     assert names[5:] == ["gap", "apart"]
 
 
@@ -180,7 +180,7 @@ def test_named_formula_outputs_state_their_time(tmp_path: Path) -> None:
         period=0.5,
     )
     described = read_model_description(path).modelVariables[7:]
-    assert [(each.name, each.description.partition(", ")[2]) for each in described] == [
+    assert [(scalar.name, scalar.description.partition(", ")[2]) for scalar in described] == [
         ("slow", ""),
         ("done", ""),
         ("soon", "late by 2 s"),

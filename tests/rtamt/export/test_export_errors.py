@@ -1,4 +1,4 @@
-"""What is refused, before a file is written."""
+"""Errors of exports, before a file is written."""
 
 import platform
 from importlib.machinery import ModuleSpec

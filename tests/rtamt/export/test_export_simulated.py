@@ -1,4 +1,4 @@
-"""Exported monitors in FMPy's own simulation, and beside a plant that is stepped by hand."""
+"""Exported monitors in the simulation of FMPy, and next to a plant in a loop of steps."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -34,7 +34,7 @@ def signals(n: int) -> NDArray[np.void]:
 
 
 def rows_of(text: str, samples: NDArray[np.void]) -> list[list[float]]:
-    """What the outputs are after each sample, the values of a new monitor first."""
+    """The outputs after each sample; the first row is a new monitor."""
     episode = EpisodeMonitor(text, "250ms", backend="python")
     fast = Monitor(parse(text).formulas["fast"], backend="python")
     rows = [[episode.robustness, *episode.bounds(), float(episode.verdict), np.nan]]
@@ -57,7 +57,7 @@ def same(x: Sequence[Sequence[float]], y: Sequence[Sequence[float]]) -> bool:
 def test_fmpy_simulates_the_episode_monitor(tmp_path: Path, fmi: Fmi, limit: float) -> None:
     path, samples = tmp_path / "monitor.fmu", signals(60)
     export_fmu(TEXT, path, period="250ms", fmi=fmi)
-    found = simulate_fmu(
+    simulated = simulate_fmu(
         path,
         input=samples,
         start_values={"limit": limit},
@@ -65,7 +65,7 @@ def test_fmpy_simulates_the_episode_monitor(tmp_path: Path, fmi: Fmi, limit: flo
         output=OUTPUTS,
     )
     expected = rows_of(TEXT.replace("= 4", f"= {limit}"), samples)
-    assert same(table(found), expected)
+    assert same(table(simulated), expected)
     assert {row[3] for row in expected} == {0, -1}
 
 
@@ -75,7 +75,7 @@ def test_pulse_of_one_sample_is_seen(tmp_path: Path, fmi: Fmi, pulse: int) -> No
     kinds = [("time", np.float64), ("x", np.float64)]
     rows = [(float(f"{k * 0.01:.2f}"), float(k == pulse)) for k in range(201)]
     export_fmu("always(x < 1)", tmp_path / "monitor.fmu", period="10ms", fmi=fmi)
-    found = simulate_fmu(
+    simulated = simulate_fmu(
         tmp_path / "monitor.fmu",
         input=np.array(rows, dtype=kinds),
         stop_time=2.01,
@@ -85,8 +85,8 @@ def test_pulse_of_one_sample_is_seen(tmp_path: Path, fmi: Fmi, pulse: int) -> No
     values = {"x": [x for _, x in rows]}
     judgement = judge("always(x < 1)", values, period="10ms")
     assert judgement.verdict is Verdict.VIOLATED
-    assert found["verdict"][-1] == -1
-    assert identical([float(found["robustness"][-1])], [judgement.robustness])
+    assert simulated["verdict"][-1] == -1
+    assert identical([float(simulated["robustness"][-1])], [judgement.robustness])
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -104,7 +104,7 @@ def test_dense_monitor_sees_events_between_steps(
     rows.append((0.99, 0.0, 1.0 - rows[-1][2]))
     export_fmu(text, tmp_path / "monitor.fmu", dense=True, fmi=fmi)
     outputs = ("robustness", "lower", "upper", "verdict")
-    found = simulate_fmu(
+    simulated = simulate_fmu(
         tmp_path / "monitor.fmu",
         input=np.array(rows, dtype=[(name, np.float64) for name in ("time", "x", "y")]),
         stop_time=1.0,
@@ -116,7 +116,7 @@ def test_dense_monitor_sees_events_between_steps(
         values = {"x": x, "y": y}
         monitor.update({name: [(t, values[name])] for name in monitor.variables})
     expected = [monitor.robustness, monitor.lower, monitor.upper, float(monitor.verdict)]
-    assert identical([float(found[name][-1]) for name in outputs], expected)
+    assert identical([float(simulated[name][-1]) for name in outputs], expected)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -127,11 +127,11 @@ def test_the_first_certain_violation_ends_the_simulation(
     path, samples = tmp_path / "monitor.fmu", signals(60)
     export_fmu(TEXT, path, period="250ms", fmi=fmi, stop_on_violation=stops == "by default")
     starts = {"stop_on_violation": True} if stops == "by parameter" else {}
-    found = simulate_fmu(path, input=samples, start_values=starts, stop_time=15, output=OUTPUTS)
+    simulated = simulate_fmu(path, input=samples, start_values=starts, stop_time=15, output=OUTPUTS)
     expected = rows_of(TEXT, samples)
     violated = [row[3] for row in expected].index(-1)
     assert 1 < violated < 50
-    assert same(table(found), expected if stops == "not" else expected[: violated + 1])
+    assert same(table(simulated), expected if stops == "not" else expected[: violated + 1])
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -151,8 +151,8 @@ def test_a_monitor_beside_a_plant_sees_every_sample(tmp_path: Path, fmi: Fmi) ->
             plant.step(i * 0.1, 0.1, {"inflow": i / 10})
             robustness = episode.update(inputs)
             expected = [robustness, *episode.bounds(), episode.verdict, rises.update(i / 10)]
-            found = monitor.get("robustness", "lower", "upper", "verdict", "rises")
-            assert identical(found, expected)
+            simulated = monitor.get("robustness", "lower", "upper", "verdict", "rises")
+            assert identical(simulated, expected)
             verdicts.append(int(episode.verdict))
         assert set(verdicts) == {0, -1}
     plant.fmu.freeInstance()

@@ -44,15 +44,15 @@ def test_requirements_keep_the_columns_that_they_read() -> None:
 
 def test_other_results_keep_readable_texts() -> None:
     spec = rtamt.parse('@ column(x, "X [m]")\n@ column(y, "Y [m]")\nx > 0 and y > 0')
-    alone = spec.with_result(spec.formula.args[0])  # type: ignore[arg-type]
-    assert rtamt.parse(str(alone)) == alone
-    assert alone.columns == {"x": "X [m]"}
+    single = spec.with_result(spec.formula.args[0])  # type: ignore[arg-type]
+    assert rtamt.parse(str(single)) == single
+    assert single.columns == {"x": "X [m]"}
 
 
 def test_mutants_carry_columns() -> None:
     mutants = rtamt.mutants(rtamt.parse(TEXT).requirements["high"])
     assert mutants
-    assert {each.specification.columns["level"] for each in mutants} == {"Level [mm]"}
+    assert {item.specification.columns["level"] for item in mutants} == {"Level [mm]"}
 
 
 def test_fields_of_messages_have_columns() -> None:

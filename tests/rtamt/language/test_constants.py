@@ -20,7 +20,7 @@ decimals = st.decimals(0, 100, places=3)
 
 
 @given(limit=decimals, end=decimals)
-def test_a_given_constant_stands_in_place_of_that_of_the_text(limit: str, end: str) -> None:
+def test_passed_constant_overrides_text(limit: str, end: str) -> None:
     spec = rtamt.parse(TEXT, constants={"limit": limit, "T": end})
     written = TEXT.replace("0.2", str(limit)).replace("T = 3", f"T = {end}")
     assert spec == rtamt.parse(written)
@@ -63,7 +63,7 @@ def test_a_value_is_checked_as_if_the_text_had_it() -> None:
         rtamt.parse("const float T = 3\nconst float T = 4\nx > T", constants={"T": 1})
 
 
-def test_a_name_that_is_no_text_is_refused_as_that_of_a_constant() -> None:
+def test_constant_name_type_error() -> None:
     with pytest.raises(InputTypeError, match=r"^expected names of constants as text, got int 1$"):
         rtamt.parse(TEXT, constants={1: 2})  # type: ignore[dict-item]
 
@@ -79,7 +79,7 @@ def constants(text: str) -> set[tuple[str, float]]:
     return {(repr(i.value), float(i.value)) for i in program.instructions if isinstance(i, Const)}
 
 
-def test_a_program_says_how_its_numbers_follow_from_constants() -> None:
+def test_traced_numbers_in_program() -> None:
     assert constants(TRACED) == {("add(mul(a, neg(b)), 1)", -3.0), ("b", 2.0)}
     assert constants("const float k = 4; sqrt(k) > k or not k > 1 or x > 3") == {
         ("max(above(sqrt(k), k), neg(above(k, 1)))", -2.0),

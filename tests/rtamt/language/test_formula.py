@@ -41,7 +41,7 @@ def test_equal_trees_are_one_object() -> None:
 
 
 @pytest.mark.parametrize(
-    ("made", "text"),
+    ("example", "text"),
     [
         (p & q & r, "x > 0 and y > 0 and z > 0"),
         (p & (q & r), "x > 0 and y > 0 and z > 0"),
@@ -86,9 +86,9 @@ def test_equal_trees_are_one_object() -> None:
         (~cast("Formula", make("true", ())), "not true"),
     ],
 )
-def test_text_has_the_fewest_brackets(made: Formula, text: str) -> None:
-    assert str(made) == text
-    assert formula(text) is made
+def test_text_has_the_fewest_brackets(example: Formula, text: str) -> None:
+    assert str(example) == text
+    assert formula(text) is example
 
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
@@ -113,14 +113,14 @@ def decorated(draw: st.DrawFn) -> Formula:
 
 
 @given(decorated() | formulas(depth=4, endless=True))
-def test_text_reads_back_as_the_same_formula(made: Formula) -> None:
-    assert formula(str(made)) is made
+def test_text_reads_back_as_the_same_formula(example: Formula) -> None:
+    assert formula(str(example)) is example
 
 
 @given(decorated())
-def test_pickles_and_copies_are_the_same_formula(made: Formula) -> None:
-    assert pickle.loads(pickle.dumps(made)) is made
-    assert copy.copy(made) is copy.deepcopy(made) is made
+def test_pickles_and_copies_are_the_same_formula(example: Formula) -> None:
+    assert pickle.loads(pickle.dumps(example)) is example
+    assert copy.copy(example) is copy.deepcopy(example) is example
 
 
 def test_terms_are_pickled_too() -> None:
@@ -134,7 +134,7 @@ def test_nodes_are_frozen() -> None:
         p.depth = 3
 
 
-def test_deepest_formula_is_printed_and_pickled_deep_inside_a_program() -> None:
+def test_deepest_formula_prints_and_pickles() -> None:
     deep = p
     while deep.depth < MAX_DEPTH:
         deep = deep.implies(q)
@@ -173,8 +173,8 @@ def test_a_formula_of_a_million_nodes_is_the_largest() -> None:
     assert str(caught.value) == ("the formula has 1000001 nodes written out; the limit is 1000000")
 
 
-def bad(made: object) -> Any:  # noqa: ANN401 - what the checker would refuse is refused when run
-    return made
+def bad(example: object) -> Any:  # noqa: ANN401 - what the checker would refuse is refused when run
+    return example
 
 
 @pytest.mark.parametrize(
@@ -214,16 +214,16 @@ def test_what_is_no_formula_is_refused_when_it_is_made(make_it: Any, message: st
 
 
 @given(st.lists(st.tuples(st.booleans(), decorated()), min_size=1, max_size=4), st.booleans())
-def test_text_of_a_specification_reads_back_as_an_equal_one(
+def test_specification_text_reads_back(
     parts: list[tuple[bool, Formula]],
     named: bool,  # noqa: FBT001
 ) -> None:
     lines = []
-    for i, (reuse, made) in enumerate(parts):
+    for i, (reuse, example) in enumerate(parts):
         last = i == len(parts) - 1
         name = f"p{i} = " if named or not last else ""
         used = f"(p{i - 1}) implies " if reuse and i else ""
-        lines.append(f"{name}{used}({made})")
+        lines.append(f"{name}{used}({example})")
     spec = rtamt.parse("\n".join(lines))
     again = rtamt.parse(str(spec))
     assert again == spec
@@ -233,7 +233,7 @@ def test_text_of_a_specification_reads_back_as_an_equal_one(
     assert pickle.loads(pickle.dumps(spec)) == spec
 
 
-def test_formulas_are_made_of_formulas_and_named_variables() -> None:
+def test_wrong_operands_error() -> None:
     with pytest.raises(rtamt.SpecificationError) as caught:
         rtamt.conjunction(["x > 0"])  # type: ignore[list-item]
     assert str(caught.value) == "expected a formula as operand of 'and', got str 'x > 0'"

@@ -1,4 +1,4 @@
-"""The grammar and the table of operators have the same words; what was made of the grammar."""
+"""The grammar, its generated parser, and the words of the table of operators."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Ids of requirements: where they are kept, and that texts, parts and pickles keep them."""
+"""Ids of requirements, also in canonical texts, parts and pickles."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ ids = st.text(
 def test_ids_belong_to_formulas_and_to_the_whole() -> None:
     spec = rtamt.parse(TEXT)
     link = "https://reqs.example/SYS-REQ-7?from=ci"
-    whole = RequirementId("Höhe 3/4 // not a comment")
-    assert spec.ids == {"apart": RequirementId("SYS-REQ-7", link), "drive": whole}
-    assert spec.id == whole
-    found = {name: each.id for name, each in spec.requirements.items()}
-    assert found == {"apart": spec.ids["apart"], "slow": None, "drive": whole}
-    assert str(found["apart"]) == "SYS-REQ-7"
+    long_id = RequirementId("Höhe 3/4 // not a comment")
+    assert spec.ids == {"apart": RequirementId("SYS-REQ-7", link), "drive": long_id}
+    assert spec.id == long_id
+    by_name = {name: item.id for name, item in spec.requirements.items()}
+    assert by_name == {"apart": spec.ids["apart"], "slow": None, "drive": long_id}
+    assert str(by_name["apart"]) == "SYS-REQ-7"
 
 
 @pytest.mark.parametrize("name", ["drive", "apart"])
-def test_the_name_of_a_whole_with_one_requirement_means_it(name: str) -> None:
+def test_title_names_single_requirement(name: str) -> None:
     spec = rtamt.parse(f'specification drive; @ id({name}, "7"); gap = x - y; apart = gap > 1')
     assert spec.id == RequirementId("7")
     assert spec.ids == {"apart": RequirementId("7")}
@@ -55,9 +55,9 @@ def test_a_part_has_no_id_and_no_formula_means_no_id() -> None:
     assert Specification.of(spec.formula).id is None
 
 
-def test_specifications_with_other_ids_are_other_specifications() -> None:
+def test_ids_distinguish_specifications() -> None:
     one, two, none = (
-        rtamt.parse(f"{said}p = x > 0") for said in ('@ id(p, "1"); ', '@ id(p, "2"); ', "")
+        rtamt.parse(f"{note}p = x > 0") for note in ('@ id(p, "1"); ', '@ id(p, "2"); ', "")
     )
     assert one != two != none != one
     assert one == rtamt.parse('p = x > 0\n@ id(p, "1")')
@@ -66,8 +66,8 @@ def test_specifications_with_other_ids_are_other_specifications() -> None:
 @given(label=ids, path=st.none() | ids)
 def test_text_pickle_and_copy_keep_any_id_and_link(label: str, path: str | None) -> None:
     link = "" if path is None else f"https://reqs.example/{path}/{{id}}"
-    said = f', "{link}"' if link else ""
-    spec = rtamt.parse(f'@ id(b, "{label}"{said}); a = x > 0; b = always(y > 0)')
+    note = f', "{link}"' if link else ""
+    spec = rtamt.parse(f'@ id(b, "{label}"{note}); a = x > 0; b = always(y > 0)')
     assert spec.id == RequirementId(label, link)
     for other in (rtamt.parse(str(spec)), pickle.loads(pickle.dumps(spec)), copy.deepcopy(spec)):
         assert other == spec
@@ -79,10 +79,10 @@ def test_text_pickle_and_copy_keep_any_id_and_link(label: str, path: str | None)
 
 @given(label=ids)
 def test_an_id_made_in_python_is_the_one_that_is_read(label: str) -> None:
-    made = RequirementId(label, "http://reqs.example/{id}/{id}")
+    rid = RequirementId(label, "http://reqs.example/{id}/{id}")
     text = f'@ id(p, "{label}", "http://reqs.example/{{id}}/{{id}}"); p = x > 0'
-    assert rtamt.parse(text).id == made
-    assert made.link == f"http://reqs.example/{quote(label, safe='')}/{quote(label, safe='')}"
+    assert rtamt.parse(text).id == rid
+    assert rid.link == f"http://reqs.example/{quote(label, safe='')}/{quote(label, safe='')}"
 
 
 @pytest.mark.parametrize("label", ["", "  ", 'a"b', "a\nb", "a\rb"])

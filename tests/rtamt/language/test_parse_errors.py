@@ -20,7 +20,7 @@ TABLE = Path(__file__).with_name("parse_errors.txt")
 
 
 def cases() -> list[tuple[str, list[str]]]:
-    """Text and message of each block; lines that begin with ``> `` are the text."""
+    """Text and message of each block; lines that start with ``> `` are the text."""
     blocks = (block.splitlines() for block in TABLE.read_text(encoding="utf-8").split("\n\n"))
     return [
         (
@@ -55,9 +55,7 @@ PIECES = (
 
 
 @given(st.lists(st.sampled_from(PIECES), max_size=12), st.sampled_from(["", " "]))
-def test_any_text_is_a_specification_that_reads_back_or_a_parse_error(
-    pieces: list[str], between: str
-) -> None:
+def test_any_text_parses_or_raises(pieces: list[str], between: str) -> None:
     try:
         spec = rtamt.parse(between.join(pieces))
     except ParseError:
@@ -116,7 +114,7 @@ def test_long_lines_and_words_are_cut() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "column", "what"),
+    ("text", "column", "subject"),
     [
         ("(" * 10_000, MAX_DEPTH + 1, "brackets are"),
         ("(" * 10_000 + "x" + ")" * 10_000, MAX_DEPTH + 1, "brackets are"),
@@ -127,12 +125,10 @@ def test_long_lines_and_words_are_cut() -> None:
         ("x > " + "-" * 10_000 + "y", 5 + MAX_DEPTH, "the formula is"),
     ],
 )
-def test_nesting_too_deep_is_found_at_the_token_that_is_too_deep(
-    text: str, column: int, what: str
-) -> None:
+def test_depth_error_points_at_token(text: str, column: int, subject: str) -> None:
     with pytest.raises(ParseError) as caught:
         rtamt.parse(text)
-    assert caught.value.reason == f"{what} nested 201 deep; the limit is 200"
+    assert caught.value.reason == f"{subject} nested 201 deep; the limit is 200"
     assert caught.value.column == column
     assert caught.value.hint == "write the formula as several specifications"
 
@@ -144,7 +140,7 @@ def test_a_chain_that_nests_too_deep_says_so() -> None:
     assert caught.value.hint == "group long chains in brackets, or write several specifications"
 
 
-def test_numbers_that_take_for_ever_to_compute_are_refused() -> None:
+def test_huge_numbers_error() -> None:
     for text in ("G[0:1e999999999] x", "G[1e-999999999:1] x", "const float K = 1e999999999\nx > K"):
         with pytest.raises(ParseError, match="between 1e-300 and 1e300"):
             rtamt.parse(text)

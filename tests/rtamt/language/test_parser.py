@@ -1,4 +1,4 @@
-"""What formulas in text mean: spellings, precedence, intervals, chains, and the limits."""
+"""Formulas in text: spellings, precedence, intervals, chains and limits."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_every_spelling_of_every_row_is_that_operator(spelling: str, row: Operat
 @pytest.mark.parametrize(
     "name", ["s", "ms", "x1", "_x", "cmd.linear.x", "Gx", "e5", "topic", "a.G", "a.min"]
 )
-def test_units_and_all_else_that_is_no_operator_may_name_variables(name: str) -> None:
+def test_units_can_name_variables(name: str) -> None:
     assert rtamt.parse(f"G[0:5 s]({name} > 0)").variables == (name,)
 
 
@@ -199,9 +199,9 @@ def test_bounds_are_exact() -> None:
     interval = formula("G[0.1:0.30000000000000000001] x").interval
     assert interval is not None
     assert interval.end == Fraction(30000000000000000001, 10**20)
-    given = rtamt.parse("G[0:K] x", constants={"K": Fraction(1, 8)}).formula.interval
-    assert given is not None
-    assert given.end == Fraction(1, 8)
+    override = rtamt.parse("G[0:K] x", constants={"K": Fraction(1, 8)}).formula.interval
+    assert override is not None
+    assert override.end == Fraction(1, 8)
 
 
 # The door. ---------------------------------------------------------------------------------------
@@ -222,7 +222,7 @@ def test_load_reads_a_file(tmp_path: Path) -> None:
     assert rtamt.load(path) == rtamt.load(str(path)) == rtamt.parse("x > 0")
 
 
-def test_a_specification_may_be_text_or_formula_or_itself() -> None:
+def test_as_specification() -> None:
     spec = rtamt.parse("always(x > 0)")
     assert as_specification(spec) is spec
     assert as_specification("always(x > 0)") is spec
@@ -312,7 +312,7 @@ def test_missing_file_error(tmp_path: Path) -> None:
         ("always[0:5min](x > 0)", "always[0:5min](x > 0)"),
         ("always[0.5:2 h](x > 0)", "always[0.5:2h](x > 0)"),
         ("always[1h:2h](min(x, y) > 0)", "always[1:2h](min(x, y) > 0)"),
-        # Ten seconds are no decimal number of minutes, so both bounds get the unit of the begin.
+        # Ten seconds are not a decimal number of minutes, so both bounds get the unit of the start.
         ("always[10s:1min](x > 0)", "always[10:60s](x > 0)"),
         ("always[1min:2h](x > 0)", "always[1:120min](x > 0)"),
         ("always[1min:90s](x > 0)", "always[60:90s](x > 0)"),
@@ -331,10 +331,10 @@ def test_minutes_and_hours(text: str, printed: str) -> None:
 
 def test_bounds_in_minutes_are_exact() -> None:
     trace = {"x": [1.0] * 7 + [-1.0]}
-    whole, beyond = (
+    longest, beyond = (
         rtamt.evaluate(f"always[0:{end}](x > 0)", trace, period=10)[0] for end in ("1min", "1.5min")
     )
-    assert (whole, beyond) == (1.0, -1.0)
+    assert (longest, beyond) == (1.0, -1.0)
     with pytest.raises(rtamt.ParseError, match="use 10 s or 20 s, take samples 5 s apart"):
         rtamt.evaluate("always[0:0.25min](x > 0)", trace, period=10)
 
@@ -363,7 +363,7 @@ def test_comparisons_never_chain() -> None:
         parse_as("a < b < c", "s", {}, {}, chains=True)
 
 
-def test_a_specification_of_the_dialect_is_read_again_as_what_it_is() -> None:
+def test_dialect_pickles() -> None:
     text = "const float K = 2; p = x > K -> y > K -> z > L"
     spec = parse_as(text, "ms", {"L": 3, "unused": 4}, {}, chains=True)
     again = pickle.loads(pickle.dumps(spec))

@@ -1,4 +1,4 @@
-"""Every formula that no other formula uses is a requirement of the text, by itself."""
+"""Requirements: the formulas of a text that no other formula uses."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _SHAPES = (
 
 @st.composite
 def statements(draw: st.DrawFn) -> dict[str, tuple[str, set[str]]]:
-    """Formulas by name, ``""`` for one without: their text, and the names that stand in it."""
+    """Formulas by name, ``""`` without a name: their text, and the names in it."""
     drawn: dict[str, tuple[str, set[str]]] = {}
-    # "t0" and so on take the value of a term, so that abs() may take them.
+    # "t0" and so on are values of terms, so that abs() accepts them.
     values = ["t0"]
     drawn["t0"] = ("x + 2 * y", set())
     for count in range(draw(st.integers(1, 5))):
@@ -53,7 +53,7 @@ def written(drawn: Mapping[str, tuple[str, set[str]]]) -> str:
 
 
 @given(statements())
-def test_a_requirement_is_the_text_of_a_formula_that_is_named_nowhere_and_of_what_it_names(
+def test_requirements_match_separate_texts(
     drawn: dict[str, tuple[str, set[str]]],
 ) -> None:
     spec = rtamt.parse(written(drawn))
@@ -61,13 +61,13 @@ def test_a_requirement_is_the_text_of_a_formula_that_is_named_nowhere_and_of_wha
     roots = [name for name in drawn if not any(name in used for _, used in drawn.values())]
     if any(formulas[root] is formulas.get("") for root in roots[:-1]):
         roots.remove("")  # the last formula is a requirement that has a name
-    found = spec.requirements
-    assert [requirement.formula for requirement in found.values()] == [formulas[r] for r in roots]
-    for root, (name, requirement) in zip(roots, found.items(), strict=True):
-        alone = rtamt.parse(written(_with(drawn, root)))
+    results = spec.requirements
+    assert [requirement.formula for requirement in results.values()] == [formulas[r] for r in roots]
+    for root, (name, requirement) in zip(roots, results.items(), strict=True):
+        separate = rtamt.parse(written(_with(drawn, root)))
         if requirement is not spec:  # one alone has all formulas
-            assert requirement.formulas == alone.formulas
-        assert requirement.variables == alone.variables
+            assert requirement.formulas == separate.formulas
+        assert requirement.variables == separate.variables
         assert requirement.constants == spec.constants
         assert requirement.declarations == spec.declarations
         assert name == root or not root
@@ -75,7 +75,7 @@ def test_a_requirement_is_the_text_of_a_formula_that_is_named_nowhere_and_of_wha
 
 
 def _with(drawn: Mapping[str, tuple[str, set[str]]], root: str) -> dict[str, tuple[str, set[str]]]:
-    """The statements that a formula needs, itself the last."""
+    """The statements that a formula needs; the formula comes last."""
     needed, todo = {root}, [root]
     while todo:
         todo += drawn[todo.pop()][1] - needed
@@ -84,7 +84,7 @@ def _with(drawn: Mapping[str, tuple[str, set[str]]], root: str) -> dict[str, tup
 
 
 @given(statements())
-def test_the_canonical_text_and_pickles_have_the_same_requirements(
+def test_text_and_pickles_keep_requirements(
     drawn: dict[str, tuple[str, set[str]]],
 ) -> None:
     spec = rtamt.parse(written(drawn))
@@ -103,12 +103,12 @@ def test_the_canonical_text_and_pickles_have_the_same_requirements(
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        # One requirement has the name of the whole, else of the result, else "spec".
+        # A single requirement has the name of the text, of the result, or "spec", in this order.
         ("always(x > 0)", {"spec": "always(x > 0)"}),
         ("a = always(x > 0)", {"a": "always(x > 0)"}),
         ("specification s; a = always(x > 0)", {"s": "always(x > 0)"}),
         ("a = x > 0; always(a)", {"spec": "always(x > 0)"}),
-        # A formula is used where its name stands.
+        # A formula uses the formulas that it names.
         ("a = x > 0; b = a", {"b": "x > 0"}),
         ("a = x > 0; a", {"a": "x > 0"}),
         ("a = x > 0; b = always(x > 0)", {"a": "x > 0", "b": "always(x > 0)"}),
@@ -118,7 +118,7 @@ def test_the_canonical_text_and_pickles_have_the_same_requirements(
             {"b": "always(x > 0 and y > 0 and z > 0)"},
         ),
         ("d = x - y; b = always(abs(d) < 1)", {"b": "always(abs(x - y) < 1)"}),
-        # A last formula without a name is called like the whole, else "spec", if that is free.
+        # A last formula without a name has the name of the text, or "spec" if that is free.
         ("a = always(x > 0); always(y > 0)", {"a": "always(x > 0)", "spec": "always(y > 0)"}),
         (
             "specification s; a = always(x > 0); always(y > 0)",
@@ -128,22 +128,22 @@ def test_the_canonical_text_and_pickles_have_the_same_requirements(
             "specification a; a = always(x > 0); spec = always(z > 0); always(y > 0)",
             {"a": "always(x > 0)", "spec": "always(z > 0)", "spec2": "always(y > 0)"},
         ),
-        # It is no second requirement where it is one that has a name.
+        # It is not a second requirement if it equals a named one.
         ("a = always(x > 0); always(x > 0)", {"a": "always(x > 0)"}),
         ("a = x > 0; b = y > 0; a", {"b": "y > 0", "a": "x > 0"}),
     ],
 )
 def test_names_of_requirements(text: str, expected: dict[str, str]) -> None:
-    found = rtamt.parse(text).requirements
-    assert {name: str(requirement.formula) for name, requirement in found.items()} == expected
-    assert list(found) == list(expected)
+    results = rtamt.parse(text).requirements
+    assert {name: str(requirement.formula) for name, requirement in results.items()} == expected
+    assert list(results) == list(expected)
 
 
 def test_a_requirement_alone_is_the_specification_itself() -> None:
     spec = rtamt.parse("near = abs(x) < 1; always(near)")
     assert spec.requirements["spec"] is spec
-    made = Specification.of(rtamt.variable("x") > 0)
-    assert dict(made.requirements) == {"spec": made}
+    from_python = Specification.of(rtamt.variable("x") > 0)
+    assert dict(from_python.requirements) == {"spec": from_python}
     assert dict(spec.always().requirements) == {"spec": spec.always()}
 
 
@@ -153,7 +153,7 @@ def test_requirements_are_read_only() -> None:
         spec.requirements["c"] = spec  # type: ignore[index]  # this is what is refused
 
 
-def test_an_error_of_a_requirement_shows_its_place_in_the_whole_text() -> None:
+def test_requirement_error_place() -> None:
     spec = rtamt.parse("a = always(x > 0)\nb = always[0:0.25](y > 0)\nc = always(b)")
     assert list(spec.requirements) == ["a", "c"]
     with pytest.raises(rtamt.ParseError) as caught:
@@ -161,7 +161,7 @@ def test_an_error_of_a_requirement_shows_its_place_in_the_whole_text() -> None:
     assert (caught.value.line, caught.value.column) == (2, 11)
 
 
-def test_always_of_one_requirement_leaves_the_others_alone() -> None:
+def test_always_changes_one_requirement() -> None:
     spec = rtamt.parse("a = x > 0; b = y > 0; c = z > 0")
     lasting = spec.requirements["b"].always()
     assert {n: str(r.formula) for n, r in lasting.requirements.items()} == {"spec": "always(y > 0)"}

@@ -1,4 +1,4 @@
-"""Specifications: what they need, their text, other results, scales."""
+"""Specifications: horizon, variables, text, other results and scales."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def parts(spec: Specification) -> list[Formula]:
 
 
 @pytest.mark.parametrize("text", TEXTS)
-def test_its_text_and_its_pickle_are_those_of_an_equal_specification(text: str) -> None:
+def test_text_and_pickle_are_equal(text: str) -> None:
     spec = parse(text)
     for part in parts(spec):
         for other in (
@@ -223,7 +223,7 @@ def test_its_text_and_its_pickle_are_those_of_an_equal_specification(text: str) 
         assert spec.with_result(part).formula is part
 
 
-def test_a_requirement_with_another_result_is_no_requirement_of_the_text() -> None:
+def test_with_result_clears_requirement() -> None:
     spec = parse("a = always(x > 0); b = always(y > 0)").requirements["a"]
     (part,) = spec.formula.args
     assert isinstance(part, Formula)
@@ -233,9 +233,7 @@ def test_a_requirement_with_another_result_is_no_requirement_of_the_text() -> No
 
 
 @given(formulas(3), st.sampled_from(["s", "ms", "us", "ns"]))
-def test_its_text_means_the_same_to_who_does_not_know_the_unit(
-    formula: rtamt.Formula, unit: str
-) -> None:
+def test_standalone_text_needs_no_unit(formula: rtamt.Formula, unit: str) -> None:
     spec = rtamt.parse(str(formula), unit=unit)
     read = rtamt.parse(str(spec.standalone()))
     period = Fraction(1, {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit])

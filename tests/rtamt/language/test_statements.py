@@ -1,4 +1,4 @@
-"""What statements mean: names, declarations, constants, ids, and where a statement ends."""
+"""Statements: names, declarations, constants, ids, and ends of statements."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_statements_end_with_the_line_or_a_semicolon(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "whole"),
+    ("text", "joined"),
     [
         ("p = x\n- y > 0", "p = x - y > 0"),
         ("always\nx", "always x"),
@@ -93,9 +93,9 @@ def test_statements_end_with_the_line_or_a_semicolon(text: str) -> None:
         ("min(x\n,\ny) > 0", "min(x, y) > 0"),
     ],
 )
-def test_an_operator_continues_the_line(text: str, whole: str) -> None:
-    assert rtamt.parse(text) == rtamt.parse(whole)
-    assert formula(text) is formula(whole)
+def test_an_operator_continues_the_line(text: str, joined: str) -> None:
+    assert rtamt.parse(text) == rtamt.parse(joined)
+    assert formula(text) is formula(joined)
 
 
 def test_a_prefix_operator_begins_a_statement() -> None:
@@ -109,7 +109,7 @@ def test_later_formulas_use_earlier_ones() -> None:
     assert spec.variables == ("x",)
 
 
-def test_a_name_of_a_formula_may_be_declared_as_what_it_puts_out() -> None:
+def test_formula_declared_as_output() -> None:
     spec = rtamt.parse("input float x\noutput float out\nout = always(x > 0)")
     assert spec.variables == spec.inputs == ("x",)
     assert spec.outputs == ()
@@ -117,7 +117,7 @@ def test_a_name_of_a_formula_may_be_declared_as_what_it_puts_out() -> None:
     assert rtamt.parse("output float out\nout = always(x > 0)").variables == ("x",)
 
 
-def test_variables_come_in_order_of_declaration_else_of_appearance() -> None:
+def test_order_of_variables() -> None:
     assert rtamt.parse("p = c > b\na > b").variables == ("c", "b", "a")
     assert rtamt.parse("float a; float b; float c; float d; p = c > b\na > b").variables == (
         "a",

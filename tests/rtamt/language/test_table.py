@@ -1,4 +1,4 @@
-"""The table of operators: a row is all that the parser, the printer and the monitors need."""
+"""The table of operators: the parser, the printer and the monitors need only its rows."""
 
 from __future__ import annotations
 
@@ -103,14 +103,14 @@ def formula(text: str) -> Formula:
 @pytest.mark.parametrize("backend", ["python", "auto"])
 def test_an_operator_is_one_row(add: Add, backend: Literal["python", "auto"]) -> None:
     add(LATER)
-    made = cast("Formula", make("later", (x > 1,)))
-    assert formula("later(x > 1)") is formula("lX x > 1") is made
-    assert str(made & (y > 0)) == "later(x > 1) and y > 0"
-    assert formula(str(made.always(0, 2))) is made.always(0, 2)
+    built = cast("Formula", make("later", (x > 1,)))
+    assert formula("later(x > 1)") is formula("lX x > 1") is built
+    assert str(built & (y > 0)) == "later(x > 1) and y > 0"
+    assert formula(str(built.always(0, 2))) is built.always(0, 2)
     assert rtamt.parse("always[0:2] later(x > 1)").horizon == 3
-    values = rtamt.evaluate(made, TRACE, backend=backend)
+    values = rtamt.evaluate(built, TRACE, backend=backend)
     assert values.tolist() == [2.0, -3.0, -0.5, math.inf]
-    explanation = rtamt.explain(made, TRACE, sample=1, backend=backend)
+    explanation = rtamt.explain(built, TRACE, sample=1, backend=backend)
     assert [(str(step.formula), step.sample) for step in explanation.steps] == [
         ("later(x > 1)", 1),
         ("x > 1", 2),
@@ -134,9 +134,7 @@ def test_an_operator_is_one_row(add: Add, backend: Literal["python", "auto"]) ->
     ],
     ids=["regained", "retained", "lasting", "lasted"],
 )
-def test_a_row_of_operators_inside_operators_is_explained_in_dense_time(
-    add: Add, row: Operator, spelled: str
-) -> None:
+def test_new_row_explained_in_dense_time(add: Add, row: Operator, spelled: str) -> None:
     add(row)
     draw = random.Random(7)
     for _ in range(100):
@@ -145,15 +143,15 @@ def test_a_row_of_operators_inside_operators_is_explained_in_dense_time(
         times = {name: sorted({0, 9, *draw.sample(range(1, 9), 5)}) for name in "xy"}
         trace = {name: [(t, draw.randint(-6, 6)) for t in times[name]] for name in times}
         time = draw.randint(0, 9)
-        made, other = f"x > 0 {row.symbol}[{begin}:{end}] y > 0", spelled.format(begin, end)
-        assert rtamt.dense.evaluate(made, trace) == rtamt.dense.evaluate(other, trace)
+        built, other = f"x > 0 {row.symbol}[{begin}:{end}] y > 0", spelled.format(begin, end)
+        assert rtamt.dense.evaluate(built, trace) == rtamt.dense.evaluate(other, trace)
         one, two = (
-            rtamt.dense.explain(text, trace, time, resolution="1s") for text in (made, other)
+            rtamt.dense.explain(text, trace, time, resolution="1s") for text in (built, other)
         )
         assert (one.robustness, one.causes) == (two.robustness, two.causes)
         if rtamt.holds(one.robustness):
-            made, other = f"not ({made})", f"not ({other})"
-            one = rtamt.dense.explain(made, trace, time, resolution="1s")
+            built, other = f"not ({built})", f"not ({other})"
+            one = rtamt.dense.explain(built, trace, time, resolution="1s")
         signs = named(one, trace)
         for share in (0.2, 0.5, 0.8):
             changed = {
@@ -166,8 +164,8 @@ def test_a_row_of_operators_inside_operators_is_explained_in_dense_time(
 
 
 def named(why: rtamt.dense.Explanation, trace: Mapping[str, list[tuple[int, int]]]) -> list[bool]:
-    """The signs of the predicates at the instants that an explanation of a violation names."""
-    spans = [(each.formula, *each.window, each.open_end) for each in why.contributions]
+    """The signs of the predicates at the causes of a violation."""
+    spans = [(item.formula, *item.window, item.open_end) for item in why.contributions]
     if why.steps[-1].outside is None:
         spans.append((why.steps[-1].formula, why.steps[-1].time, why.steps[-1].time, False))
     return [
@@ -179,10 +177,10 @@ def named(why: rtamt.dense.Explanation, trace: Mapping[str, list[tuple[int, int]
 
 def test_an_infix_operator_is_one_row(add: Add) -> None:
     add(NAND)
-    made = cast("Formula", make("nand", (x > 1, y > 0)))
-    assert formula("x > 1\nnand y > 0") is made
-    assert formula(str(made.implies(made))) is made.implies(made)
-    assert rtamt.evaluate(made, TRACE).tolist() == [0.0, -2.0, 3.0, 1.0]
+    built = cast("Formula", make("nand", (x > 1, y > 0)))
+    assert formula("x > 1\nnand y > 0") is built
+    assert formula(str(built.implies(built))) is built.implies(built)
+    assert rtamt.evaluate(built, TRACE).tolist() == [0.0, -2.0, 3.0, 1.0]
     with pytest.raises(ParseError, match=r"'nand' does not chain; write \(x nand y\) nand z or"):
         formula("x nand y nand z")
 
@@ -193,13 +191,13 @@ def test_a_function_is_a_row_here_and_one_in_the_algebra(
     add(TWICE)
     row = Function("twice", 1, lambda x: 2 * x, monotone("+"))
     monkeypatch.setitem(cast("dict[str, Function]", FUNCTIONS), "twice", row)
-    made = cast("Term", make("twice", (x,))) > 0.25
-    assert formula("twice(x) > 0.25") is made
-    assert str(made.always()) == "always(twice(x) > 0.25)"
-    assert formula(str(made)) is made
+    built = cast("Term", make("twice", (x,))) > 0.25
+    assert formula("twice(x) > 0.25") is built
+    assert str(built.always()) == "always(twice(x) > 0.25)"
+    assert formula(str(built)) is built
     expected = [2 * value - 0.25 for value in TRACE["x"]]
-    assert rtamt.evaluate(made, TRACE, backend="python").tolist() == expected
-    monitor = rtamt.EpisodeMonitor(made.always(), backend="python", history=True)
+    assert rtamt.evaluate(built, TRACE, backend="python").tolist() == expected
+    monitor = rtamt.EpisodeMonitor(built.always(), backend="python", history=True)
     for value in TRACE["x"]:
         monitor.update(x=value)
     assert [(c.variable, c.sample) for c in monitor.explain().causes] == [("x", 2)]
@@ -291,7 +289,7 @@ def test_a_row_of_windows_over_a_constant_is_explained(
         held = [min(*(min(v, 1.0) for v in x[i : i + 2]), 1.0) for i in range(len(x))]
         expected = min(max(held[max(0, i - 1) : i + 1]) for i in range(len(x)))
         assert value == expected
-        found = rtamt.explain(capped, {"x": x}, backend=backend)
-        assert found.robustness == expected
+        result = rtamt.explain(capped, {"x": x}, backend=backend)
+        assert result.robustness == expected
         if expected != 1.0:
-            assert [x[at.sample] for at in found.causes] == [expected]
+            assert [x[cause.sample] for cause in result.causes] == [expected]

@@ -1,4 +1,4 @@
-"""A text with other values of its constants is the text with these values."""
+"""Templates: a text with other values of its constants."""
 
 from __future__ import annotations
 
@@ -21,19 +21,21 @@ named = formulas(endless=True).flatmap(lambda formula: with_names(str(formula)))
 
 
 def content(spec: Specification) -> tuple[object, ...]:
-    """All that a specification says, and what has a place in its text.
+    """The content of a specification, with the nodes that have a place in its text.
 
     The place of an operator with an interval is that of the interval, so it is not that of an
     operator whose bounds a text leaves out.
     """
     maps: list[Mapping[object, object]] = [spec.uses, spec.overrides, spec.types]  # type: ignore[list-item]
-    places = {n: at for n, at in spec.positions.items() if n.interval is not None or n.op is None}
-    said = (spec, str(spec), spec.text, spec.bounding, spec.requirement)
-    return (*said, places, spec.positions.keys(), *map(dict, maps))
+    places = {
+        n: where for n, where in spec.positions.items() if n.interval is not None or n.op is None
+    }
+    parts = (spec, str(spec), spec.text, spec.bounding, spec.requirement)
+    return (*parts, places, spec.positions.keys(), *map(dict, maps))
 
 
 @given(named)
-def test_other_values_give_what_the_text_with_these_values_gives(named: Named) -> None:
+def test_template_matches_parse(named: Named) -> None:
     spec = parse(named.text, constants=named.first)
     template = SpecificationTemplate(spec)
     assert template.names == named.first.keys()
@@ -48,7 +50,7 @@ def test_other_values_give_what_the_text_with_these_values_gives(named: Named) -
 
 
 @given(named)
-def test_the_formula_is_that_of_numbers_in_the_places_of_names(named: Named) -> None:
+def test_template_formula_is_interned(named: Named) -> None:
     assume("--" not in named.written.replace(" ", ""))  # two signs in a row are no bound
     try:
         expected = parse(named.written)
@@ -69,9 +71,9 @@ def test_requirements_ranges_and_units_follow() -> None:
     spec = parse(TEXT.replace("w ms:top", "w:top ms"), unit="ms")
     template = SpecificationTemplate(spec)
     expected = parse(spec.text, unit="ms", constants={"w": "0.5", "top": Fraction(7, 2)})
-    found = template.at({"w": "0.5", "top": Fraction(7, 2)})
-    assert content(found) == content(expected)
-    assert found.ranges["x"] == (0.0, 3.5)
+    filled = template.at({"w": "0.5", "top": Fraction(7, 2)})
+    assert content(filled) == content(expected)
+    assert filled.ranges["x"] == (0.0, 3.5)
     for name, part in spec.requirements.items():
         other = SpecificationTemplate(part).at({"w": 3, "top": 4})
         assert content(other) == content(
@@ -103,7 +105,7 @@ def test_a_template_is_copied_and_pickled() -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "said"),
+    ("values", "parts"),
     [
         ({"limt": 3}, "the text has no constant 'limt'; did you mean 'limit'?"),
         ({"x": 3}, "the text has no constant 'x'; its constants are"),
@@ -113,14 +115,14 @@ def test_a_template_is_copied_and_pickled() -> None:
         ({"top": -1}, "expected 0 or more as the maximum, got -1"),
     ],
 )
-def test_what_cannot_be_is_refused(values: dict[str, object], said: str) -> None:
+def test_what_cannot_be_is_refused(values: dict[str, object], parts: str) -> None:
     text = (
         "const float limit = 2; const float unused = 1; const float w = 1; const float top = 4; "
         "float x in [0, top]; eventually[0:w](x < limit)"
     )
     with pytest.raises(SpecificationError) as caught:
         SpecificationTemplate(text).at(values)  # type: ignore[arg-type]
-    assert said in str(caught.value)
+    assert parts in str(caught.value)
 
 
 def test_an_error_shows_the_place() -> None:
@@ -140,7 +142,7 @@ def test_a_formula_has_no_constants() -> None:
     assert SpecificationTemplate(formula).names == frozenset()
 
 
-def test_a_result_that_becomes_another_requirement_is_refused() -> None:
+def test_equal_requirements_error() -> None:
     text = "const float p = 1; const float q = 2; a = x > p; b = x > 5; x > q"
     template = SpecificationTemplate(parse(text).requirements["spec"])
     assert template.at({"q": 3}).formula is parse("x > 3").formula

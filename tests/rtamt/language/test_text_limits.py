@@ -1,4 +1,4 @@
-"""Hostile texts and numbers cost little: every limit is checked before the work that it saves."""
+"""Limits of texts and numbers; hostile input fails before it costs much."""
 
 import contextlib
 import pickle
@@ -60,12 +60,12 @@ def test_the_cost_of_a_text_rises_with_its_length(piece: str) -> None:
 
 
 def refused(text: str) -> None:
-    """Parse a text, which may be none."""
+    """Parse a text, and ignore errors."""
     with contextlib.suppress(ParseError):
         rtamt.parse(text)
 
 
-def test_an_and_of_ands_has_no_more_operands_than_the_limit() -> None:
+def test_nested_and_operand_limit() -> None:
     text = "p0=x>0;" + "".join(f"p{i + 1}=p{i} and x>{i};" for i in range(1000))
     with pytest.raises(ParseError) as caught:
         rtamt.parse(text)
@@ -73,7 +73,7 @@ def test_an_and_of_ands_has_no_more_operands_than_the_limit() -> None:
     assert caught.value.hint == "write the formulas as several specifications"
 
 
-def test_a_formula_longer_than_a_text_is_pickled_all_the_same() -> None:
+def test_long_formula_pickles() -> None:
     x = rtamt.variable("x" * 200)
     formula = rtamt.conjunction(x > i for i in range(1000))
     assert len(str(formula)) > MAX_TEXT
@@ -175,7 +175,7 @@ def test_a_number_is_checked_before_it_is_computed_with(value: str, message: str
 
 @given(st.integers(-(2**20), 2**20), st.integers(0, 990), st.integers(1, 2**20))
 def test_a_fraction_of_long_whole_numbers_is_exact(small: int, digits: int, below: int) -> None:
-    """Its value has to be between the limits, its numbers need not."""
+    """Only the value of a fraction must be within the limits, not its numerator and denominator."""
     value = Fraction(small * 10**digits + 1, below * 10**digits)
     assert exact(value, "it") == value
 
@@ -215,7 +215,7 @@ def test_an_interval_is_made_of_fractions(bounds: tuple[Fraction, Fraction]) -> 
 
 
 class Silent:
-    """An object whose repr raises."""
+    """An object with a repr that raises."""
 
     def __repr__(self) -> str:
         raise RuntimeError
@@ -239,7 +239,7 @@ def test_errors_name_what_cannot_be_printed(odd: Any) -> None:  # noqa: ANN401 -
             call()
 
 
-def test_a_formula_that_names_write_out_too_large_is_refused() -> None:
+def test_expanded_names_size_limit() -> None:
     text = "a0 = x > 0 and y > 0\n"
     text += "".join(f"a{i + 1} = a{i} and not a{i}\n" for i in range(24))
     with pytest.raises(ParseError) as error:

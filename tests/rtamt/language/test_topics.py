@@ -42,7 +42,7 @@ def shown(text: str) -> list[tuple[str, str, str, str]]:
     ]
 
 
-def test_a_text_of_the_paper_names_messages_topics_and_fields() -> None:
+def test_topics_of_the_paper() -> None:
     assert shown(PAPER) == [
         (
             "cmd",
@@ -80,13 +80,13 @@ def test_a_text_of_the_paper_names_messages_topics_and_fields() -> None:
         ("uint64", "UInt64"),
     ],
 )
-def test_a_plain_variable_is_the_message_of_std_msgs_with_its_type(kind: str, message: str) -> None:
+def test_plain_variable_reads_std_msgs(kind: str, message: str) -> None:
     assert shown(f"input {kind} x; @ topic(x, /a/b); x > 0") == [
         ("x", f"std_msgs/{message}", "/a/b", "x: data")
     ]
 
 
-def test_what_is_not_declared_is_a_float_or_a_message_of_an_unknown_class() -> None:
+def test_undeclared_variable_topics() -> None:
     assert shown("x > 0 and robot.pose.x < 1") == [
         ("x", "std_msgs/Float64", "rtamt/x", "x: data"),
         ("robot", "None/None", "rtamt/robot", "robot.pose.x: pose.x"),
@@ -102,7 +102,7 @@ def test_a_message_that_holds_a_number_may_stand_for_it() -> None:
     ("package", "message"),
     [("geometry_msgs", "Twist"), ("std_msgs", "Header"), ("other_msgs", "Float32")],
 )
-def test_a_message_that_holds_no_number_does_not_stand_for_one(package: str, message: str) -> None:
+def test_message_without_number_error(package: str, message: str) -> None:
     with pytest.raises(ParseError) as error:
         subscriptions(f"from {package}.msg import {message}; input {message} cmd; cmd > 0")
     text = f"from {package}.msg import {message}; input {message} cmd; cmd > 0"
@@ -113,7 +113,7 @@ def test_a_message_that_holds_no_number_does_not_stand_for_one(package: str, mes
     assert text[error.value.column - 1 :] == "cmd > 0"
 
 
-def test_every_formula_of_a_text_is_subscribed_for_and_nothing_that_none_uses() -> None:
+def test_subscriptions_cover_all_formulas() -> None:
     spec = rtamt.parse("float a; float b; float c; p = a > 0; q = always(b > 0)")
     assert [s.variable for s in subscriptions(spec)] == ["a", "b"]
     assert [s.variable for s in subscriptions(spec.requirements["q"])] == ["b"]
@@ -163,9 +163,9 @@ out.value = always(near and plain and whole and whole.twist.twist.linear.x and a
 
 
 def test_the_text_says_topics_messages_and_fields() -> None:
-    found = [(p.formula, p.variable, p.topic, p.default, p.path) for p in publications(TEXT)]
+    published = [(p.formula, p.variable, p.topic, p.default, p.path) for p in publications(TEXT)]
     twist = "whole.twist.twist.linear.x"
-    assert found == [
+    assert published == [
         ("near", "near", "/near", "rtamt/near", ("data",)),
         ("plain", "plain", None, "rtamt/plain", ("data",)),
         ("whole", "whole", None, "rtamt/whole", ()),  # no number
@@ -201,7 +201,7 @@ def test_the_result_is_last_and_may_be_given_a_name(
     assert publications(text, name)[-1].default == default
 
 
-def test_a_result_without_a_name_takes_no_topic_of_a_variable_of_that_name() -> None:
+def test_unnamed_result_topic() -> None:
     text = "input float64 speed\n@ topic(speed, /robot/speed)\nalways(speed < 3)"
-    (found,) = publications(text, "speed")
-    assert (found.formula, found.topic, found.default) == ("", None, "rtamt/speed")
+    (published,) = publications(text, "speed")
+    assert (published.formula, published.topic, published.default) == ("", None, "rtamt/speed")

@@ -1,4 +1,4 @@
-"""Requirements in words can be read back: no two formulas have the same, and none is without."""
+"""Requirements in words: every formula has a sentence, which reads back to this formula."""
 
 import re
 from collections import Counter
@@ -103,7 +103,7 @@ def test_every_operator_has_words_in_one_table() -> None:
         *(words.NEGATIONS, words.INFIX, ["implies"], words.NEIGHBOURS, words.MOMENTS),
         timed,
     ]
-    # The rows of difference and sum are named by their symbols.
+    # The rows of difference and sum have their symbols as names.
     assert Counter(name for table in tables for name in table) == Counter(list(OPERATORS))
     assert timed == set(words.VERBS)
 
@@ -128,17 +128,17 @@ def test_words_of_generated_formulas_read_back(formula: Formula) -> None:
 
 
 def _of_the_start(formula: Node) -> bool:
-    """Whether the first sample alone decides on some part, so that no window tells the time."""
+    """Return whether only the first sample decides some part, so that no window states the time."""
     match formula.op and formula.op.name:
         case "always" | "eventually" | "until" | "unless" | "true" | "false":
             return False
         case "not" | "and" | "or" | "implies" | "iff" | "xor":
-            return any(_of_the_start(each) for each in formula.args)
+            return any(_of_the_start(entry) for entry in formula.args)
     return True
 
 
 @given(formulas(3, endless=True))
-def test_what_holds_at_the_start_alone_is_never_said_as_a_standing_rule(formula: Formula) -> None:
+def test_start_is_not_a_standing_rule(formula: Formula) -> None:
     assert in_words(formula).startswith("at the start, ") == _of_the_start(formula)
     assert not in_words(formula.always()).startswith("at the start, ")
 
@@ -164,7 +164,7 @@ def test_bounds_keep_their_units(name: str, begin: int, end: str) -> None:
     assert read(in_words(formula.eventually())) is formula.eventually()
 
 
-def test_a_unit_is_that_of_the_specification_or_the_one_given() -> None:
+def test_unit_in_words() -> None:
     assert in_words(rtamt.parse("always[0:5](x > 1)", unit="ms")).endswith("first 5 ms")
     assert in_words("always[0:5](x > 1)", unit="steps").endswith("during the first 5 steps")
     assert in_words("always[0:1](x > 1)", unit="steps").endswith("during the first 1 step")

@@ -1,4 +1,4 @@
-"""Mutants of requirements: one change at one place of the text, and nothing else."""
+"""Mutants of requirements: each has one change at one place of the text."""
 
 import re
 import subprocess
@@ -81,29 +81,29 @@ EXPECTED = {
     ),
     "constant": (CONSTANTS, ["v < LIMIT -> v < FLOOR", "w > FLOOR -> w > LIMIT"]),
 }
-"""For each kind a requirement and all that is changed in it."""
+"""A requirement for each kind, with all its changes."""
 
 
-def changes(found: tuple[Mutant, ...]) -> list[str]:
-    return [f"{each.before} -> {each.after or 'nothing'}" for each in found]
+def changes(result: tuple[Mutant, ...]) -> list[str]:
+    return [f"{item.before} -> {item.after or 'nothing'}" for item in result]
 
 
 @pytest.mark.parametrize("kind", MUTATIONS)
 def test_each_kind_changes_what_it_says(kind: str) -> None:
     text, expected = EXPECTED[kind]
-    found = changes(mutants(text, kinds=[kind]))
-    assert sorted(found) == sorted(expected)
+    result = changes(mutants(text, kinds=[kind]))
+    assert sorted(result) == sorted(expected)
     before, after = MUTATIONS[kind].example.split(" -> ")
     everything = {
-        each
+        item
         for known, _ in EXPECTED.values()
-        for each in changes(mutants(known.replace("[2:5]", "[0:5]").replace("->", "implies")))
+        for item in changes(mutants(known.replace("[2:5]", "[0:5]").replace("->", "implies")))
     }
     assert f"{before} -> {after}" in everything
 
 
 def original_text(mutant: Mutant) -> str:
-    """The text of the mutant, with what stood there at its place; by the ends that both share."""
+    """The text of the mutant with the change undone, from the parts that both texts share."""
     old, new = mutant.requirement.text, mutant.specification.text
     head = next((i for i, pair in enumerate(zip(old, new, strict=False)) if len({*pair}) > 1), None)
     head = min(len(old), len(new)) if head is None else head
@@ -114,18 +114,16 @@ def original_text(mutant: Mutant) -> str:
 
 
 @given(formulas(), st.sampled_from([None, "0.5", "0.1"]))
-def test_a_mutant_is_the_requirement_with_one_change_of_its_text(
-    formula: Formula, period: str | None
-) -> None:
+def test_mutants_change_one_place(formula: Formula, period: str | None) -> None:
     spec = Specification.of(formula)
-    found = mutants(spec, period, limit=15)
-    assert len({each.specification.formula for each in found}) == len(found)
-    for mutant in found:
+    result = mutants(spec, period, limit=15)
+    assert len({item.specification.formula for item in result}) == len(result)
+    for mutant in result:
         changed = mutant.specification
         assert changed.formula is not spec.formula
         assert rtamt.parse(str(changed)) == changed
         assert {*changed.variables} <= {*spec.variables}
-        # One stretch of the text differs, and it lies in what is shown.
+        # One part of the text differs, and the mutant shows it.
         assert original_text(mutant) == spec.text
         assert mutant.line == 1
         assert len(changed.text) - len(spec.text) == len(mutant.after) - len(mutant.before)
@@ -139,7 +137,7 @@ def test_a_mutant_is_the_requirement_with_one_change_of_its_text(
 
 
 @given(formulas())
-def test_symbols_and_words_are_exchanged_wherever_they_stand(formula: Formula) -> None:
+def test_symbols_and_words_are_exchanged(formula: Formula) -> None:
     text = str(formula)
     words = re.findall(r"\w+|[<>=!]+", text)
     for kind, one, other in (
@@ -150,10 +148,10 @@ def test_symbols_and_words_are_exchanged_wherever_they_stand(formula: Formula) -
         ("operator", "until", "unless"),
     ):
         of_one = [
-            each.specification.formula
-            for each in mutants(text, kinds=[kind])
-            if one in re.findall(r"\w+|[<>=!]+", each.before)
-            and (other is None or other in re.findall(r"\w+|[<>=!]+", each.after))
+            item.specification.formula
+            for item in mutants(text, kinds=[kind])
+            if one in re.findall(r"\w+|[<>=!]+", item.before)
+            and (other is None or other in re.findall(r"\w+|[<>=!]+", item.after))
         ]
         if other is None:
             assert not of_one
@@ -177,8 +175,8 @@ def test_bounds_stay_whole_numbers_of_periods(formula: Formula, unit: str, sampl
 
 
 def test_a_bound_moves_by_a_sample_in_its_own_unit() -> None:
-    found = mutants("always[0.2:1s](x) and once[100:300ms](y)", "100ms", kinds=["bound"])
-    assert changes(found) == [
+    result = mutants("always[0.2:1s](x) and once[100:300ms](y)", "100ms", kinds=["bound"])
+    assert changes(result) == [
         "[0.2:1s] -> [0.1:1s]",
         "[0.2:1s] -> [0.3:1s]",
         "[0.2:1s] -> [0.2:0.9s]",
@@ -191,13 +189,13 @@ def test_a_bound_moves_by_a_sample_in_its_own_unit() -> None:
 
 
 def test_period_of_a_third_keeps_decimal_bounds() -> None:
-    found = mutants("always[0:1](x)", Fraction(1, 3), kinds=["bound", "window"])
-    assert changes(found) == ["[0:1] -> [0:2]", "[0:1] -> [0:10]"]
+    result = mutants("always[0:1](x)", Fraction(1, 3), kinds=["bound", "window"])
+    assert changes(result) == ["[0:1] -> [0:2]", "[0:1] -> [0:10]"]
 
 
 def test_numbers_move_by_a_unit_of_their_last_digit() -> None:
-    found = mutants("always(x < 0.20 and y > -1e-3 and z == 0 and w < .5)", kinds=["threshold"])
-    assert [each.after for each in found] == [
+    result = mutants("always(x < 0.20 and y > -1e-3 and z == 0 and w < .5)", kinds=["threshold"])
+    assert [item.after for item in result] == [
         *("x < 0.19", "x < 0.21"),
         *("y > -0", "y > -0.002"),
         *("z == -1", "z == 1"),
@@ -207,17 +205,17 @@ def test_numbers_move_by_a_unit_of_their_last_digit() -> None:
 
 def test_constants_move_in_declaration_or_value() -> None:
     text = "const float T = 2\nconst float LOW = -0.5\nalways[0:T](x > LOW) and x > LOW"
-    found = mutants(text, kinds=["bound", "threshold"])
-    assert [str(each) for each in found] == [
+    result = mutants(text, kinds=["bound", "threshold"])
+    assert [str(item) for item in result] == [
         "1:17 T = 2 -> T = 1",
         "1:17 T = 2 -> T = 3",
         "2:19 LOW = -0.5 -> LOW = -0.6",
         "2:19 LOW = -0.5 -> LOW = -0.4",
         "3:8 [0:T] -> [1:T]",
     ]
-    assert str(found[2].specification.formula) == "always[0:2](x > -0.6) and x > -0.6"
+    assert str(result[2].specification.formula) == "always[0:2](x > -0.6) and x > -0.6"
     given = mutants(rtamt.parse(text, constants={"T": 7}), kinds=["bound"])
-    assert [str(each) for each in given] == [
+    assert [str(item) for item in given] == [
         "3:8 [0:T] -> [1:T]",
         "3:10 T = 7 -> T = 6",
         "3:10 T = 7 -> T = 8",
@@ -228,12 +226,12 @@ def test_constants_move_in_declaration_or_value() -> None:
 def test_shared_formula_changes_for_both_uses() -> None:
     text = "p = x > 1\nq = z > 0\nboth = always(p) and eventually(p)\nother = always(q)"
     both = rtamt.parse(text).requirements["both"]
-    found = mutants(both, kinds=["direction"])
-    assert [str(each) for each in found] == ["1:7 x > 1 -> x < 1"]
-    assert str(found[0].specification.formula) == "always(x < 1) and eventually(x < 1)"
-    assert found[0].specification.requirement == "both"
+    result = mutants(both, kinds=["direction"])
+    assert [str(item) for item in result] == ["1:7 x > 1 -> x < 1"]
+    assert str(result[0].specification.formula) == "always(x < 1) and eventually(x < 1)"
+    assert result[0].specification.requirement == "both"
     dropped = mutants(both, kinds=["part"])
-    assert [str(each.specification.formula) for each in dropped] == [
+    assert [str(item.specification.formula) for item in dropped] == [
         "eventually(x > 1)",
         "always(x > 1)",
     ]
@@ -247,19 +245,19 @@ def test_the_most_are_the_first_of_each_kind_in_turn() -> None:
         assert len(some) == min(most, len(every))
         assert {*some} <= {*every}
         assert {*some} <= {*mutants(text, limit=most + 1)}
-    kinds = [kind for kind in MUTATIONS if any(each.kind == kind for each in every)]
-    assert {each.kind for each in mutants(text, limit=len(kinds))} == {*kinds}
+    kinds = [kind for kind in MUTATIONS if any(item.kind == kind for item in every)]
+    assert {item.kind for item in mutants(text, limit=len(kinds))} == {*kinds}
 
 
 def test_places_in_several_lines_with_comments() -> None:
     text = "// v < 35\nslow =\n  v < 35 // km/h\n  and  v >= 0\nalways(slow)"
-    found = mutants(text, kinds=["junction", "part"])
-    assert [str(each) for each in found] == [
+    result = mutants(text, kinds=["junction", "part"])
+    assert [str(item) for item in result] == [
         "3:3 v < 35 // km/h and -> nothing",
         "4:3 and -> or",
         "4:3 and v >= 0 -> nothing",
     ]
-    assert [str(each.specification.formula) for each in found] == [
+    assert [str(item.specification.formula) for item in result] == [
         "always(v >= 0)",
         "always(v < 35 or v >= 0)",
         "always(v < 35)",
@@ -278,8 +276,8 @@ def test_apart_fails_where_requirement_and_mutant_differ() -> None:
 
 def test_constant_bounds_are_exchanged() -> None:
     text = "const float a = 2; const float b = 3; always[0:a](x > 1 and eventually[a:b](y > 0))"
-    found = [str(m) for m in mutants(text, kinds=["constant"]) if "[" in str(m)]
-    assert found == ["1:48 [0:a] -> [0:b]", "1:72 [a:b] -> [b:b]", "1:74 [a:b] -> [a:a]"]
+    result = [str(m) for m in mutants(text, kinds=["constant"]) if "[" in str(m)]
+    assert result == ["1:48 [0:a] -> [0:b]", "1:72 [a:b] -> [b:b]", "1:74 [a:b] -> [a:a]"]
 
 
 def test_bounds_in_another_unit_keep_it_apart() -> None:
@@ -289,8 +287,8 @@ def test_bounds_in_another_unit_keep_it_apart() -> None:
 
 def verdict(spec: Specification, trace: Trace, end: End, options: Any) -> Verdict | None:  # noqa: ANN401
     names = {
-        each: [name for name in options[each] if name in spec.variables]
-        for each in ("inputs", "outputs")
+        item: [name for name in options[item] if name in spec.variables]
+        for item in ("inputs", "outputs")
     }
     try:
         return judge(spec, trace, end=end, n=length(trace), **{**options, **names}).verdict
@@ -314,22 +312,26 @@ def test_noticed_matches_single_verdicts(
     options: Any = {"semantics": semantics, "inputs": inputs, "outputs": outputs, "nan": policy}
     if policy == "unknown":
         trace = {name: [nan, *values[1:]] for name, values in trace.items()}
-    found = mutants(spec, limit=12)
+    result = mutants(spec, limit=12)
     its = verdict(spec, trace, end, options)
-    said = killed(found, trace, end=end, n=length(trace), **options)
-    for mutant, each in zip(found, said, strict=True):
+    kills = killed(result, trace, end=end, n=length(trace), **options)
+    for mutant, item in zip(result, kills, strict=True):
         if mutant.specification.variables == spec.variables:  # else roles may have no variable
             other = verdict(mutant.specification, trace, end, options)
-            assert each == ({its, other} == {Verdict.SATISFIED, Verdict.VIOLATED}), str(mutant)
+            assert item == ({its, other} == {Verdict.SATISFIED, Verdict.VIOLATED}), str(mutant)
 
 
-def test_a_mutant_that_cannot_be_judged_is_not_noticed() -> None:
-    found = mutants("always[0:1s](x < 3)", "500ms", kinds=["bound", "threshold"])
-    said = killed(found, {"x": [2.5, 3.5]}, "1s")  # no bound of 0.5 s is a whole number of samples
-    assert [str(m) for m, each in zip(found, said, strict=True) if each] == ["1:18 x < 3 -> x < 4"]
-    found = mutants("always(sqrt(x - 1) < 2)", kinds=["threshold"])
-    said = killed(found, {"x": [1.5, 6.0]})  # one takes the root of -0.5
-    assert [str(m) for m, each in zip(found, said, strict=True) if each] == [
+def test_unjudged_mutant_survives() -> None:
+    result = mutants("always[0:1s](x < 3)", "500ms", kinds=["bound", "threshold"])
+    kills = killed(
+        result, {"x": [2.5, 3.5]}, "1s"
+    )  # no bound of 0.5 s is a whole number of samples
+    assert [str(m) for m, item in zip(result, kills, strict=True) if item] == [
+        "1:18 x < 3 -> x < 4"
+    ]
+    result = mutants("always(sqrt(x - 1) < 2)", kinds=["threshold"])
+    kills = killed(result, {"x": [1.5, 6.0]})  # one takes the root of -0.5
+    assert [str(m) for m, item in zip(result, kills, strict=True) if item] == [
         "1:22 sqrt(x - 1) < 2 -> sqrt(x - 1) < 3"
     ]
 
@@ -349,5 +351,5 @@ def test_what_is_no_kind_or_number_is_refused(arguments: dict[str, object], word
 
 def test_the_parser_is_loaded_when_mutants_are_made() -> None:
     code = "import rtamt.mutation, sys; print(any('antlr' in name for name in sys.modules))"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout == "False\n"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"

@@ -1,4 +1,4 @@
-"""Patterns against definitions on arrays, the catalogue with its page, and stages."""
+"""Patterns against definitions on arrays; the catalogue and its page; stages."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -38,8 +38,8 @@ def rises(p: Floats) -> Floats:
     return np.minimum(p, np.concatenate(([INF], -p[:-1])))
 
 
-def whenever(asked: Floats, answered: Floats) -> float:
-    return least(np.maximum(-asked, answered))
+def whenever(requested: Floats, answered: Floats) -> float:
+    return least(np.maximum(-requested, answered))
 
 
 def ahead(p: Floats, steps: int, of: Callable[[Floats], float]) -> Floats:
@@ -47,19 +47,19 @@ def ahead(p: Floats, steps: int, of: Callable[[Floats], float]) -> Floats:
 
 
 def lasted(p: Floats, steps: int) -> Floats:
-    """The least of p over the last so many steps and now; -inf where so many were not seen."""
+    """The minimum of p over the last steps and now; -inf before that many steps."""
     return np.array(
         [least(p[i - steps : i + 1]) if i >= steps else -INF for i in range(len(p))],
     )
 
 
 def settled(away: Floats, steps: int) -> float:
-    """The greatest, over beginnings in time, of the least from there to the end."""
+    """The maximum over start times of the minimum of p up to the end."""
     return greatest(np.minimum.accumulate(-away[::-1])[::-1][: steps + 1])
 
 
 def chained(stages: list[Floats], steps: int | None = None) -> float:
-    """The greatest over ordered times of the least of the stages at theirs, stage by stage."""
+    """The maximum over ordered times of the minimum of the stages at these times."""
     best = stages[0]
     for stage in stages[1:]:
         far = len(best) if steps is None else steps
@@ -69,11 +69,11 @@ def chained(stages: list[Floats], steps: int | None = None) -> float:
 
 
 def between(p: Floats, begin: Floats, end: Floats) -> float:
-    found = INF
+    worst = INF
     for i in range(len(p)):
-        kept = max(min(float(end[j]), least(-p[i:j])) for j in range(i, len(p)))
-        found = min(found, max(-min(float(begin[i]), greatest(end[i:])), kept))
-    return found
+        lasting = max(min(float(end[j]), least(-p[i:j])) for j in range(i, len(p)))
+        worst = min(worst, max(-min(float(begin[i]), greatest(end[i:])), lasting))
+    return worst
 
 
 def first_before(first: Floats, later: Floats) -> float:
@@ -142,7 +142,7 @@ DEFINITIONS: dict[str, tuple[Formula, Callable[[Floats, Floats, Floats], float]]
     "held": (patterns.success(X > 0, T), lambda x, *_: greatest(lasted(x, T))),
     "kept": (patterns.success(X > 0, T, kept=True), lambda x, *_: float(lasted(x, T)[-1])),
 }
-"""Each pattern, and its robustness at the first sample of a trace that is complete."""
+"""Each pattern, and its robustness at the first sample of a complete trace."""
 
 _columns = st.integers(1, 12).flatmap(
     lambda n: st.lists(
@@ -173,7 +173,7 @@ def test_a_pattern_is_its_definition(name: str, backend: Literal["native", "pyth
 
 
 @pytest.mark.parametrize("name", DEFINITIONS)
-def test_a_pattern_is_an_ordinary_formula_with_a_sentence(name: str) -> None:
+def test_pattern_formula_and_words(name: str) -> None:
     formula, _ = DEFINITIONS[name]
     assert rtamt.parse(str(formula)).formula is formula
     assert rtamt.language.words.in_words(formula)
@@ -217,9 +217,9 @@ def test_an_example_is_what_it_says(pattern: Pattern) -> None:
 
 @pytest.mark.parametrize("pattern", CATALOGUE, ids=_name)
 def test_an_example_demands_something_with_every_part(pattern: Pattern) -> None:
-    found = rtamt.check(pattern.formula, 1)
-    assert found.answer == "yes"
-    (requirement,) = found.requirements.values()
+    worst = rtamt.check(pattern.formula, 1)
+    assert worst.answer == "yes"
+    (requirement,) = worst.requirements.values()
     assert requirement.satisfiable.answer == requirement.falsifiable.answer == "yes"
     assert requirement.redundant == ()
 
@@ -278,8 +278,8 @@ PAGE = (ROOT / "docs" / "patterns.md").read_text(encoding="utf-8")
 
 @pytest.mark.parametrize("pattern", CATALOGUE, ids=lambda pattern: pattern.name)
 def test_the_page_has_the_row_of_a_pattern(pattern: Pattern) -> None:
-    said = f"**{pattern.name}** {pattern.wanted}"
-    assert f"| {said} | `{pattern.written}` | `{pattern.formula}` |" in PAGE
+    row = f"**{pattern.name}** {pattern.wanted}"
+    assert f"| {row} | `{pattern.written}` | `{pattern.formula}` |" in PAGE
 
 
 FORMS = {
@@ -311,9 +311,9 @@ def test_the_arguments_of_in_order_are_the_stages(
     parts: list[Formula], within: int | str | None
 ) -> None:
     plain = [part.rise() for part in parts]  # no eventually that could be one more stage
-    whole = in_order(*plain, within=within)
-    assert stages(whole) == tuple(plain)
-    found = prefixes(str(whole))
-    assert found[0] is plain[0].eventually()
-    assert found[-1] is whole
-    assert found[1:] == tuple(in_order(*plain[:n], within=within) for n in range(2, len(plain) + 1))
+    chain = in_order(*plain, within=within)
+    assert stages(chain) == tuple(plain)
+    worst = prefixes(str(chain))
+    assert worst[0] is plain[0].eventually()
+    assert worst[-1] is chain
+    assert worst[1:] == tuple(in_order(*plain[:n], within=within) for n in range(2, len(plain) + 1))
