@@ -11,7 +11,7 @@ from rtamt.checking.answers import Answer, Check, CheckedRequirement, Equivalenc
 from rtamt.checking.encoding import ValueRange, VariableLimits
 from rtamt.checking.search import Goal, SearchAnswer, WitnessSearch
 from rtamt.errors import Argument, InputError, InputTypeError
-from rtamt.language.declarations import is_whole, range_text
+from rtamt.language.declarations import is_whole, range_of_type, range_text
 from rtamt.language.formula import Formula, make, replaced
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification
@@ -245,10 +245,18 @@ def _named_requirements(specs: Spec | Mapping[str, Spec]) -> dict[str, Specifica
 
 
 def _ranges(specs: Iterable[Specification]) -> dict[str, tuple[float, float]]:
-    """Return the values of each variable that all specifications allow."""
+    """Return the values of each variable that all specifications allow.
+
+    A specification may declare the range of a variable that only another one uses.
+    """
+    specs = [*specs]
+    used = dict.fromkeys(name for spec in specs for name in spec.variables)
     ranges: dict[str, tuple[float, float]] = {}
     for spec in specs:
-        for name, (lower, upper) in spec.ranges.items():
+        declared = {name: spec.declarations[name] for name in used if name in spec.declarations}
+        own = {name: d.range or range_of_type(d.type) for name, d in declared.items()}
+        limited = {name: values for name, values in own.items() if values is not None}
+        for name, (lower, upper) in (limited | dict(spec.ranges)).items():
             known = ranges.get(name, (-math.inf, math.inf))
             ranges[name] = max(lower, known[0]), min(upper, known[1])
             if ranges[name][0] > ranges[name][1]:

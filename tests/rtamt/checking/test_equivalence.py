@@ -41,6 +41,12 @@ def test_an_equivalence_holds_on_all_traces_in_range(
         assert (result.answer, result.samples) == ("yes", 0)  # all windows end
 
 
+@pytest.mark.parametrize("declaration", ["float x in [1, 2]", "uint8 x; float y in [0, 1]"])
+def test_range_of_a_variable_that_only_the_other_uses(declaration: str) -> None:
+    assert str(rtamt.equivalent(f"{declaration}; true", "x >= 0")) == "yes"
+    assert str(rtamt.equivalent("x >= 0", f"{declaration}; true")) == "yes"
+
+
 def test_unbounded_equivalence_states_its_samples() -> None:
     result = rtamt.equivalent("always(x < 3)", "not eventually(x >= 3)")
     assert str(result) == "yes, on all traces of up to 16 samples, their ends repeated"
