@@ -37,9 +37,8 @@ if TYPE_CHECKING:
     from rtamt_gym.wrappers.overlay import RobustnessOverlay
     from rtamt_gym.wrappers.parallel import ParallelStlMonitor, ParallelStlReward
     from rtamt_gym.wrappers.recording import RecordViolations
-    from rtamt_gym.wrappers.reward import StlReward
+    from rtamt_gym.wrappers.reward import StlReward, VectorStlReward
     from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
-    from rtamt_gym.wrappers.vector_reward import VectorStlReward
 
     __all__ = [
         "Case",
@@ -111,7 +110,7 @@ _MODULES = {
     "StlMonitor": "rtamt_gym.wrappers.monitor",
     "StlReward": "rtamt_gym.wrappers.reward",
     "VectorStlMonitor": "rtamt_gym.wrappers.vector_monitor",
-    "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
+    "VectorStlReward": "rtamt_gym.wrappers.reward",
     "Waveform": "rtamt_gym.inputs.case",
     "compare": "rtamt_gym.evaluation.comparison",
     "compare_methods": "rtamt_gym.evaluation.methods",

@@ -35,9 +35,8 @@ from rtamt_gym.signals.columns import Batch, Entries, Floats
 from rtamt_gym.signals.periods import read_period, warn_of_unverified_period, why_no_period
 from rtamt_gym.signals.signals import SignalLike, parse_signals
 from rtamt_gym.signals.sources import STEP
-from rtamt_gym.wrappers.reward import ShapingOptions
+from rtamt_gym.wrappers.reward import ShapingOptions, VectorStlReward
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
-from rtamt_gym.wrappers.vector_reward import VectorStlReward
 
 
 class Tape:

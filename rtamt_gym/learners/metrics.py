@@ -86,7 +86,7 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
     """
     if not episodes:
         return {}
-    satisfied = [all(_satisfied(episode)) for episode in episodes]
+    satisfied = [all(outcome["satisfied"] for outcome in episode.values()) for episode in episodes]
     metrics = {"satisfied": _share(satisfied), **_interval("", satisfied)}
     for name in episodes[0]:
         outcomes = [episode[name] for episode in episodes]
@@ -276,10 +276,6 @@ def _measured(name: str, robustness: Mapping[float, float], times: ArrayLike) ->
     }
     first = median(times)
     return metrics if math.isnan(first) else {**metrics, f"{name}/first_violation": first}
-
-
-def _satisfied(episode: Outcomes) -> list[bool]:
-    return [bool(outcome["satisfied"]) for outcome in episode.values()]
 
 
 def _interval(prefix: str, satisfied: Sequence[bool]) -> dict[str, float]:

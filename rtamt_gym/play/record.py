@@ -120,11 +120,11 @@ class Record(Results):
     ) -> None:
         super().__init__(rows, requirements, system, provenance)
         self.shapes = _shapes(self.rows)
-        self.case_columns = tuple(
-            column
-            for name, shape in self.shapes.items()
-            for column in ([name] if shape is None else _points(name, len(shape["times"])))
-        )
+        columns: list[str] = []
+        for name, shape in self.shapes.items():
+            points = [""] if shape is None else [f"[{i}]" for i in range(len(shape["times"]))]
+            columns += [f"{name}{point}" for point in points]
+        self.case_columns = tuple(columns)
         check_columns(self.case_columns, self.requirements)
 
     def __repr__(self) -> str:
@@ -298,11 +298,6 @@ def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:
             )
         if case.count(name) > 1:
             raise InputError(f"expected columns of different names, got {name!r} twice")
-
-
-def _points(name: str, count: int) -> list[str]:
-    """Return the columns of a waveform's control points."""
-    return [f"{name}[{i}]" for i in range(count)]
 
 
 def _shapes(rows: Iterable[Trial]) -> dict[str, dict[str, Any] | None]:

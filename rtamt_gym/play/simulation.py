@@ -32,7 +32,6 @@ from rtamt_gym.judging.specs import (
 )
 from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
-from rtamt_gym.play.recorder import Recorder
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.run_record import (
     AT_VERDICTS,
@@ -40,6 +39,7 @@ from rtamt_gym.play.run_record import (
     KNOWN_EVERY,
     HistoriesOnDemand,
     History,
+    Recorder,
     SimulatedTrace,
     Stop,
 )
