@@ -1,4 +1,4 @@
-"""A system that calls ``sys.exit`` has failed: it ends neither the program nor a search."""
+"""A system that calls ``sys.exit`` fails; it ends neither the program nor a search."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""The period of the samples is told, and compared with the time of the simulation."""
+"""The period of the samples is reported, and compared with the time of the simulation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every run says how often its requirements were put to the test, as `rtamt.judge` does."""
+"""Every run reports how often its requirements were triggered, as `rtamt.judge` does."""
 
 from __future__ import annotations
 
