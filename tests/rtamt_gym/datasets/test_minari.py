@@ -1,4 +1,4 @@
-"""Datasets of Minari are relabelled into new ones, part by part."""
+"""`relabel` writes new datasets of Minari, part by part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`relabel` says of recorded episodes what the wrappers said while they ran, to the last bit."""
+"""`relabel` equals the wrappers on recorded episodes, to the last bit."""
 
 from __future__ import annotations
 

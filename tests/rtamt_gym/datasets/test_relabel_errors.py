@@ -1,4 +1,4 @@
-"""What `relabel` refuses, with the way out."""
+"""Errors of `relabel`, with a fix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs of training: what is read from CSV and event files, and what is drawn."""
+"""Logs of training: reading CSV and event files, and drawing them."""
 
 import csv
 import struct

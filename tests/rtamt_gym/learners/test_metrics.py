@@ -1,4 +1,4 @@
-"""The metrics of training: against counts by hand, and many environments against one."""
+"""The metrics of training against counts by hand, and many environments against one."""
 
 from __future__ import annotations
 

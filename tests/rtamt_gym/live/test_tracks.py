@@ -1,4 +1,4 @@
-"""The samples of a live view on their way to it, without Rerun."""
+"""The samples of a live view before they are sent, without Rerun."""
 
 import math
 import sys

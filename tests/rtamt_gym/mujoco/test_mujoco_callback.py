@@ -1,4 +1,4 @@
-"""A program that owns its loop is monitored from inside of `mj_step`, and nothing stays behind."""
+"""A program with its own loop is monitored inside `mj_step`, without any traces afterwards."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rollouts of MuJoCo under specifications: what a monitor sees, step by step, for all at once."""
+"""Rollouts of MuJoCo under specifications equal monitors step by step."""
 
 from typing import Any
 

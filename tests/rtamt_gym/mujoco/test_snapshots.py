@@ -1,4 +1,4 @@
-"""Snapshots: from them simulation and monitors go on as they did, bit for bit."""
+"""Simulation and monitors continue from snapshots as before, bit for bit."""
 
 import pickle
 from typing import Any

@@ -1,4 +1,4 @@
-"""`StepMonitor`: one sample for every `mj_step`, whatever the integrator, and no other effect."""
+"""`StepMonitor`: one sample for every `mj_step` with every integrator, and no other effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `StepMonitor` refuses, when, and what it says; after an error it is to be reset."""
+"""Errors of `StepMonitor`; after an error it must be reset."""
 
 from __future__ import annotations
 

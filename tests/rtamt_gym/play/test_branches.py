@@ -1,4 +1,4 @@
-"""Runs of a `StepMonitor` from its present state, and branches from snapshots."""
+"""Runs of a `StepMonitor` from its current state, and branches from snapshots."""
 
 import copy
 import pickle

@@ -1,4 +1,4 @@
-"""A campaign is its tasks: its record is the same wherever they run, and its folder is its own."""
+"""The record of a campaign is the same for any workers, and its folder belongs to it alone."""
 
 from __future__ import annotations
 

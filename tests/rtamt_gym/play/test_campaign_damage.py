@@ -1,4 +1,4 @@
-"""The folder of a campaign that is damaged: each file is named, with the way out."""
+"""Damaged folders of campaigns: errors name the file and a fix."""
 
 from __future__ import annotations
 

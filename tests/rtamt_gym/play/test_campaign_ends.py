@@ -1,4 +1,4 @@
-"""Runs that end their process or hang are in their rows; Ctrl-C and kills leave no process."""
+"""Runs that end their process or hang have a row; Ctrl-C and kills leave no process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Campaigns go on after any kill: nothing is lost, nothing is run twice, and no process is left."""
+"""Campaigns continue after any kill: nothing is lost or run twice, and no process is left."""
 
 from __future__ import annotations
 

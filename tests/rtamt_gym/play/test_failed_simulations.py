@@ -1,4 +1,4 @@
-"""Simulations that failed are counted and told, and count neither as seen nor as passed."""
+"""Failed simulations are counted and reported, and never count as passed."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""A run that stops once its robustness is known knows it, alone and in environments."""
+"""A run that stops once its robustness is known returns that robustness."""
 
 import math
 from collections.abc import Iterator, Mapping

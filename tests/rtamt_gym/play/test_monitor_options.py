@@ -1,4 +1,4 @@
-"""A `StepMonitor` is run under the options that it was made with."""
+"""A `StepMonitor` runs under its own options."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""Runs that are judged once they are over have the rows of monitored runs."""
+"""Runs that are judged after their end have the rows of monitored runs."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

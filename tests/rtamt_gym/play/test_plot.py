@@ -1,4 +1,4 @@
-"""Pictures of runs: what is drawn where."""
+"""Pictures of runs: the content of each panel."""
 
 import math
 import subprocess

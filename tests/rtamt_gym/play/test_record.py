@@ -1,4 +1,4 @@
-"""The record of many simulations: rows, columns, and Parquet files that lose nothing."""
+"""The record of many simulations: rows, columns, and lossless Parquet files."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Saved cases: what a file cannot hold is refused when it is saved, no case when it is read."""
+"""Saved cases: errors when a case cannot be saved, and when a file is not a case."""
 
 import functools
 import json

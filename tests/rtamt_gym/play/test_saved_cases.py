@@ -1,4 +1,4 @@
-"""Saved cases: every kind of system runs again to the same bits; what cannot be named says so."""
+"""Saved cases: every kind of system runs again to the same bits, or has no name to save."""
 
 import json
 import math

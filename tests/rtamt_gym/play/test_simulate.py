@@ -1,4 +1,4 @@
-"""`simulate`: what it runs, when it stops, and that a run says what the monitors say."""
+"""`simulate`: the systems that it runs, when it stops, and its agreement with monitors."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""`simulate`: how the end of a run is read, as the wrapper reads the end of an episode."""
+"""`simulate` evaluates the end of a run as the wrapper evaluates the end of an episode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `simulate` refuses, and how it says so."""
+"""Errors of `simulate`."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""`semantics=` of `simulate`, `StepMonitor` and rollouts, and what a run keeps of it."""
+"""`semantics=` of `simulate`, `StepMonitor` and rollouts, and in their results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vectorized cases equal single ones to the last bit, whenever each is stopped."""
+"""Vectorized cases equal single cases to the last bit, also if they stop early."""
 
 from typing import Any, get_args
 

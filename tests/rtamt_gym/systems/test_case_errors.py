@@ -1,4 +1,4 @@
-"""What a case may name and hold, said where it does not fit: environments and functions."""
+"""Errors about names and values of cases: environments and functions."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""A run of a case is the loop that one writes by hand: environments and functions."""
+"""A run of a case equals a loop written by hand: environments and functions."""
 
 import math
 import pickle

@@ -1,4 +1,4 @@
-"""Stored results are refused once their model has changed: campaigns, cases and evaluations."""
+"""Stored results of a changed model are errors: campaigns, cases and evaluations."""
 
 import importlib
 import importlib.metadata

@@ -1,4 +1,4 @@
-"""FMUs under specifications: what they compute, how they are connected, and what is refused."""
+"""FMUs under specifications: their results, their connections, and errors."""
 
 import copy
 import math

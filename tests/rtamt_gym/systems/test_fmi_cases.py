@@ -1,4 +1,4 @@
-"""Runs of FMUs with cases: inputs and parameters by name, in place of those of the system."""
+"""Runs of FMUs with cases: inputs and parameters by name replace the system's own."""
 
 import copy
 import gc

@@ -1,4 +1,4 @@
-"""What FMUs say when they fail, and FMUs that break the rules of the standard."""
+"""Messages of FMUs when they fail, and FMUs that break the rules of the standard."""
 
 import gc
 import io

@@ -1,4 +1,4 @@
-"""Exported monitors run beside a plant, as FMUs like any other."""
+"""Exported monitors run next to a plant, like other FMUs."""
 
 from pathlib import Path
 from typing import Any

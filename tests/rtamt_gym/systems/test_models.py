@@ -1,4 +1,4 @@
-"""A trained model as a policy: what it draws, what tells it apart, and how it goes to workers."""
+"""A trained model as a policy: its random numbers, its identity, and its way to workers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run of a MuJoCo model with a case is the loop that one writes by hand."""
+"""A run of a MuJoCo model with a case equals a loop written by hand."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Policies by name: functions of modules, which are found in the working directory too."""
+"""Policies by name: functions of modules, also in the working directory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A model that Stable-Baselines3 saved: its algorithm is told by what the file holds."""
+"""A model saved by Stable-Baselines3: the content of the file identifies its algorithm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The contracts that ship hold for what this package has, and catch what breaks them."""
+"""The published contracts hold for this package, and detect violations."""
 
 import sys
 from collections.abc import Iterator, Sequence

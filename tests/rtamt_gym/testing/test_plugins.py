@@ -1,4 +1,4 @@
-"""Other packages add formats of traces and optimizers by entry points."""
+"""Other packages add trace formats and optimizers by entry points."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""Constants that change between episodes: what the wrappers say then is what new ones would."""
+"""Constants that change between episodes: the wrappers report what new wrappers would report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Constants that are set on a wrapper around a monitor, where they change nothing."""
+"""Constants set on a wrapper around a monitor, where they have no effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A copy in mid-episode goes on only if its environment has the state of the original."""
+"""A copy in mid-episode continues only if its environment has the state of the original."""
 
 from __future__ import annotations
 

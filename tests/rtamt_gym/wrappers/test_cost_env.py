@@ -1,4 +1,4 @@
-"""`CostEnv` gives the cost that the monitor inside has put into the info, and changes nothing."""
+"""`CostEnv` returns the cost of the monitor inside, and changes nothing else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wrappers that count episodes inside of a monitor or a reward, and their statistics."""
+"""Wrappers inside a monitor or a reward that count episodes, and their statistics."""
 
 from __future__ import annotations
 

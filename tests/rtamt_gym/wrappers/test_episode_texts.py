@@ -1,4 +1,4 @@
-"""What the wrappers say in words of how an episode ends, and of what they refuse."""
+"""The texts of the wrappers about ends of episodes and about errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`StlMonitor(history=True).explain()`: the episode so far, as a run of its samples says."""
+"""`StlMonitor(history=True).explain()` explains the episode so far like a run of its samples."""
 
 from __future__ import annotations
 

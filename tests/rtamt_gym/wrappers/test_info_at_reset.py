@@ -1,4 +1,4 @@
-"""A signal from info reads the info of a reset where the key is there, and has its default else."""
+"""A signal from info reads the info of a reset, or its default if the key is missing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`on_satisfaction`: what a certain satisfaction of all specifications does to an episode."""
+"""`on_satisfaction`: the effect of a certain satisfaction of all specifications."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`RobustnessOverlay` draws what the monitors say, and changes nothing else."""
+"""`RobustnessOverlay` draws the state of the monitors, and changes nothing else."""
 
 from __future__ import annotations
 

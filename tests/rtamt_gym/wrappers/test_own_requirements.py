@@ -1,4 +1,4 @@
-"""Specifications by the names of requirements that an environment has of its own."""
+"""Specifications by the names of an environment's own requirements."""
 
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""Variables read the signals that an environment names itself, where none are given."""
+"""Variables without a signal read the environment's own signals."""
 
 import pickle
 from collections.abc import Callable

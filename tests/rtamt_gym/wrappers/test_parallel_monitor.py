@@ -1,4 +1,4 @@
-"""`ParallelStlMonitor` says of several agents what `StlMonitor` says of them as one."""
+"""`ParallelStlMonitor` reports for several agents what `StlMonitor` reports for one environment."""
 
 from __future__ import annotations
 

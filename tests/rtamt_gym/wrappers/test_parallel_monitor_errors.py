@@ -1,4 +1,4 @@
-"""What `ParallelStlMonitor` refuses when it is made."""
+"""Errors of `ParallelStlMonitor` at construction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`RecordViolations` keeps the episodes that were violated, and only a ring of frames meanwhile."""
+"""`RecordViolations` keeps violated episodes, and a ring of frames until then."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wrappers inside that rescale observations are recognised; signals are read beneath them."""
+"""Wrappers inside that rescale observations are recognized; signals can be read below them."""
 
 from __future__ import annotations
 

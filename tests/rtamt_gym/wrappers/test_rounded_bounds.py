@@ -1,4 +1,4 @@
-"""Bounds that fit no step are rounded, as the monitors do it, by all that run simulations."""
+"""Bounds that are not multiples of a step are rounded alike by monitors and simulations."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""`semantics=` of the wrappers: what predicates count, one environment as many, refused names."""
+"""`semantics=` of the wrappers: neutral predicates, single and vector environments, errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bonus at the certain satisfaction and a penalty at the certain violation, beside every mode."""
+"""A bonus at the certain satisfaction and a penalty at the certain violation, in every mode."""
 
 from __future__ import annotations
 

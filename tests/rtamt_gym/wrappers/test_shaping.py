@@ -1,4 +1,4 @@
-"""The pure functions from robustness to reward: their laws, on floats and on arrays alike."""
+"""Laws of the pure functions from robustness to reward, on floats and on arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Value iteration on a small finite problem: what shaping changes, and what it does not."""
+"""Value iteration on a small finite problem: which policies shaping changes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`StlMonitor`: what it says about an episode, when it ends one, and what it refuses."""
+"""`StlMonitor`: its reports about an episode, when it ends an episode, and its errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`StlReward`: what every mode pays, what it adds to observations, and what it refuses."""
+"""`StlReward`: the rewards of every mode, the appended observations, and errors."""
 
 from __future__ import annotations
 

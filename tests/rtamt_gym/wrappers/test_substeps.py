@@ -1,4 +1,4 @@
-"""`StlMonitor(substeps=True)`: one sample for every step of the simulation, nothing else new."""
+"""`StlMonitor(substeps=True)`: one sample for every step of the simulation, no other change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What cannot be followed inside of a step is refused, when it is built where that is possible."""
+"""Simulations that cannot be followed inside a step are errors, at construction if possible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Signals of which nothing is known at a step: ``nan="unknown"`` in the wrappers."""
+"""Signals that are unknown at a step: ``nan="unknown"`` in the wrappers."""
 
 import math
 from functools import partial

@@ -1,4 +1,4 @@
-"""What a signal is at reset: read from the info, given as a number, or given as unknown."""
+"""The value of a signal at reset: read from the info, a number, or unknown."""
 
 from __future__ import annotations
 

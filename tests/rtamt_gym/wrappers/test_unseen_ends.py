@@ -1,4 +1,4 @@
-"""Episodes that a wrapper around a monitor ends: recorded, and warned about once."""
+"""Episodes that end in a wrapper around a monitor are recorded, with one warning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`VectorStlMonitor` says of every environment what `StlMonitor` says of it, in every mode."""
+"""`VectorStlMonitor` reports for each environment what `StlMonitor` reports, in every mode."""
 
 from __future__ import annotations
 

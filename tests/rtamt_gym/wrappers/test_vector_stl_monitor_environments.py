@@ -1,4 +1,4 @@
-"""`VectorStlMonitor` among vector environments of other kinds, other wrappers, and copies."""
+"""`VectorStlMonitor` with other vector environments, other wrappers, and copies."""
 
 from __future__ import annotations
 

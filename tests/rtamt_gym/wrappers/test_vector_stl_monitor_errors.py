@@ -1,4 +1,4 @@
-"""What `VectorStlMonitor` cannot monitor is refused, mostly when it is built, with a way out."""
+"""Errors of `VectorStlMonitor`, mostly at construction, with a fix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`VectorStlReward` pays and shows every environment what `StlReward` does, in every mode."""
+"""`VectorStlReward` pays and shows each environment what `StlReward` does, in every mode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robustness 0: its sign says whether the formula holds, in every info, cost, record and reward."""
+"""Robustness 0: its sign shows whether the formula holds, in infos, costs, records and rewards."""
 
 from __future__ import annotations
 
