@@ -285,7 +285,8 @@ def flagged_row(column: str) -> str:
     return "last" if joined in _LAST_ROWS | _DONE else ""
 
 
-_TRUE, _FALSE = {"true", "1", "1.0"}, {"false", "0", "0.0"}
+_TRUE, _FALSE = {"true", "1", "1.0"}, {"false", "0", "0.0", "", "nan"}
+"""The texts of flags in lower case; a flag that is not written is not set."""
 
 
 def are_flags(texts: Collection[str]) -> bool:
@@ -301,7 +302,7 @@ def next_episode(name: str, values: NDArray[Any], *, timed: bool) -> int | None:
     texts = [str(value).strip().lower() for value in values.tolist()]
     if not are_flags(texts):
         return None
-    flags = np.array([text in _TRUE for text in texts])
+    flags = np.array([text in _TRUE for text in texts], bool)
     if flagged_row(name) == "first":
         (rows,) = np.nonzero(flags[1:])
     else:

@@ -20,7 +20,8 @@ class StreamDates:
     date depends on the order, however many rows come at once.
 
     Attributes:
-        first: The first cell of dates, and its day if it is a time of day; None before it.
+        first: The first cell of times, and its day if it is a time of day; None before it.
+        dated: Whether it is a date, a time of day or a duration, and not a number.
 
     Example:
         >>> StreamDates().order("time", ["13/04/2024", "01/05/2024"], None)
@@ -30,6 +31,7 @@ class StreamDates:
 
     def __init__(self) -> None:
         self.first: tuple[Any, str] | None = None
+        self.dated = False
         self._begin: str | None = None
         self._order: DateOrder | None = None
         self._sure = False

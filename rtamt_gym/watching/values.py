@@ -524,14 +524,20 @@ class StreamColumns:
         if order is None:
             order = self._dates.order(self.time.name, cells, days)
         # Dates are read next to the first one, which shows their form and whether they have a zone.
-        first = self._dates.first
-        if first is not None:
+        first, dated = self._dates.first, self._dates.dated
+        if first is not None and dated:
             cells = [first[0], *cells]
             days = None if days is None else [first[1], *days]
         times = _raw_times(cells, mark, days=days, order=order)
-        if first is None and len(times) and times.dtype.kind in "mM":
+        if first is None and len(times):
             self._dates.first = cells[0], "" if days is None else days[0]
-        return times if first is None else times[1:]
+            self._dates.dated = times.dtype.kind in "mM"
+        elif not dated and times.dtype.kind in "mM":
+            raise InputError(
+                f"column '{self.time.name}': expected a number, as in the first row, got "
+                f"{cells[0]!r}"
+            )
+        return times[1:] if first is not None and dated else times
 
     def unit_of_parts(self) -> str:
         """Return the unit of times of two columns; empty if there is one column."""

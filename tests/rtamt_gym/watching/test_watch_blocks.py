@@ -98,6 +98,20 @@ DROPPED = table("time,x", "0,1", "1,2", "2,9", "3,", "4,1")
 READINGS = [EvaluationOptions(), EvaluationOptions(dense=True), EvaluationOptions(period=1)]
 
 
+@pytest.mark.parametrize("size", [1, 10_000])
+@pytest.mark.parametrize("cell", ["1s", "00:00:01", "2024-05-01", "abc"])
+@pytest.mark.parametrize("line", [1, 2])
+def test_other_times_than_the_first(line: int, cell: str, size: int) -> None:
+    times = ["0", "1", "2", "3"]
+    times[line] = cell
+    text = table("time;x", *(f"{time};1" for time in times))
+    _, errors, code = streamed(text, size, Columns(), EvaluationOptions())
+    assert code == 2
+    assert errors[0].startswith(f"stream, line {line + 2}: ")
+    skipped = streamed(text, size, Columns(), EvaluationOptions(), skip_bad=True)
+    assert skipped[2] == (2 if line == 1 else 3)  # the first two rows give the period
+
+
 @pytest.mark.parametrize("stop", ["violation", "decided"])
 @pytest.mark.parametrize("reading", READINGS)
 @pytest.mark.parametrize(

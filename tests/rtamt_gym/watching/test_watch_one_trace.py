@@ -42,7 +42,15 @@ def table(names: str, rows: Sequence[Sequence[object]]) -> str:
 
 
 COLUMNS: dict[str, list[list[object]]] = {
-    "terminated": [[0, 0, 1, 0, 0], [0, 0, 0, 0, 1], [0, 0, 0, 1, 1], [0, 2, 1, 0, 0]],
+    "terminated": [
+        [0, 0, 1, 0, 0],
+        [0, 0, 0, 0, 1],
+        [0, 0, 0, 1, 1],
+        [0, 2, 1, 0, 0],
+        ["", "", 1, "", ""],
+        ["", "", "", 1],
+        ["", "a", 1, ""],
+    ],
     "truncated": [["False", "True", "False"], ["False", "False", "True"]],
     "is_first": [[1, 0, 0, 1, 0], [1, 0, 0], [0, 0, 1]],
     "isLast": [[0, 1, 0], [0, 0, 1]],
@@ -268,3 +276,12 @@ def test_groups_are_refused_as_in_a_file(
     path.write_text(table("time,car,x", rows))
     for command in ("monitor", "watch"):
         assert main([command, SPEC, str(path), "--by", "car"]) == (2 if refused else 0)
+
+
+@pytest.mark.parametrize("values", [[None, True, None], [None, True, False], [None, None, True]])
+def test_a_flag_that_is_not_written_is_not_set(values: Sequence[object], tmp_path: Path) -> None:
+    path = tmp_path / "trace.ndjson"
+    rows = [{"time": i, "x": 1, "terminated": value} for i, value in enumerate(values)]
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    code = 2 if values[1] else 0
+    assert main(["monitor", SPEC, str(path)]) == main(["watch", SPEC, str(path)]) == code
