@@ -12,7 +12,7 @@ from rtamt import InputError
 from rtamt_gym.commands.evaluate import check_files, tell_files
 from rtamt_gym.options.command_line import ALTHOUGH_CHANGED, Option, add_options, shared
 from rtamt_gym.recorded.columns import read_seconds
-from rtamt_gym.results.codec import made, read
+from rtamt_gym.results.codec import build, read
 from rtamt_gym.results.warnings import exit_code, print_warnings
 
 _RECORDINGS = (
@@ -97,8 +97,8 @@ def _evaluations(
         if getattr(options, name):
             flag = f"--{name.replace('_', '-')}"
             raise InputError(f"{flag} is for recordings, got evaluations of policies; leave it out")
-    a = made(options.a, side_a, Evaluation.from_saved)
-    b = made(options.b, side_b, Evaluation.from_saved)
+    a = build(options.a, side_a, Evaluation.from_saved)
+    b = build(options.b, side_b, Evaluation.from_saved)
     names = None
     if a.policy == b.policy and options.a != options.b:  # the file names distinguish them
         short = options.a.name != options.b.name

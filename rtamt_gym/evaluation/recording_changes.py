@@ -12,7 +12,7 @@ from rtamt.language import RequirementId
 from rtamt.monitors import Occurrence
 from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.paired import Effect
-from rtamt_gym.results.codec import document, made, plain, read_as, read_fields, save, trials_of
+from rtamt_gym.results.codec import build, document, plain, read_as, read_fields, save, trials_of
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.provenance import Provenance, plain_provenance, provenance_of
@@ -49,7 +49,7 @@ class RecordingSet:
                 trials_of(stored), stored["requirements"], provenance=provenance_of(stored)
             )
 
-        result = cls(os.fspath(path), made(path, kept, read_matrix), kept.get("reading", {}))
+        result = cls(os.fspath(path), build(path, kept, read_matrix), kept.get("reading", {}))
         outcomes = [outcome for row in result.matrix.rows for outcome in row.outcomes.values()]
         if any(outcome.occurrences is None for outcome in outcomes):
             raise InputError(

@@ -20,7 +20,7 @@ from rtamt_gym.judging.monitors import chosen, titled
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.play.run_record import CURVES, Floats, History, RunRecord
 from rtamt_gym.results.codec import VERSION, fraction_of, number_of, plain
-from rtamt_gym.results.outcome import asked_of
+from rtamt_gym.results.outcome import triggers_of
 
 if TYPE_CHECKING:  # it is optional
     import pandas as pd
@@ -312,7 +312,7 @@ def _history(stored: Mapping[str, Any], curves: Mapping[str, Floats]) -> History
         semantics=stored.get("semantics", "standard"),
         inputs=tuple(stored.get("inputs", ())),
         outputs=tuple(stored.get("outputs", ())),
-        triggers=asked_of(stored),
+        triggers=triggers_of(stored),
         vacuous=stored.get("vacuous", False),
         progress=number_of(stored.get("progress")),
         ended_at=_sample(stored.get("ended_at")),

@@ -161,12 +161,12 @@ def of_methods(methods: MethodComparison) -> Section:
 
 
 def _method(name: str, scores: MethodScores) -> Row:
-    least, first, middle, third, greatest = rounded(scores.quartiles)
+    low, first, middle, third, high = rounded(scores.quartiles)
     cells: list[str | Cell] = [name, Cell(str(scores.runs), "n")]
     for estimate in (scores.mean, scores.interquartile_mean):
         cells += [Cell(number(six(estimate.value)), "n"), _ends(estimate)]
     quartiles = ", ".join(map(number, (first, middle, third)))
-    cells += [Cell(text, "n") for text in (number(least), quartiles, number(greatest))]
+    cells += [Cell(text, "n") for text in (number(low), quartiles, number(high))]
     chance = scores.improvement
     cells.append("" if chance is None else f"{number(six(chance.value))} ({_ends(chance)})")
     cells.append("" if scores.adjusted is None else p_text(scores.adjusted))
@@ -190,8 +190,8 @@ def _curves(methods: MethodComparison) -> list[Figure]:
         steps = ("steps of training", rounded(methods.steps))
         figures.append(curves_figure("Learning", summary, steps, score, curves))
     summary = (
-        f"The share of runs whose {score} is above each number: a curve further to the right is of "
-        "a better method, and one that falls early has failed runs."
+        f"The share of runs with a {score} above each number: a curve further to the right shows a "
+        "better method, and a curve that falls early shows failed runs."
     )
     profiles = [_curve(name, method.profile) for name, method in methods.methods.items()]
     x = (score, rounded(methods.thresholds))
@@ -209,10 +209,10 @@ def _curve(name: str, points: Sequence[Estimate]) -> Curve:
 
 
 _ROWS = 200
-"""The violations of a requirement that the page lists."""
+"""The maximum number of violations of a requirement that the page lists."""
 
 _RUNS = 500
-"""The violations that a timeline shows of each side."""
+"""The maximum number of violations in a timeline for each side."""
 
 _BADGES: dict[str, Word] = {
     "new": "violated",
@@ -221,7 +221,7 @@ _BADGES: dict[str, Word] = {
     "gone": "satisfied",
     "shorter": "satisfied",
 }
-"""The verdict whose colour a status has."""
+"""The verdict that gives a status its colour."""
 
 
 def of_recordings(comparison: RecordingsComparison) -> Section:
@@ -350,7 +350,7 @@ def _times(span: Occurrence | None, unit: str) -> str:
 def _timeline(
     rows: Sequence[ViolationChange], unit: str, shifts: Mapping[str, float]
 ) -> list[Figure]:
-    """Return the violations in the recording with most that are new or longer, or that differ."""
+    """Return the violations in the recording with most new, longer or otherwise different ones."""
     differing = Counter(row.recording for row in rows if row.status != "same")
     if not differing:
         return []

@@ -31,14 +31,14 @@ class PlayedEpisode:
 
     Attributes:
         label: The label of the episode.
-        spec: The requirement, as it has to hold at the first sample.
+        spec: The requirement, in the form that must hold at the first sample.
         interface: The semantics, as arguments of `rtamt.evaluate`.
         signals: The values of each variable and of each further signal.
         times: The time of each sample.
         period: Seconds between samples, or None.
         align: How bounds were rounded.
         outcome: The outcome of the requirement.
-        curves: Its robustness, lower and upper bound at every sample; empty if not known.
+        curves: Its robustness, lower and upper bound at every sample; empty if unknown.
         first: The number of the first sample in its episode.
     """
 
@@ -54,20 +54,19 @@ class PlayedEpisode:
     first: int = 0
 
     def episode(self, room: int, episodes: int, **also: Any) -> ShownEpisode:  # noqa: ANN401 - fields of an episode
-        """Return the episode for a page that shows several in a room for numbers.
+        """Return the episode for a page with room for a number of values of several episodes.
 
-        Signals that no formula reads are shown as they are. A predicate is left out if its term has
-        no value at a sample.
+        A predicate is left out if its term has no value at a sample.
         """
         predicates = self._predicates()
         every = {**self.signals, **self.curves, **{f"({p})": v for p, v in predicates.items()}}
         explanation = self._explanation() if self.first == 0 else None
         deciding = () if explanation is None else self._decisions(explanation)
-        keep = [] if explanation is None else [step.sample for step in explanation.steps]
+        required = [] if explanation is None else [step.sample for step in explanation.steps]
         decided = self._violated()
-        keep += [] if decided is None else [(decided.sample or 0) - self.first]
+        required += [] if decided is None else [(decided.sample or 0) - self.first]
         most = points_of(room, episodes, len(every) + 1)
-        samples = shown(every.values(), len(self.times), keep, most)
+        samples = shown(every.values(), len(self.times), required, most)
         curves = {name: rounded(values[samples]) for name, values in self.curves.items()}
         return ShownEpisode(
             label=self.label,
@@ -88,14 +87,13 @@ class PlayedEpisode:
 
     def _violated(self) -> Moment | None:
         """Return the moment that decided a violation, with its sample, which some files lack."""
-        samples = self.outcome.decided
-        if samples is None or samples.time is None or self.outcome.verdict is not Verdict.VIOLATED:
+        moment = self.outcome.decided
+        if moment is None or moment.time is None or self.outcome.verdict is not Verdict.VIOLATED:
             return None
-        if samples.sample is None:
-            samples = Moment(
-                int(np.abs(self.times - samples.time).argmin()) + self.first, samples.seconds
-            )
-        return rounded_moment(samples)
+        if moment.sample is None:
+            nearest = int(np.abs(self.times - moment.time).argmin())
+            moment = Moment(nearest + self.first, moment.seconds)
+        return rounded_moment(moment)
 
     def _predicates(self) -> dict[str, Floats]:
         result = {}
@@ -132,7 +130,7 @@ class PlayedEpisode:
                 )
                 if explanation is not None and explanation.robustness == decided:
                     return explanation
-        except RtamtError:  # it was judged, but the available samples do not explain it
+        except RtamtError:  # the available samples do not explain the stored verdict
             pass
         return None
 
@@ -151,23 +149,23 @@ class PlayedEpisode:
 
 def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) -> ShownEpisode:
     """Return an episode in full from its run."""
-    course = run.histories[name]
+    history = run.histories[name]
     step = run.view == "step"
-    spec = course.specification
+    spec = history.specification
     played = PlayedEpisode(
         label=label,
         spec=spec.always() if step else spec,
-        interface=course.interface,
+        interface=history.interface,
         signals=run.signals,
         times=run.times,
         period=run.period,
         align=run.align,
-        outcome=course.outcome(run.period),
-        curves={key: getattr(course, key) for key in ("robustness", "lower", "upper")},
+        outcome=history.outcome(run.period),
+        curves={key: getattr(history, key) for key in ("robustness", "lower", "upper")},
         first=run.first_sample,
     )
-    argument = {"seed": run.seed, "case": case_texts(run.case or {}), "of_instant": step}
-    return played.episode(room, episodes, **argument)
+    also = {"seed": run.seed, "case": case_texts(run.case or {}), "of_instant": step}
+    return played.episode(room, episodes, **also)
 
 
 def rounded_moment(moment: Moment) -> Moment:
@@ -182,7 +180,7 @@ def case_texts(case: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def in_words_of(formula: str, period: object, *, unit: str = "s", step: bool = False) -> str:
-    """Return a requirement of a record in words; without a period bounds count steps."""
+    """Return a requirement of a record in words; without a period, bounds count steps."""
     spec = rtamt.parse(formula, unit=unit)
     shown = spec.formula.always() if step else spec.formula
     return shown.in_words(unit="steps" if period is None else unit)

@@ -28,8 +28,8 @@ from rtamt_gym.results.statistics import SUCCESS, RequirementResult
 from rtamt_gym.tables import counted, number
 
 _LETTERS: Final = 8
-"""The letters of pictures that a page has room for where it has room for a number: so pictures
-take as much of it as numbers at most."""
+"""The letters of pictures for each number in the room of the page: pictures take at most as much
+space as numbers."""
 
 
 _ANSWERS: Final[Mapping[str, Word]] = {
@@ -37,7 +37,7 @@ _ANSWERS: Final[Mapping[str, Word]] = {
     "falls short": "violated",
     "undecided": "undecided",
 }
-"""What answers of sequential stopping to a target begin with, and what they say."""
+"""The meaning of an answer of sequential stopping to a target, by its first words."""
 
 
 def of_evaluation(evaluation: Evaluation, room: int) -> Section:
@@ -45,7 +45,7 @@ def of_evaluation(evaluation: Evaluation, room: int) -> Section:
 
     Args:
         evaluation: The evaluation.
-        room: How many numbers all its episodes together may have.
+        room: The maximum count of numbers in all its episodes.
     """
     unit = _unit(evaluation)
     names = list(evaluation.requirements)
@@ -165,7 +165,7 @@ def _success(evaluation: Evaluation) -> Requirement:
 def _answer(evaluation: Evaluation, name: str) -> Word | None:
     """Return the answer of sequential stopping for a requirement; None without a target."""
     decisions = evaluation.decision or {}
-    if any(value.startswith("known") for value in decisions.values()):  # they are of widths
+    if any(value.startswith("known") for value in decisions.values()):  # widths, not targets
         return None
     text = decisions.get(name, "")
     return next((word for start, word in _ANSWERS.items() if text.startswith(start)), None)

@@ -21,19 +21,19 @@ from rtamt_gym.results.codec import fraction_of, number_of, read_as
 from rtamt_gym.tables import counted, shorten
 
 ExamplesLike = Mapping[str, RequirementExamples] | str | os.PathLike[str]
-"""What `rtamt.examples` returns, or the path of a file that ``rtamt examples --json`` wrote."""
+"""The result of `rtamt.examples`, or the path of a file of ``rtamt examples --json``."""
 
 _EACH: Final = 3
-"""The most examples of a verdict that are shown."""
+"""The maximum number of examples of a verdict."""
 
 _WIDTH, _HEIGHT = 100.0, 36.0
 """The size of the drawing of a signal, which the page stretches."""
 
 _DOTS: Final = 40
-"""The most samples of which each is marked."""
+"""The maximum number of samples with a mark for each."""
 
 _BANDS: Final = 4
-"""Of more variables those are drawn that change."""
+"""The maximum number of variables that are all drawn; of more, only those that change."""
 
 
 class _Known(NamedTuple):
@@ -50,22 +50,22 @@ def with_examples(
 ) -> tuple[Section, ...]:
     """Return the sections with examples next to their requirements.
 
-    Examples are of a requirement if they are of its formula, whatever it is called.
+    Examples belong to a requirement with the same formula, under any name.
 
     Raises:
-        InputError: If a file holds no examples, or no requirement has one of its formulas.
+        InputError: If a file holds no examples, or none of its formulas is a requirement.
         OSError: If the file does not exist.
     """
-    shown = [each for section in sections for each in section.requirements]
+    shown = [requirement for section in sections for requirement in section.requirements]
     texts = {item.formula for item in shown if item.formula}
     formulas = {text: rtamt.parse(text).formula for text in texts}
     known: dict[Formula, _Known] = {}
-    for each in several:
-        of_one = [*_read(each)]
-        if not {one.formula for one in of_one} & {*formulas.values()}:
-            raise InputError(_of_others(each, of_one, shown))
-        for one in of_one:
-            known.setdefault(one.formula, one)
+    for source in several:
+        examples = [*_read(source)]
+        if not {item.formula for item in examples} & {*formulas.values()}:
+            raise InputError(_of_others(source, examples, shown))
+        for item in examples:
+            known.setdefault(item.formula, item)
 
     def shown_with(requirement: Requirement) -> Requirement:
         result = known.get(formulas[requirement.formula]) if requirement.formula else None
@@ -83,31 +83,31 @@ def with_examples(
 
 
 def _of_others(
-    given: ExamplesLike,
-    of_one: Sequence[_Known],
+    source: ExamplesLike,
+    examples: Sequence[_Known],
     shown: Sequence[Requirement],
 ) -> str:
     """Return the error for examples of requirements that the page does not show."""
-    where = os.fspath(given) if isinstance(given, str | os.PathLike) else "the examples"
+    where = os.fspath(source) if isinstance(source, str | os.PathLike) else "the examples"
     ours = {item.name: item.formula for item in shown}
-    for one in of_one:
-        if one.name in ours:
+    for item in examples:
+        if item.name in ours:
             return (
-                f"{where}: {one.name} is {shorten(str(one.formula), 200)} there, and "
-                f"{shorten(ours[one.name], 200)} in the results; make the examples of these"
+                f"{where}: {item.name} is {shorten(str(item.formula), 200)} there, and "
+                f"{shorten(ours[item.name], 200)} in the results; make the examples of these"
             )
-    names = listing(item.name for item in of_one)
+    names = listing(item.name for item in examples)
     return f"{where}: examples of {names}, and none of {listing(ours)}, which the results have"
 
 
-def _read(given: ExamplesLike) -> Iterator[_Known]:
-    """Return the examples of each requirement.
+def _read(source: ExamplesLike) -> Iterator[_Known]:
+    """Yield the examples of each requirement.
 
     Raises:
-        InputError: If a file holds none.
+        InputError: If a file holds no examples.
     """
-    if isinstance(given, Mapping):
-        for name, result in given.items():
+    if isinstance(source, Mapping):
+        for name, result in source.items():
             if not isinstance(result, RequirementExamples):
                 raise InputError(
                     Argument("examples"),
@@ -116,33 +116,33 @@ def _read(given: ExamplesLike) -> Iterator[_Known]:
             formula = rtamt.parse(result.text).formula
             yield _Known(name, formula, result.period, result.examples)
         return
-    yield from read_as(given, "examples", _kept)
+    yield from read_as(source, "examples", _from_saved)
 
 
-def _kept(kept: Mapping[str, Any]) -> list[_Known]:
-    period = fraction_of(kept["period"])
+def _from_saved(stored: Mapping[str, Any]) -> list[_Known]:
+    period = fraction_of(stored["period"])
     return [
         _Known(
             name,
             rtamt.parse(text).formula,
             period,
-            [_example(item) for item in kept["results"][name]["examples"]],
+            [_example(item) for item in stored["results"][name]["examples"]],
         )
-        for name, text in kept["requirements"].items()
+        for name, text in stored["requirements"].items()
     ]
 
 
-def _example(kept: Mapping[str, Any]) -> Example:
-    trace = kept["trace"]
+def _example(stored: Mapping[str, Any]) -> Example:
+    trace = stored["trace"]
     columns = {
         name: tuple(cast("float", number_of(value)) for value in values)
         for name, values in trace["columns"].items()
     }
     return Example(
-        tuple(kept["kinds"]),
-        kept["why"],
-        Verdict[kept["verdict"]],
-        number_of(kept["robustness"]),
+        tuple(stored["kinds"]),
+        stored["why"],
+        Verdict[stored["verdict"]],
+        number_of(stored["robustness"]),
         ExampleTrace(columns, trace["samples"], trace["repeats"]),
     )
 
@@ -197,7 +197,7 @@ def _rows(trace: ExampleTrace) -> Iterator[tuple[str, ...]]:
 
 
 def _band(name: str, values: Sequence[float], levels: Sequence[float]) -> Band:
-    """Return a signal drawn in steps, from the top 0 down."""
+    """Return a signal drawn in steps; the top is at 0."""
     finite = [value for value in (*values, *levels) if math.isfinite(value)] or [0.0]
     low, high = min(finite), max(finite)
     if low == high:

@@ -57,7 +57,7 @@ class Bins:
 _LARGEST = 1e100
 
 WORDS: Final[tuple[Word, ...]] = ("violated", "undecided", "satisfied", "failed")
-"""What became of requirements, in the order in which charts stack and name them."""
+"""The outcomes of requirements, in the order of charts and legends."""
 
 
 def bins(values: Sequence[float]) -> Bins:
@@ -184,7 +184,7 @@ def convergence_figure(
     simulations: Sequence[int],
     robustness: Sequence[float | None],
     verdicts: Sequence[Word],
-    least: Sequence[float | None],
+    minima: Sequence[float | None],
 ) -> Figure:
     """Return the chart of the robustness over the simulations of a search.
 
@@ -193,26 +193,26 @@ def convergence_figure(
         simulations: The numbers of the simulations, from 1.
         robustness: The robustness of each; None where it failed.
         verdicts: The outcome of the requirement in each.
-        least: The minimum up to each; None before the first.
+        minima: The minimum up to each; None before the first.
     """
     steps = [
         (n, value)
-        for i, (n, value) in enumerate(zip(simulations, least, strict=True))
-        if value is not None and (i == 0 or value != least[i - 1])
+        for i, (n, value) in enumerate(zip(simulations, minima, strict=True))
+        if value is not None and (i == 0 or value != minima[i - 1])
     ]
     summary = "No simulation came to a robustness."
     if steps:
         position, value = steps[-1]
         summary = (
             f"The minimum robustness found is {number(value)}, in simulation {position} of "
-            f"{len(least)}."
+            f"{len(minima)}."
         )
     data = {
         "requirement": name,
         "simulations": tuple(simulations),
         "robustness": tuple(robustness),
         "verdicts": tuple(verdicts),
-        "least": tuple(least),
+        "least": tuple(minima),
     }
     rows = zip((str(n) for n, _ in steps), aligned([value for _, value in steps]), strict=True)
     return Figure(
@@ -287,7 +287,7 @@ def cases_figure(cases: Mapping[str, Any], name: str, left_out: int) -> Figure:
     Args:
         cases: `rtamt_gym.reports.model.Section.cases`.
         name: The name of the requirement.
-        left_out: The number of simulations that are not among them.
+        left_out: The number of simulations without a point.
     """
     verdicts = cases["verdicts"][name]
     words = Counter(verdicts)
@@ -385,10 +385,10 @@ def curves_figure(
 
 
 _RUNS = 500
-"""Runs that a timeline shows of each body."""
+"""The maximum number of runs of each body in a timeline."""
 
 _ROWS = 100
-"""Violations in the table next to a timeline."""
+"""The maximum number of violations in the table next to a timeline."""
 
 
 def occurrence_figures(rows: Sequence[Trial], name: str) -> list[Figure | Table]:
@@ -401,24 +401,23 @@ def occurrence_figures(rows: Sequence[Trial], name: str) -> list[Figure | Table]
         rows: The traces.
         name: The name of the requirement.
     """
-    found = [
+    pairs = [
         (row, outcome.occurrences)
         for row in rows
         if (outcome := row.outcomes.get(name)) is not None and outcome.occurrences is not None
     ]
-    if not found:
+    if not pairs:
         return []
-    shown = max(found, key=lambda pair: sum(body.violated for body in pair[1].bodies))
-    if not len(shown[1]):
-        return [_occurrence_statistics([each for _, each in found])]
-    return [_occurrence_statistics([each for _, each in found]), _timeline(*shown)]
+    statistics = _occurrence_statistics([occurrences for _, occurrences in pairs])
+    shown = max(pairs, key=lambda pair: sum(body.violated for body in pair[1].bodies))
+    return [statistics, _timeline(*shown)] if len(shown[1]) else [statistics]
 
 
-def _occurrence_statistics(found: Sequence[Occurrences]) -> Table:
+def _occurrence_statistics(occurrences: Sequence[Occurrences]) -> Table:
     """Return a row for each body, over all traces."""
     head = ("body", "violations", "share of time", "an hour", "triggers", "answer time, median")
     rows = []
-    for bodies in zip(*(each.bodies for each in found), strict=True):
+    for bodies in zip(*(item.bodies for item in occurrences), strict=True):
         length, violated = (sum(getattr(body, part) for body in bodies) for part in _SPANS)
         if len({body.unit for body in bodies}) > 1:  # some traces have no times
             length = 0.0
@@ -435,7 +434,7 @@ def _occurrence_statistics(found: Sequence[Occurrences]) -> Table:
         )
         rows.append(Row((Cell(codes=(bodies[0].text,)), *cells)))
     columns = (Column(head[0]), *(Column(text, "n") for text in head[1:]))
-    what = f"All violations in {counted(len(found), 'trace')}"
+    what = f"All violations in {counted(len(occurrences), 'trace')}"
     return Table(columns, tuple(rows), "Violations of each body", what)
 
 

@@ -1,4 +1,4 @@
-"""A report as one file of HTML that needs nothing else: text, tables, style, script and charts."""
+"""A report as one self-contained HTML file: text, tables, style, script and charts."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Standing(NamedTuple):
     """The line at the head of a page.
 
     Attributes:
-        verdict: The worst that became of a requirement.
+        verdict: The worst outcome of a requirement.
         text: The word for it, with its evidence.
     """
 
@@ -59,16 +59,15 @@ _HEADS: Final[dict[Word, str]] = {
 _WORST: Final[tuple[Word, ...]] = ("violated", "failed", "undecided", "satisfied")
 
 _NAMED: Final = 5
-"""The most requirements that are named."""
+"""The maximum number of requirements that the line names."""
 
 
 def standing_of(sections: Sequence[Section]) -> Standing | None:
     """Return the line for the sections of a page; None if no section judges a requirement.
 
-    Each requirement counts once, with the worst that became of it in any section; so does each
-    episode, however many requirements it was judged under. A rate that sequential stopping has
-    compared with a target counts as it was answered. Verdicts of traces that test requirements, by
-    the mutants that they kill, do not count.
+    Each requirement counts once, with its worst outcome in any section, and each episode counts
+    once. A rate that sequential stopping compared with a target counts with its answer. Verdicts of
+    traces that test requirements by killing mutants do not count.
     """
     same: dict[tuple[str, str], list[Requirement]] = {}
     for section in sections:
@@ -77,16 +76,16 @@ def standing_of(sections: Sequence[Section]) -> Standing | None:
     mutants = _mutants(sections)
     if not same:
         return None if mutants is None else _of_mutants(sections, mutants)
-    words = Counter(min(map(word_of, those), key=_WORST.index) for those in same.values())
+    words = Counter(min(map(word_of, group), key=_WORST.index) for group in same.values())
     worst = next(word for word in _WORST if words[word])
     counts = [f"{words[word]} {word}" for word in (*get_args(Word)[1:], "failed") if words[word]]
     never: dict[str, list[str]] = {}
-    for (name, _), those in same.items():
-        triggers = [item.asked[0] for item in those if item.asked is not None]
+    for (name, _), group in same.items():
+        triggers = [item.asked[0] for item in group if item.asked is not None]
         if triggers and not any(triggers):
-            unknown = any(item.unknown for item in those if item.asked is not None)
+            unknown = any(item.unknown for item in group if item.asked is not None)
             never.setdefault(never_triggered_word(unknown=unknown), []).append(name)
-    judged = [item for those in same.values() for item in those]
+    judged = [item for group in same.values() for item in group]
     defaults = dict.fromkeys(item.name for item in judged if item.defaults)
     parts = [
         f"of {counted(len(same), 'requirement')} {', '.join(counts)}",
@@ -143,12 +142,12 @@ def _of_mutants(sections: Sequence[Section], text: str) -> Standing:
 
 
 def key_of(requirement: Requirement) -> tuple[str, str]:
-    """Return the common status of one requirement in several sections."""
+    """Return the identity of a requirement in several sections."""
     return requirement.name, requirement.formula
 
 
 def word_of(requirement: Requirement) -> Word:
-    """Return the worst that became of a requirement; undecided if nothing judged it."""
+    """Return the worst outcome of a requirement; undecided if nothing judged it."""
     if requirement.answer is not None:
         return requirement.answer
     counts = requirement.counts
@@ -163,7 +162,7 @@ def _runs(sections: Sequence[Section]) -> Iterator[str]:
         own = _judged(section)
         if not own:
             continue
-        # A trace may fail under one requirement alone; of more trials than are shown, most do.
+        # A trace may fail under a single requirement, and trials that are not shown may fail, too.
         labels = {
             t.label for requirement in own for t in requirement.trials if t.verdict == "failed"
         }
@@ -186,7 +185,7 @@ _SCRIPTS: Final = (
     "page.js",
 )
 _FEW: Final = 5
-"""The most requirements of a page on which examples are open from the start."""
+"""The maximum number of requirements on a page with examples open from the start."""
 
 _Drawn = TypeVar("_Drawn", Figure, Table | Figure)
 
@@ -330,7 +329,7 @@ def _survivors(name: str, score: mutation.MutationScore) -> Table | None:
     notes = any(item.remark for item in survivors)
     head = ("at", "change", "kind", *["note"] * notes)
     rows = (Row((m.place, Cell(codes=(m.change,)), m.kind, *[m.remark] * notes)) for m in survivors)
-    label = f"Mutants of {name} that no trace notices"
+    label = f"Mutants of {name} that survived"
     return Table(tuple(map(Column, head)), tuple(rows), label)
 
 

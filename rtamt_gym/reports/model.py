@@ -18,8 +18,8 @@ from rtamt_gym.results.outcome import Moment, Word
 SectionKind = Literal[
     "evaluation", "sweep", "search", "matrix", "comparison", "recordings", "methods"
 ]
-"""What a section is about: episodes of a policy, simulations of a record, the search for a
-violation, recorded traces, two evaluations, two sets of recordings, or methods of learning over
+"""The subject of a section: episodes of a policy, simulations of a record, the search for a
+violation, recorded traces, two evaluations, two sets of recordings, or learning methods over
 training seeds."""
 
 NOUNS: Final[Mapping[SectionKind, str]] = {
@@ -79,13 +79,13 @@ class Column(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A cell that is more than a text.
+    """A cell with more than a text.
 
     Attributes:
         text: The text.
         style: Its classes.
         value: The sort key of the column.
-        verdict: The verdict that it shows: a sign before the text if ``style`` is set; otherwise a
+        verdict: The verdict that it shows: a sign before the text if ``style`` is set; otherwise, a
             badge.
         muted: Remarks after the text.
         codes: Pieces of code after the text.
@@ -201,12 +201,12 @@ class Picture:
 class ShownEpisode:
     """One episode in full: signals, robustness with bounds, and the samples that decided.
 
-    Every series has a number for each of ``times``, or is empty if it is not known. Long episodes
-    are thinned; extremes, the first, the last and the deciding samples stay.
+    Every series has a number for each of ``times``, or is empty if it is unknown. Long episodes are
+    thinned; extremes and the first, the last and the deciding samples stay.
 
     Attributes:
         label: As `TrialRow.label`.
-        verdict: What became of the requirement.
+        verdict: The outcome of the requirement.
         final: The robustness at the end.
         samples: The number of samples; more than ``times`` if the episode is thinned.
         times: The times of the samples shown, increasing.
@@ -271,20 +271,20 @@ class TrialRow:
 
     Attributes:
         label: The name of the trial: ``seed 17``, ``simulation 4`` or the name of a file.
-        verdict: What became of the requirement.
+        verdict: The outcome of the requirement.
         robustness: The robustness at the end, or None.
         violated_at: The moment of a violation, the last sample if only the end decided it; None
-            without a violation, or if it is not known.
-        duration: The length of the episode; None if it is not known.
+            without a violation, or if it is unknown.
+        duration: The length of the episode; None if it is unknown.
         reward: The sum of the environment's rewards; None for a system without rewards.
         seed: The seed of the reset; None for a system without a seed.
         case: The case of the simulation, a text for each entry.
         text: The error that ended it, or another remark; may be empty.
-        asked: How often it triggered the implications of the requirement; None if triggers were
-            not counted, or there are no implications.
+        asked: How often it triggered the implications of the requirement; None without implications
+            or a count.
         vacuous: Whether it satisfied the requirement without an answer.
         defaults: The declared defaults that it read, each as ``limit = 0.5``.
-        unknown: Whether some values are unknown, so that ``asked`` counts what is certain.
+        unknown: Whether some values are unknown, so that ``asked`` counts only certain triggers.
         progress: The progress in the stages of the requirement; None without stages.
     """
 
@@ -335,9 +335,9 @@ class ShownExample(NamedTuple):
         why: The reason for showing it.
         length: Its length with the unit.
         bands: Its signals.
-        repeats: How much of its end, from 0 to 100, repeats for ever.
+        repeats: The percentage of its end that repeats for ever.
         loop: The same in words; empty if nothing repeats.
-        steady: Further signals, which do not change, with their values.
+        steady: Further, constant signals with their values.
         table: A row for each run of equal samples.
     """
 
@@ -379,7 +379,8 @@ class Requirement:
         id: Its id where requirements are kept, with a link; None without an id.
         asked: How many episodes triggered it, and in how many triggers were counted; None without
             implications.
-        unknown: Whether values are unknown in an episode, so that ``asked`` counts what is certain.
+        unknown: Whether values are unknown in an episode, so that ``asked`` counts only certain
+            triggers.
         vacuous: How many episodes satisfied it without an answer.
         defaults: How many episodes read each of the declared defaults, as ``limit = 0.5``.
         answer: The answer of sequential stopping about its rate; None without a target.
@@ -388,7 +389,7 @@ class Requirement:
         examples: Traces that satisfy it and violate it.
         more_examples: The number of further examples.
         place: Its id on the page.
-        key: The number that it has in every section.
+        key: Its number in every section.
         table: The table of its trials; None before the page is laid out.
     """
 

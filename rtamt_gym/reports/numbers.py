@@ -1,4 +1,4 @@
-"""Numbers, shares and times as the page writes them, and the samples of long series it shows."""
+"""Numbers, shares and times in the form of the page, and a selection of samples of long series."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _MINUS = "\N{MINUS SIGN}"
 _INFINITY = "\N{INFINITY}"
 
 ROOM: Final = 60_000
-"""The numbers of all episodes of a report together, about 500 kB as text."""
+"""The maximum count of numbers in all episodes of a report, about 500 kB as text."""
 
 MOST: Final = 600
-"""The most samples that are shown of an episode."""
+"""The maximum number of samples that are shown of an episode."""
 
 FEWEST: Final = 60
-"""The samples that are shown of an episode at least, if it has so many."""
+"""The minimum number of samples that are shown of a longer episode."""
 
 
 def points_of(room: int, episodes: int, series: int) -> int:
-    """Return how many samples of an episode are shown: an equal share of the room for numbers.
+    """Return the number of samples that are shown of an episode: an equal share of the room.
 
     Example:
         >>> points_of(60_000, 10, 8), points_of(60_000, 2, 8), points_of(60_000, 100, 40)
@@ -100,12 +100,12 @@ def spaced(ordered: Sequence[T], most: int) -> tuple[T, ...]:
 
 
 def rounded(values: Iterable[float]) -> tuple[float, ...]:
-    """Return numbers of six digits."""
+    """Return numbers rounded to six digits."""
     return tuple(map(six, values))
 
 
 def six(value: float) -> float:
-    """Return the nearest number of six digits; zeros have no sign, because the verdict has it.
+    """Return the nearest number of six digits; zeros lose their sign, which the verdict shows.
 
     Example:
         >>> six(1.23456789), six(-0.0), six(float("-inf"))
@@ -116,7 +116,7 @@ def six(value: float) -> float:
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Write a number in a few digits, with a true minus sign; nothing for None.
+    """Return a number in a few digits, with a true minus sign; empty for None.
 
     Example:
         >>> number(-0.25), number(math.inf), number(12345.6), number(None)
@@ -133,9 +133,9 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def aligned(values: Sequence[float | None]) -> list[str]:
-    """Write the numbers of a column with equally many decimals, so that their points align.
+    """Return the numbers of a column with the same number of decimals, so that their points align.
 
-    A number that these decimals would change by a twentieth is written in digits of its own.
+    A number that these decimals would change by more than a twentieth has its own digits.
 
     Example:
         >>> aligned([-0.25, 3.0, 0.0, 1e-6, math.inf, None])
@@ -162,7 +162,7 @@ def _fixed(value: float | None, decimals: int) -> str:
 
 
 def percent(share: float) -> str:
-    """Write a share as a percentage, in full percents but near 0 and 1.
+    """Return a share as a percentage, in full percents except near 0 and 1.
 
     Example:
         >>> percent(0.85), percent(0.9965), percent(1), percent(0.0004)
@@ -179,7 +179,7 @@ def percent(share: float) -> str:
 
 
 def time(value: float | None, unit: str) -> str:
-    """Write a time with its unit.
+    """Return a time with its unit.
 
     Example:
         >>> time(1.5, "s"), time(3, "steps"), time(None, "s")

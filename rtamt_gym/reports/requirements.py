@@ -42,16 +42,16 @@ from rtamt_gym.results.warnings import never_triggered_word
 from rtamt_gym.tables import counted
 
 TRIALS: Final = 500
-"""The most trials of a requirement that are shown."""
+"""The maximum number of trials of a requirement that are shown."""
 
 DIGITS: Final = 12
-"""The digits of a hash that are shown; the whole is shown where the pointer rests."""
+"""The digits of a hash that are shown; a tooltip shows all."""
 
 _ROBUSTNESS: Final = 1000
-"""The most numbers of a distribution."""
+"""The maximum number of values in a distribution."""
 
 _CASES: Final = 2000
-"""The most points of a sweep."""
+"""The maximum number of points of a sweep."""
 
 _ORDER: Final[dict[Word, int]] = {"failed": 0, "violated": 1, "undecided": 2, "satisfied": 3}
 
@@ -122,7 +122,7 @@ def judged(results: Results, name: str) -> list[Outcome | None]:
 
 
 def worst_first(trial: TrialRow) -> tuple[int, float]:
-    """Order trials: failures, violations, undecided ones, the others; each by robustness."""
+    """Order trials: failures, violations, undecided, satisfied; within each by robustness."""
     height = math.inf if trial.robustness is None else trial.robustness
     return _ORDER[trial.verdict], height
 
@@ -153,7 +153,7 @@ def requirement_of(
         **also: Fields of the requirement, such as its rate and its interval.
     """
     known = [(trial.robustness, trial.verdict) for trial in trials if trial.robustness is not None]
-    known.sort(key=lambda each: (each[0], _ORDER[each[1]]))
+    known.sort(key=lambda pair: (pair[0], _ORDER[pair[1]]))
     values = [value for value, _ in known]
     triggers = [trial.asked for trial in trials if trial.asked is not None]
     violations = sorted(
@@ -209,7 +209,7 @@ def evidence(requirement: Requirement, noun: str) -> Iterator[Text]:
 def trials_table(
     requirement: Requirement, noun: str, unit: str, replay: str, ids: Callable[[str], str]
 ) -> Table:
-    """Return the table of the trials of a requirement, without the columns that are empty.
+    """Return the table of the trials of a requirement, without empty columns.
 
     Args:
         requirement: The requirement, with its id on the page.
@@ -286,7 +286,7 @@ def made_of(provenance: Provenance) -> dict[str, Any]:
 
 
 def reuse_notes(provenance: Provenance, trial: str) -> list[str]:
-    """Return notes on results that came from a folder; ``trial`` is the word for one."""
+    """Return notes on results from a folder; ``trial`` is the word for a result."""
     return [] if provenance.reuse is None else provenance.reuse.lines(trial)
 
 
@@ -324,10 +324,10 @@ def at_stop(record: Record, name: str, noun: str) -> str:
 
 
 def cases_of(record: Record) -> tuple[Mapping[str, Any], int] | None:
-    """Return the points of a record for charts, and how many of them are left out.
+    """Return the points of a record for charts, and the number of points that are left out.
 
-    Columns that are the same everywhere are left out; None if no column is left. Of more than 2000
-    simulations the worst 500 of all requirements are shown, and evenly spaced others.
+    Constant columns are left out; None if no column is left. For more than 2000 simulations, the
+    points are the worst 500 of all requirements and evenly spaced others.
     """
     columns = {name: record.numbers(name) for name in record.case_columns}
     varied = {name: cells for name, cells in columns.items() if len(set(cells.tolist())) > 1}

@@ -55,10 +55,10 @@ from rtamt_gym.tables import counted, number, sample_text
 Floats = NDArray[np.float64]
 
 _COLUMNS: Final = 4
-"""Of so many columns at most every two have a map; of more the first."""
+"""The maximum number of columns with a map for every two; of more, the first columns."""
 
 _CELLS: Final = 2500
-"""The most cells of a map."""
+"""The maximum number of cells of a map."""
 
 
 def of_record(
@@ -70,15 +70,15 @@ def of_record(
 ) -> Section:
     """Return the section of a sweep, or of the record of any simulations.
 
-    The worst simulation of each requirement is played again if the system is at hand, which it is
-    not if the result was read from a file.
+    The worst simulation of each requirement is played again if the result has its system, which a
+    file does not have.
 
     Args:
         result: The sweep or the record.
-        room: How many numbers all episodes together may have.
+        room: The maximum count of numbers in all episodes.
         facts: The facts in a file in addition to the record.
         kind: The kind of the section.
-        unit: The unit of times; None: as the record and the replayed runs have it.
+        unit: The unit of times; None: the unit of the record and the replayed runs.
     """
     sweep = result if isinstance(result, Sweep) else None
     record = result if isinstance(result, Record) else result.record
@@ -98,13 +98,13 @@ def of_record(
     if sweep is not None:
         parts = {"sampler": sweep.sampler, "seed": str(sweep.seed)} | parts
     simulated = math.fsum(row.simulated for row in record)
-    every = {"simulations": str(len(record)), "simulated": f"{simulated:.6g} {unit}", **parts}
+    parts = {"simulations": str(len(record)), "simulated": f"{simulated:.6g} {unit}", **parts}
     return Section(
         kind=kind,
         title=f"{counted(len(record), 'simulation')} of {record.system or 'a system'}",
         system=record.system,
         unit=unit,
-        facts=tuple(every.items()),
+        facts=tuple(parts.items()),
         notes=tuple(notes),
         requirements=requirements_of(
             record, worst, room, unit=unit, kind=kind, space=None if sweep is None else sweep.space
@@ -134,8 +134,8 @@ def requirements_of(
 ) -> tuple[Requirement, ...]:
     """Return the requirements of a record, with some runs in full.
 
-    Rates are shown only if nothing was chosen but the seed: otherwise they describe the sampler
-    rather than the system.
+    Rates are shown only if trials differ by the seed only: otherwise, they would describe the
+    sampler, not the system.
     """
     episodes = sum(map(len, worst.values()))
     match, results = [], record.results()
@@ -226,38 +226,38 @@ def _words_of(
     return tuple(tuple(worst[x, y] for x in heights.xs.tolist()) for y in heights.ys.tolist())
 
 
-def of_runs(kept: Mapping[str, Any], room: int) -> Section:
-    """Return the section of episodes that ``rtamt run --json`` has written.
+def of_runs(stored: Mapping[str, Any], room: int) -> Section:
+    """Return the section of episodes in a file of ``rtamt run --json``.
 
     Args:
-        kept: The result, of the kind ``"runs"``.
-        room: How many numbers all episodes together may have.
+        stored: The result, of the kind ``"runs"``.
+        room: The maximum count of numbers in all episodes.
     """
-    record = Record(read_trials(kept), kept["requirements"], kept["system"], provenance_of(kept))
-    parts = {"period": kept["period"], **kept["reading"]}
+    record = record_of(stored)
+    parts = {"period": stored["period"], **stored["reading"]}
     facts = {name: str(value) for name, value in parts.items() if value is not None}
     title = f"{counted(len(record), 'episode')} of {record.system}"
-    unit = "s" if kept["period"] else "steps"
+    unit = "s" if stored["period"] else "steps"
     section = of_record(record, room, facts, "evaluation", unit)
     return replace(section, title=title, notes=())
 
 
 def of_run(run: Run, room: int) -> Section:
-    """Return the section of one run with its samples, such as `Run.save` keeps it."""
+    """Return the section of one run with its samples."""
     trial, label = run.trial(), run.label or labelled(0, run.trial())
     unit = "s" if run.period is not None else "steps"
     requirements = []
-    for name, course in run.histories.items():
-        words = in_words_of(course.formula, run.period, unit=course.unit, step=run.view == "step")
+    for name, history in run.histories.items():
+        words = in_words_of(history.formula, run.period, unit=history.unit, step=run.view == "step")
         requirements.append(
             requirement_of(
                 name,
                 words,
-                course.formula,
+                history.formula,
                 trials_of([trial], [trial.judged(name)], lambda *_: label),
                 [episode_of_run(run, name, label, room, len(run.histories))],
                 unit=unit,
-                id=course.specification.id,
+                id=history.specification.id,
             )
         )
     last = sample_text(run.last_sample, run.period)
@@ -272,36 +272,36 @@ def of_run(run: Run, room: int) -> Section:
     )
 
 
-def of_search(found: Falsification, room: int) -> Section:
+def of_search(search: Falsification, room: int) -> Section:
     """Return the section of a search; the case that it found, or the closest, is played again.
 
     Args:
-        found: The result of the search.
-        room: How many numbers the episode may have.
+        search: The result of the search.
+        room: The maximum count of numbers in the episode.
     """
-    record, name = found.record, found.requirement
+    record, name = search.record, search.requirement
     runs: dict[str, list[Run]] = {}
-    if name in found.row.outcomes:
-        runs[name] = [found.replay()]
+    if name in search.row.outcomes:
+        runs[name] = [search.replay()]
     unit = unit_of(runs)
     facts = {
-        "simulations": f"{found.simulations} of at most {found.budget}",
-        "optimizer": found.optimizer,
-        "seed": str(found.seed),
-        "simulated": f"{found.simulated_time:.6g} {unit}",
-        "robustness": number(found.robustness),
+        "simulations": f"{search.simulations} of at most {search.budget}",
+        "optimizer": search.optimizer,
+        "seed": str(search.seed),
+        "simulated": f"{search.simulated_time:.6g} {unit}",
+        "robustness": number(search.robustness),
     }
     notes = [
-        _answer(name, found.simulations, falsified=found.falsified),
-        f"Input: {'; '.join(case_texts(found.input))}.",
+        _answer(name, search.simulations, falsified=search.falsified),
+        f"Input: {'; '.join(case_texts(search.input))}.",
     ]
-    if found.reductions:
+    if search.reductions:
         notes.append(
-            f"The input was made simpler by {counted(found.reductions, 'more simulation')}."
+            f"The input was made simpler by {counted(search.reductions, 'more simulation')}."
         )
-    notes.append(f"Coverage (not a proof): {found.coverage}.")
-    if found.effects.without:
-        notes.append(f"Note: {found.effects}.")
+    notes.append(f"Coverage (not a proof): {search.coverage}.")
+    if search.effects.without:
+        notes.append(f"Note: {search.effects}.")
     return _search_section(record, runs, room, unit, facts, notes)
 
 
@@ -315,19 +315,19 @@ def convergence_of(record: Record) -> dict[str, Figure]:
 
 def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Figure:
     heights = [None if outcome is None else outcome.robustness for outcome in outcomes]
-    least: list[float | None] = []
+    minima: list[float | None] = []
     for height in heights:
-        known = [item for item in (*least[-1:], height) if item is not None]
-        least.append(min(known) if known else None)
-    steps = {i for i in range(len(least)) if i == 0 or least[i] != least[i - 1]}
-    spacing = max(1, math.ceil(len(least) / (4 * TRIALS)))
-    places = sorted({*steps, *range(0, len(least), spacing), len(least) - 1})
-    robustness, least_so_far = (
+        known = [item for item in (*minima[-1:], height) if item is not None]
+        minima.append(min(known) if known else None)
+    steps = {i for i in range(len(minima)) if i == 0 or minima[i] != minima[i - 1]}
+    spacing = max(1, math.ceil(len(minima) / (4 * TRIALS)))
+    places = sorted({*steps, *range(0, len(minima), spacing), len(minima) - 1})
+    robustness, minima_so_far = (
         tuple(None if item[i] is None else six(item[i]) for i in places)
-        for item in (heights, least)
+        for item in (heights, minima)
     )
     words = tuple(word(outcomes[i]) for i in places)
-    return convergence_figure(name, [i + 1 for i in places], robustness, words, least_so_far)
+    return convergence_figure(name, [i + 1 for i in places], robustness, words, minima_so_far)
 
 
 def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
@@ -335,9 +335,8 @@ def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
 
     Args:
         saved: The case.
-        room: How many numbers the episode may have.
-        play: Whether it is played again, which runs the code that it names, if its system can be
-            made here.
+        room: The maximum count of numbers in the episode.
+        play: Whether to play it again, which runs the code that it names.
     """
     formula = str(saved.requirement.formula)
     run, note = _played(saved) if play else (None, _unplayed(saved))
@@ -400,7 +399,7 @@ def _played(saved: SavedCase) -> tuple[Run | None, str]:
         run = saved.replay()
     except ChangedModelError as error:
         return None, error.message.worded(lambda _: "rtamt replay --accept-changed")
-    except Exception as error:  # noqa: BLE001 - the rest of the file is shown all the same
+    except Exception as error:  # noqa: BLE001 - the section shows the rest of the file
         message = str(error).partition("\n")[0]
         return None, f"{type(error).__name__}: {message}"
     if saved.repeats(run):
@@ -416,26 +415,33 @@ def _system_text(system: Any) -> str:  # noqa: ANN401 - an object of JSON
     return ", ".join(system.get("fmus", {})) or json.dumps(system)
 
 
-def of_search_json(kept: Mapping[str, Any]) -> Section:
-    """Return the section of a result of ``rtamt falsify --json``: the course of the search.
+def of_search_json(stored: Mapping[str, Any]) -> Section:
+    """Return the section of a result of ``rtamt falsify --json``.
 
     Args:
-        kept: The result, of the kind ``"search"``.
+        stored: The result, of the kind ``"search"``.
 
     Raises:
-        KeyError: If something is not in it.
+        KeyError: If a key is missing.
     """
-    record = Record(read_trials(kept), kept["requirements"], kept["system"], provenance_of(kept))
-    case = case_texts(Case.from_json(json.dumps(kept["input"])))
+    record = record_of(stored)
+    case = case_texts(Case.from_json(json.dumps(stored["input"])))
     facts = ("simulations", "budget", "optimizer", "seed", "robustness", "reductions")
-    effects = Effects(tuple(kept.get("without_effect", ())), int(kept.get("effect_simulations", 0)))
+    without = tuple(stored.get("without_effect", ()))
+    effects = Effects(without, int(stored.get("effect_simulations", 0)))
     notes = [
-        _answer(kept["requirement"], kept["simulations"], falsified=kept["falsified"]),
+        _answer(stored["requirement"], stored["simulations"], falsified=stored["falsified"]),
         f"Input: {'; '.join(case)}.",
         *([f"Note: {effects}."] if effects.without else []),
     ]
     unit = "s" if record.has_times else "steps"
-    return _search_section(record, {}, 0, unit, {name: str(kept[name]) for name in facts}, notes)
+    return _search_section(record, {}, 0, unit, {name: str(stored[name]) for name in facts}, notes)
+
+
+def record_of(stored: Mapping[str, Any]) -> Record:
+    """Return the record in a stored result."""
+    provenance = provenance_of(stored)
+    return Record(read_trials(stored), stored["requirements"], stored["system"], provenance)
 
 
 def _answer(name: str, simulations: int, *, falsified: bool) -> str:

@@ -61,27 +61,27 @@ from rtamt_gym.tables import counted
 from rtamt_gym.tables import number as plain_number
 
 _LONGEST: Final = 20_000
-"""The most samples of a trace whose bounds are shown: they are made sample by sample."""
+"""The maximum number of samples of a trace with bounds, which are computed sample by sample."""
 
 _RULES: Final = ("period", "time", "end", "view", "semantics", "align")
 
 
 def of_matrix(
-    kept: Mapping[str, Any], folder: Path, room: int, *, traces: Sequence[Path] = ()
+    stored: Mapping[str, Any], folder: Path, room: int, *, traces: Sequence[Path] = ()
 ) -> Section:
     """Return the section of recorded traces, with the worst of each requirement in full.
 
     Args:
-        kept: A result of the kind ``"traces"``, as ``rtamt monitor --json`` writes it.
-        folder: The folder of the result: traces are read below the present folder and below it.
-        room: How many numbers all episodes together may have.
-        traces: Further folders below which they are read.
+        stored: A result of the kind ``"traces"``, from ``rtamt monitor --json``.
+        folder: The folder of the result: traces below it and below the current folder are read.
+        room: The maximum count of numbers in all episodes.
+        traces: Further folders with traces to read.
 
     Raises:
-        KeyError: If the result lacks something.
+        KeyError: If a key is missing.
     """
-    matrix = Matrix(read_trials(kept), kept["requirements"], provenance=provenance_of(kept))
-    reading = kept["reading"]
+    matrix = Matrix(read_trials(stored), stored["requirements"], provenance=provenance_of(stored))
+    reading = stored["reading"]
     formulas = matrix.requirements
     facts = [("traces", str(len(matrix)))]
     facts += [(name, str(reading[name])) for name in _RULES if name in reading]
@@ -90,7 +90,7 @@ def of_matrix(
     share = room // len(formulas)
     below = TraceFolders((Path.cwd(), folder.absolute()), tuple(traces))
     requirements = [_requirement(matrix, reading, name, below, share) for name in formulas]
-    mutants = kept.get("mutants")
+    mutants = stored.get("mutants")
     scores = {} if mutants is None else mutants["requirements"]
     return Section(
         kind="matrix",
@@ -114,7 +114,7 @@ def _period(matrix: Matrix) -> object:
 
 
 def _blocks(matrix: Matrix) -> Iterator[Table | Text]:
-    """Yield the table of the traces under the requirements, the worst 500 of more."""
+    """Yield the table of the traces under the requirements, at most the worst 500."""
     words, names = get_args(Word), list(matrix.requirements)
     places = sorted(range(len(matrix)), key=lambda i: words.index(matrix[i].word))[:TRIALS]
     yield Table(
@@ -169,7 +169,7 @@ def _requirement(
 
 
 def _path_of(name: str, hashes: Mapping[str, str], below: TraceFolders) -> Path:
-    """Return the path of a trace, or the name of a trace in a file that holds several."""
+    """Return the path of a trace, with its name in a file of several traces."""
     file, part = (name, "") if name in hashes else split_name(name)
     return Path(f"{below.found(file, hashes.get(file, ''))}{part}")
 
@@ -177,7 +177,7 @@ def _path_of(name: str, hashes: Mapping[str, str], below: TraceFolders) -> Path:
 def _episode(
     name: str,
     outcome: Outcome,
-    kept: Mapping[str, Any],
+    stored: Mapping[str, Any],
     formula: str,
     path: Path,
     room: int,
@@ -187,13 +187,13 @@ def _episode(
     Raises:
         NotShownError: If it cannot be read again, or is of another kind.
     """
-    if kept["time"] == "dense" or kept["semantics"] not in EXACT:
+    if stored["time"] == "dense" or stored["semantics"] not in EXACT:
         raise NotShownError("this page shows samples under the standard or the boolean semantics")
-    period = Fraction(kept["period"]) if "period" in kept else None
-    parts = {item: kept[item] for item in ("view", "semantics", "align") if item in kept}
+    period = Fraction(stored["period"]) if "period" in stored else None
+    parts = {item: stored[item] for item in ("view", "semantics", "align") if item in stored}
     reading = EvaluationOptions(period=period, **parts)
     spec = rtamt.parse(formula)
-    columns = Columns(**kept.get("columns", {}))
+    columns = Columns(**stored.get("columns", {}))
     read = {*spec.variables, *(part.variable for part in spec.subscriptions())}
     signals = {key: place for key, place in columns.signals.items() if key in read}
     columns = replace(columns, signals=signals)
@@ -207,13 +207,13 @@ def _episode(
     assert isinstance(trace, Trace), "it is not dense"  # noqa: S101 - for mypy
     if unknown := [name for name in spec.variables if name in trace.unknown]:
         raise NotShownError(f"values of {', '.join(unknown)} are not known")
-    whole = viewed(spec, reading.view)
+    judged_spec = viewed(spec, reading.view)
     start = trace.start if period is not None else 0.0
     times = np.arange(float(trace.samples)) * float(period or 1) + start
-    curves = _curves(whole, trace, period, reading)
+    curves = _curves(judged_spec, trace, period, reading)
     played = PlayedEpisode(
         label=name,
-        spec=whole,
+        spec=judged_spec,
         interface={"semantics": reading.semantics},
         signals=trace.columns,
         times=times,
@@ -240,26 +240,27 @@ def _curves(
     return dict(zip(names, np.array(rows).T, strict=True))
 
 
-def of_mined(kept: Mapping[str, Any]) -> Section:
+def of_mined(stored: Mapping[str, Any]) -> Section:
     """Return the section of a result of ``rtamt mine --json``.
 
     Args:
-        kept: The result, of the kind ``"mined"``.
+        stored: The result, of the kind ``"mined"``.
 
     Raises:
-        KeyError: If something is not in it.
+        KeyError: If a key is missing.
     """
-    results = Results(read_trials(kept), kept["requirements"])
-    name, traces = kept["parameter"], counted(kept["traces"], "trace")
+    results = Results(read_trials(stored), stored["requirements"])
+    name, traces = stored["parameter"], counted(stored["traces"], "trace")
     value, fails_at, low, high = (
-        plain_number(number_of(kept[item])) for item in ("value", "fails_at", "low", "high")
+        plain_number(number_of(stored[item])) for item in ("value", "fails_at", "low", "high")
     )
+    side = {"least": "smallest", "greatest": "largest"}[stored["side"]]
     facts = {
-        name: f"{value}, the {kept['side']}",
+        name: f"{value}, the {side}",
         "fails at": fails_at,
-        "tried": f"{low} to {high}, {kept['probes']} values on every trace",
-        "traces": str(kept["traces"]),
-        "evaluations": str(kept["evaluations"]),
+        "tried": f"{low} to {high}, {stored['probes']} values on every trace",
+        "traces": str(stored["traces"]),
+        "evaluations": str(stored["evaluations"]),
     }
     requirements = [
         requirement_of(
@@ -274,18 +275,18 @@ def of_mined(kept: Mapping[str, Any]) -> Section:
     ]
     return Section(
         kind="matrix",
-        title=f"{name} = {value} for {kept['requirement']}",
+        title=f"{name} = {value} for {stored['requirement']}",
         facts=tuple(facts.items()),
         notes=(
-            f"{value} is the {kept['side']} for which {traces} satisfy `{kept['requirement']}`.",
-            *kept["notes"],
+            f"{value} is the {side} for which {traces} satisfy `{stored['requirement']}`.",
+            *stored["notes"],
         ),
         requirements=tuple(requirements),
     )
 
 
 class NotShownError(Exception):
-    """Why a trace is not shown, in words that repeat nothing of a file."""
+    """Why a trace is not shown, in words without content of the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,8 +309,8 @@ class TraceFolders:
             sha256: The hash of the trace when it was judged; empty if it is not known.
 
         Raises:
-            NotShownError: If no regular file of this name lies below the folders, or none is as it
-                was.
+            NotShownError: If no regular file of this name lies below the folders, or all of them
+                have changed.
         """
         folders = list(dict.fromkeys([*self.own, *self.traces]))
         roots = [folder.resolve() for folder in folders]
@@ -338,13 +339,13 @@ class TraceFolders:
 def _is_below(path: Path, roots: list[Path]) -> bool:
     """Return whether a path, after links, is a regular file or a folder of them below a folder."""
     try:
-        whole = path.resolve(strict=True)
-        if not any(whole.is_relative_to(root) for root in roots):
+        resolved = path.resolve(strict=True)
+        if not any(resolved.is_relative_to(root) for root in roots):
             return False
-        mode = whole.stat().st_mode
+        mode = resolved.stat().st_mode
         if stat.S_ISREG(mode):
             return True
-        return stat.S_ISDIR(mode) and _holds_regular_files(whole)
+        return stat.S_ISDIR(mode) and _holds_regular_files(resolved)
     except (OSError, ValueError):  # ValueError: a path with a null character
         return False
 
@@ -360,10 +361,10 @@ def _holds_regular_files(folder: Path) -> bool:
 
 
 _LISTED: Final = 1000
-"""The files of the table, the worst of all."""
+"""The maximum number of files in the table, the worst first."""
 
 _GROUPS: Final = 100
-"""The folders of the table, the worst of all."""
+"""The maximum number of folders in the table, the worst first."""
 
 
 def holds_results(path: Path) -> bool:

@@ -42,10 +42,11 @@ from rtamt_gym.reports.simulations import (
     of_runs,
     of_search,
     of_search_json,
+    record_of,
 )
 from rtamt_gym.reports.traces import holds_results, of_matrix, of_mined, of_results
-from rtamt_gym.results.codec import made, read, trials_of
-from rtamt_gym.results.provenance import file_hash, provenance_of
+from rtamt_gym.results.codec import build, read
+from rtamt_gym.results.provenance import file_hash
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.sweeps.sweep import Sweep
 from rtamt_gym.tables import counted
@@ -90,34 +91,33 @@ def write_report(
 ) -> None:
     """Write results as one page of HTML, which needs no network and no other file.
 
-    Each result is a section, in their order: every requirement in words, its outcomes, and the
-    worst episodes as plots. For these, the violation of a `Falsification` and the worst simulation
-    of a `Sweep` run again, because the program has their systems. Files are only read; a saved
-    case, which is code of its author, runs only with ``play=True``. Episodes with more than 600
-    samples are shown without some of them, with fewer where episodes are many: never without the
-    first, the last, the extremes of a series or the samples that decided. Needs the extra
-    ``report``.
+    Each result is a section, in order: every requirement in words, its outcomes, and the worst
+    episodes as plots. The violation of a `Falsification` and the worst simulation of a `Sweep` run
+    again for these plots, because the objects have their systems. Files are only read; a saved
+    case, which is code of its author, runs only with ``play=True``. At most 600 samples of an
+    episode are shown, fewer if there are many episodes; these include the first, the last, the
+    extremes of each series and the samples that decided. Needs the extra ``report``.
 
     Args:
         path: The name of the page, which ends in ``.html``.
         results: `Evaluation`, `Comparison`, `Sweep`, `Record`, `Falsification` and `SavedCase`, and
             the paths of their files: saved JSON and Parquet, folders of campaigns, and ``--json``
             output of ``rtamt sweep``, ``falsify``, ``monitor`` and others.
-        title: The title of the page. None: the title of the only result, or how many there are.
-        names: The names of the results, in their order. Default: equal titles are followed by the
-            names of their files, or numbers.
-        date: The date of the page. Default: the environment variable ``SOURCE_DATE_EPOCH`` in
-            seconds since 1970, so that the same results return the same page; without it, now.
+        title: The title of the page. None: the title of the only result, or the number of results.
+        names: The names of the results, in order. None: equal titles are followed by the names of
+            their files, or by numbers.
+        date: The date of the page. None: the environment variable ``SOURCE_DATE_EPOCH`` in seconds
+            since 1970, so that the same results return the same page; without it, now.
         examples: Traces that satisfy and violate requirements, drawn next to their words: the
             result of `rtamt.examples`, or the path of ``rtamt examples --json`` output.
         play: Whether to run saved cases, which imports and runs the code that they name:
             `SavedCase.imports`.
         traces: Folders with recorded traces to read for the page, in addition to the folder of
-            their result and the current folder; elsewhere no file that a result names is opened.
+            their result and the current folder. No other file that a result names is opened.
 
     Raises:
-        InputError: If there is no result, a file is not a result, the page has another ending, the
-            number of names is wrong, examples belong to other requirements, or
+        InputError: If no result is passed, a file is not a result, the name of the page has another
+            ending, the number of names is wrong, examples belong to other requirements, or
             ``SOURCE_DATE_EPOCH`` is not a number of seconds.
         InputTypeError: If a value is not a result.
         OSError: If a file does not exist, or the page cannot be written.
@@ -155,7 +155,7 @@ def report_of(
     examples: Sequence[ExamplesLike] = (),
     access: Access = Access(),
 ) -> Report:
-    """Return the report of `write_report`, with the same arguments but several examples."""
+    """Return the report of `write_report`, with a sequence of examples."""
     if not results:
         raise InputError(
             "expected at least one result, such as an Evaluation or its file, got none"
@@ -236,7 +236,7 @@ def section_of(result: Result, room: int, access: Access = Access()) -> Section:
 
     Args:
         result: The result, or the path of its file or folder.
-        room: How many numbers its episodes together may have.
+        room: The maximum count of numbers in its episodes.
         access: The permissions to read and run files.
 
     Raises:
@@ -271,10 +271,10 @@ def section_of(result: Result, room: int, access: Access = Access()) -> Section:
 def _of_file(path: Path, room: int, access: Access) -> Section:
     if path.suffix.lower() == ".parquet" or path.is_dir():
         return _of_table(path, room)
-    kept = read(
+    stored = read(
         path, SECTIONS, others=", or the Parquet file or the folder of a sweep, a campaign or a run"
     )
-    return made(path, kept, lambda found: SECTIONS[found["kind"]](found, path, room, access))
+    return build(path, stored, lambda result: SECTIONS[result["kind"]](result, path, room, access))
 
 
 def _of_table(path: Path, room: int) -> Section:
@@ -290,35 +290,31 @@ def _of_table(path: Path, room: int) -> Section:
     return of_record(Sweep(record, space, also["sampler"], also["seed"]), room)
 
 
-def _traces(kept: Mapping[str, Any], path: Path, room: int, access: Access) -> Section:
-    return of_matrix(kept, path.parent, room, traces=access.traces)
+def _traces(stored: Mapping[str, Any], path: Path, room: int, access: Access) -> Section:
+    return of_matrix(stored, path.parent, room, traces=access.traces)
 
 
 def _case(_: Mapping[str, Any], path: Path, room: int, access: Access) -> Section:
     return of_case(SavedCase.load(path), room, play=access.play)
 
 
-def _record(kept: Mapping[str, Any], room: int) -> Section:
-    facts = {name: str(kept[name]) for name in ("sampler", "seed", "stop") if name in kept}
-    return of_record(
-        Record(trials_of(kept), kept["requirements"], kept["system"], provenance_of(kept)),
-        room,
-        facts,
-    )
+def _record(stored: Mapping[str, Any], room: int) -> Section:
+    facts = {name: str(stored[name]) for name in ("sampler", "seed", "stop") if name in stored}
+    return of_record(record_of(stored), room, facts)
 
 
 SECTIONS: Final[Mapping[str, Callable[[Mapping[str, Any], Path, int, Access], Section]]] = {
-    "runs": lambda kept, _path, room, _: of_runs(kept, room),
+    "runs": lambda stored, _path, room, _: of_runs(stored, room),
     "traces": _traces,
-    "record": lambda kept, _path, room, _: _record(kept, room),
-    "search": lambda kept, _path, _room, _: of_search_json(kept),
+    "record": lambda stored, _path, room, _: _record(stored, room),
+    "search": lambda stored, _path, _room, _: of_search_json(stored),
     "case": _case,
-    "evaluation": lambda kept, _path, room, _: of_evaluation(Evaluation.from_saved(kept), room),
-    "comparison": lambda kept, _path, _room, _: of_comparison(Comparison.from_saved(kept)),
-    "recordings": lambda kept, _path, _room, _: of_recordings(
-        RecordingsComparison.from_saved(kept)
+    "evaluation": lambda stored, _path, room, _: of_evaluation(Evaluation.from_saved(stored), room),
+    "comparison": lambda stored, _path, _room, _: of_comparison(Comparison.from_saved(stored)),
+    "recordings": lambda stored, _path, _room, _: of_recordings(
+        RecordingsComparison.from_saved(stored)
     ),
-    "methods": lambda kept, _path, _room, _: of_methods(MethodComparison.from_saved(kept)),
-    "mined": lambda kept, _path, _room, _: of_mined(kept),
+    "methods": lambda stored, _path, _room, _: of_methods(MethodComparison.from_saved(stored)),
+    "mined": lambda stored, _path, _room, _: of_mined(stored),
 }
 """The section of each kind of result that a file can hold."""

@@ -56,19 +56,19 @@ def to_markdown(
         warnings: The warnings of the command; the heading shows warnings that make it fail.
         constants: The values of constants that replace values in the specifications, by name.
     """
-    asked = {name for name in matrix.requirements if triggered_in(matrix, name) is not None}
-    names = [_escaped(name) + " | triggers" * (name in asked) for name in matrix.requirements]
+    triggered = {name for name in matrix.requirements if triggered_in(matrix, name) is not None}
+    names = [_escaped(name) + " | triggers" * (name in triggered) for name in matrix.requirements]
     heading = [label(matrix.word), *filter(None, [_escaped(failing_summary(warnings))])]
     lines = [f"# {', '.join(heading)}", ""]
     few, note = worst_traces(matrix)
     lines += [f"{_escaped(text)}  " for text in (*summary(matrix), *filter(None, [note]))]
     lines += ["", f"| trace | verdict | {' | '.join(names)} |"]
-    lines.append(f"|---|---|{'---:|' * (len(names) + len(asked))}")
+    lines.append(f"|---|---|{'---:|' * (len(names) + len(triggered))}")
     for row in few.rows:
         cells = []
         for name in matrix.requirements:
             cells.append(cell_text(row.cell(name)).strip())
-            cells += [times_text(row.cell(name))] * (name in asked)
+            cells += [times_text(row.cell(name))] * (name in triggered)
         lines.append(f"| {_escaped(row.name)} | {label(row.word)} | {' | '.join(cells)} |")
     lines += ["", f"{legend(matrix)}."]
     if constants:

@@ -1,4 +1,4 @@
-"""The one form of JSON that results are kept in: how it is written and read.
+"""The JSON form of stored results, written and read.
 
 Files are strict JSON. The texts ``"inf"``, ``"-inf"`` and ``"nan"`` stand for numbers that are not
 finite; missing values are null or left out. Every file has the keys ``"format"``, ``"version"`` and
@@ -41,7 +41,7 @@ from rtamt.monitors import (
 )
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.extent import Extent, LateStart
-from rtamt_gym.results.outcome import Failure, Moment, Outcome, asked_of
+from rtamt_gym.results.outcome import Failure, Moment, Outcome, triggers_of
 from rtamt_gym.results.provenance import plain_provenance
 from rtamt_gym.results.statistics import STATISTICS, RequirementResult
 from rtamt_gym.results.table import Results
@@ -63,21 +63,21 @@ KINDS: Final[Mapping[str, str]] = {
     "mined": "rtamt mine --json",
     "examples": "rtamt examples --json",
 }
-"""The kinds of results, and what writes them."""
+"""The kinds of results, and the commands and methods that write them."""
 
 _VERSION_1: Final = re.compile("rtamt (evaluation|comparison|record|search|case|outcomes) 1")
 """The formats of files that rtamt 0.5 wrote."""
 
 _BROKEN: Final = (KeyError, TypeError, ValueError, AttributeError, IndexError)
-"""What is raised where a file lacks something or holds something else."""
+"""The errors of reading a file with missing or wrong values."""
 
 T = TypeVar("T")
 
 
 def document(kind: str, fields: Mapping[str, Any], rows: str = "trials") -> str:
-    """Return the text of a result: its head, and its fields as `plain` makes them.
+    """Return the text of a result: its head, and its fields in the form of `plain`.
 
-    Lists of numbers or texts stand on one line, and so does each of the rows.
+    A list of numbers or texts is on one line, and so is each row.
     """
     return "".join(document_parts(kind, fields, rows))
 
@@ -88,13 +88,13 @@ def document_parts(
     rows: str = "trials",
     plain_rows: Iterable[object] | None = None,
 ) -> Iterator[str]:
-    """Yield the text of `document` in parts, of which each row is one.
+    """Yield the text of `document` in parts; each row is a part.
 
     Args:
         kind: The kind of the result.
         fields: Its fields.
         rows: The field of the rows.
-        plain_rows: The rows as `plain` makes them, in place of the field. None: those of the field.
+        plain_rows: The rows in the form of `plain`; None: the rows in ``fields``.
     """
     head = {"format": FORMAT, "version": VERSION, "kind": kind, "rtamt": rtamt.__version__}
     written = map(plain, fields.get(rows, ())) if plain_rows is None else plain_rows
@@ -103,7 +103,7 @@ def document_parts(
     listed = {rows: [_ROWS]} if first is not None else {}
     text = json.dumps(plain({**head, **fields, **listed}), indent=2, allow_nan=False)
     # No text of JSON holds a newline.
-    text = re.sub(r"\[\n([^\[\]{}]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
+    text = re.sub(r"\[\n([^\[\]{}]*)\n *\]", lambda match: f"[{' '.join(match[1].split())}]", text)
     if first is None:
         yield text
         return
@@ -115,7 +115,7 @@ def document_parts(
 
 
 _ROWS: Final = "ROWS"
-"""The place of the rows in the text around them."""
+"""The placeholder of the rows."""
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
@@ -131,31 +131,31 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
     return value
 
 
-def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
+def plain_outcome(outcome: Outcome | Failure) -> dict[str, Any]:
     """Return an outcome as a JSON object."""
-    if isinstance(found, Failure):
-        return {"verdict": "ERROR", "error": found.message}
+    if isinstance(outcome, Failure):
+        return {"verdict": "ERROR", "error": outcome.message}
     texts = ("text", "not_recorded", "way_out", "explanation", "unknown")
     stored = {
-        "verdict": found.verdict,
-        "robustness": found.robustness,
-        "lower": found.lower,
-        "upper": found.upper,
-        "decided_at": found.decided,
-        **({} if found.ended is None else {"ended_at": found.ended}),
-        **{name: getattr(found, name) for name in texts if getattr(found, name)},
+        "verdict": outcome.verdict,
+        "robustness": outcome.robustness,
+        "lower": outcome.lower,
+        "upper": outcome.upper,
+        "decided_at": outcome.decided,
+        **({} if outcome.ended is None else {"ended_at": outcome.ended}),
+        **{name: getattr(outcome, name) for name in texts if getattr(outcome, name)},
     }
-    if found.by_end:
+    if outcome.by_end:
         stored["by_end"] = True
-    stored |= found.evidence or {}
-    if found.defaults:
-        stored["defaults"] = found.defaults
-    if found.progress is not None:
-        stored["progress"] = found.progress
-    if (late := found.late_start) is not None:
+    stored |= outcome.evidence or {}
+    if outcome.defaults:
+        stored["defaults"] = outcome.defaults
+    if outcome.progress is not None:
+        stored["progress"] = outcome.progress
+    if (late := outcome.late_start) is not None:
         stored["late_start"] = {**plain(late), "left_out": late.left_out}
-    if found.occurrences is not None:
-        stored["occurrences"] = plain_occurrences(found.occurrences)
+    if outcome.occurrences is not None:
+        stored["occurrences"] = plain_occurrences(outcome.occurrences)
     return {name: plain(value) for name, value in stored.items()}
 
 
@@ -197,7 +197,7 @@ def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
 
     Args:
         results: The trials.
-        rates: Whether they differ by chance alone, so that a rate describes the system.
+        rates: Whether they differ by chance only, so that a rate describes the system.
     """
     result = results.results()
     return {
@@ -210,7 +210,7 @@ def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
 
 
 _AS_IT_IS: Final = frozenset({str, int, bool, type(None)})
-"""The types whose values JSON holds as they are."""
+"""The types that JSON has, too."""
 
 _PLAIN: Final[tuple[tuple[type | tuple[type, ...], Callable[[Any], Any]], ...]] = (
     (
@@ -223,18 +223,18 @@ _PLAIN: Final[tuple[tuple[type | tuple[type, ...], Callable[[Any], Any]], ...]] 
     (Trial, plain_trial),
     (RequirementResult, plain_result),
     (np.ndarray, lambda value: plain(value.tolist())),
-    (Mapping, lambda value: {str(key): plain(each) for key, each in value.items()}),
-    ((list, tuple), lambda value: [plain(each) for each in value]),
+    (Mapping, lambda value: {str(key): plain(item) for key, item in value.items()}),
+    ((list, tuple), lambda value: [plain(item) for item in value]),
 )
-"""What JSON holds of values that it does not know; the first kind that fits counts."""
+"""The functions that convert other types for JSON; the first type that fits counts."""
 
 
 def read_fields(kind: type[T], stored: Mapping[str, Any]) -> T:
-    """Return the dataclass that `plain` has written; other keys are ignored.
+    """Return a dataclass from the output of `plain`; other keys are ignored.
 
     Raises:
-        KeyError, TypeError, ValueError: If a field without a default is missing, or something else
-            is stored.
+        KeyError, TypeError, ValueError: If a field without a default is missing, or a value has a
+            wrong type.
     """
     hints = _type_hints(kind)  # type: ignore[arg-type]  # classes are hashable
     values = {
@@ -267,60 +267,60 @@ def _read_value(hint: Any, value: Any) -> Any:  # noqa: ANN401 - any type of a f
     return float(value) if hint is float else value
 
 
-def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
+def outcome_of(stored: Mapping[str, Any]) -> Outcome | Failure:
     """Read the output of `plain_outcome`."""
-    if kept["verdict"] == "ERROR":
-        return Failure(kept["error"])
-    late = kept.get("late_start")
+    if stored["verdict"] == "ERROR":
+        return Failure(stored["error"])
+    late = stored.get("late_start")
     return Outcome(
-        float(kept["robustness"]),
-        float(kept["lower"]),
-        float(kept["upper"]),
-        Verdict[kept["verdict"]],
-        _moment(kept["decided_at"]),
-        text=kept.get("text", ""),
-        not_recorded=tuple(kept.get("not_recorded", ())),
-        way_out=kept.get("way_out", ""),
-        explanation=kept.get("explanation", ""),
-        triggers=asked_of(kept),
-        vacuous=kept.get("vacuous", False),
-        defaults={name: float(value) for name, value in kept.get("defaults", {}).items()},
-        unknown=tuple(kept.get("unknown", ())),
-        progress=number_of(kept.get("progress")),
+        float(stored["robustness"]),
+        float(stored["lower"]),
+        float(stored["upper"]),
+        Verdict[stored["verdict"]],
+        _moment(stored["decided_at"]),
+        text=stored.get("text", ""),
+        not_recorded=tuple(stored.get("not_recorded", ())),
+        way_out=stored.get("way_out", ""),
+        explanation=stored.get("explanation", ""),
+        triggers=triggers_of(stored),
+        vacuous=stored.get("vacuous", False),
+        defaults={name: float(value) for name, value in stored.get("defaults", {}).items()},
+        unknown=tuple(stored.get("unknown", ())),
+        progress=number_of(stored.get("progress")),
         late_start=None if late is None else read_fields(LateStart, late),
-        ended=_moment(kept.get("ended_at")),
-        occurrences=occurrences_of(kept["occurrences"]) if "occurrences" in kept else None,
+        ended=_moment(stored.get("ended_at")),
+        occurrences=occurrences_of(stored["occurrences"]) if "occurrences" in stored else None,
     )
 
 
-def _moment(kept: Mapping[str, Any] | None) -> Moment | None:
-    return None if kept is None else read_fields(Moment, kept)
+def _moment(stored: Mapping[str, Any] | None) -> Moment | None:
+    return None if stored is None else read_fields(Moment, stored)
 
 
-def trial_of(kept: Mapping[str, Any]) -> Trial:
+def trial_of(stored: Mapping[str, Any]) -> Trial:
     """Read the output of `plain_trial`."""
-    cells = {name: outcome_of(value) for name, value in kept["outcomes"].items()}
+    cells = {name: outcome_of(value) for name, value in stored["outcomes"].items()}
     return Trial(
-        Case.from_json(json.dumps(kept.get("case", {}))),
-        kept.get("seed"),
+        Case.from_json(json.dumps(stored.get("case", {}))),
+        stored.get("seed"),
         {name: cell for name, cell in cells.items() if isinstance(cell, Outcome)},
-        kept["ended"],
-        float(kept.get("simulated", 0.0)),
-        float(kept.get("wall", 0.0)),
-        kept.get("error", ""),
-        number_of(kept.get("return")),
-        name=kept.get("name", ""),
-        described=kept.get("described", ""),
-        notes=tuple(kept.get("notes", ())),
+        stored["ended"],
+        float(stored.get("simulated", 0.0)),
+        float(stored.get("wall", 0.0)),
+        stored.get("error", ""),
+        number_of(stored.get("return")),
+        name=stored.get("name", ""),
+        described=stored.get("described", ""),
+        notes=tuple(stored.get("notes", ())),
         failures={name: cell for name, cell in cells.items() if isinstance(cell, Failure)},
-        extent=Extent.read(kept["extent"]) if "extent" in kept else None,
-        reported=kept.get("is_success"),
+        extent=Extent.read(stored["extent"]) if "extent" in stored else None,
+        reported=stored.get("is_success"),
     )
 
 
-def trials_of(kept: Mapping[str, Any]) -> list[Trial]:
+def trials_of(stored: Mapping[str, Any]) -> list[Trial]:
     """Return the trials of a result."""
-    return [trial_of(item) for item in kept["trials"]]
+    return [trial_of(item) for item in stored["trials"]]
 
 
 _TABLES: Mapping[str, type[Any]] = {
@@ -334,14 +334,14 @@ _TABLES: Mapping[str, type[Any]] = {
 _QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
-def plain_occurrences(found: Occurrences) -> dict[str, Any]:
+def plain_occurrences(occurrences: Occurrences) -> dict[str, Any]:
     """Return occurrences as JSON holds them; times are in seconds or numbers of samples."""
     return {
-        "unit": found.unit,
-        "end": found.end,
-        "formula": found.formula,
-        "at_start": found.at_start,
-        "bodies": [_plain_body(body) for body in found.bodies],
+        "unit": occurrences.unit,
+        "end": occurrences.end,
+        "formula": occurrences.formula,
+        "at_start": occurrences.at_start,
+        "bodies": [_plain_body(body) for body in occurrences.bodies],
     }
 
 
@@ -358,22 +358,22 @@ def _plain_body(body: BodyOccurrences) -> dict[str, Any]:
 def _occurrence_statistics(body: BodyOccurrences) -> dict[str, Any]:
     """Return the count, the share of time, the rate and the answer times of a body."""
     times = body.answer_times
-    found: dict[str, Any] = {
+    result: dict[str, Any] = {
         "count": len(body.violations),
         "share": _number_or_none(body.share),
         "per_hour": _number_or_none(body.per_hour),
     }
     if len(body.responses):
         counts = {verdict.name: count for verdict, count in body.outcomes.items()}
-        found |= {"triggers": len(body.responses), "outcomes": counts, "answered": len(times)}
+        result |= {"triggers": len(body.responses), "outcomes": counts, "answered": len(times)}
     if len(times):
         levels = zip(_QUANTILES, np.quantile(times, _QUANTILES).tolist(), strict=True)
-        found["answer_times"] = {
+        result["answer_times"] = {
             "min": float(times[0]),
             **{str(share): value for share, value in levels},
             "max": float(times[-1]),
         }
-    return found
+    return result
 
 
 def _number_or_none(value: float) -> float | None:
@@ -396,19 +396,21 @@ def _plain_cell(name: str, value: Any) -> object:  # noqa: ANN401 - an element o
     return value
 
 
-def occurrences_of(kept: Mapping[str, Any]) -> Occurrences:
+def occurrences_of(stored: Mapping[str, Any]) -> Occurrences:
     """Read the result of `plain_occurrences`."""
     bodies = tuple(
         BodyOccurrences(
             body["body"],
-            **{name: _run_table(body[name], kind, kept["unit"]) for name, kind in _TABLES.items()},
+            **{
+                name: _run_table(body[name], kind, stored["unit"]) for name, kind in _TABLES.items()
+            },
             length=body["length"],
             violated=body["violated"],
-            unit=kept["unit"],
+            unit=stored["unit"],
         )
-        for body in kept["bodies"]
+        for body in stored["bodies"]
     )
-    return Occurrences(kept["formula"], bodies, kept["end"], kept["unit"], kept["at_start"])
+    return Occurrences(stored["formula"], bodies, stored["end"], stored["unit"], stored["at_start"])
 
 
 def _run_table(rows: list[dict[str, Any]], kind: type[Any], unit: str) -> RunTable[Any]:
@@ -431,14 +433,14 @@ def _run_column(name: str, values: list[Any], unit: str) -> NDArray[Any]:
     return np.array([math.nan if value is None else float(value) for value in values])
 
 
-def number_of(kept: float | str | None) -> Any:  # noqa: ANN401 - a float, or None
-    """Return a number that `plain` has written; None of None."""
-    return None if kept is None else float(kept)
+def number_of(stored: float | str | None) -> Any:  # noqa: ANN401 - a float, or None
+    """Return a number from the output of `plain`; None stays None."""
+    return None if stored is None else float(stored)
 
 
-def fraction_of(kept: str | None) -> Fraction | None:
-    """Return a fraction that `plain` has written; None of None."""
-    return None if kept is None else Fraction(kept)
+def fraction_of(stored: str | None) -> Fraction | None:
+    """Return a fraction from the output of `plain`; None stays None."""
+    return None if stored is None else Fraction(stored)
 
 
 def save(text: str, path: str | os.PathLike[str]) -> None:
@@ -478,7 +480,7 @@ def read(
     expected = f"expected a file that {written} {verb}{others}"
     try:
         stored = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_number)
-    except (ValueError, RecursionError) as error:  # no text, no JSON, or lists without end
+    except (ValueError, RecursionError) as error:  # not text, not JSON, or nested too deeply
         raise InputError(f"{where} holds {phrase}: {expected}, got no JSON: {error}") from error
     if not isinstance(stored, dict):
         raise InputError(f"{where} holds {phrase}: {expected}")
@@ -503,26 +505,26 @@ def read_as(path: str | os.PathLike[str], kind: str, make: Callable[[Mapping[str
     """Read a result of one kind, and return its object.
 
     Raises:
-        InputError: As `read` does, and if the file lacks something or holds something else.
+        InputError: As `read` does, and if values are missing or wrong.
     """
-    return made(path, read(path, [kind]), make)
+    return build(path, read(path, [kind]), make)
 
 
-def made(
-    path: str | os.PathLike[str], kept: Mapping[str, Any], make: Callable[[Mapping[str, Any]], T]
+def build(
+    path: str | os.PathLike[str], stored: Mapping[str, Any], make: Callable[[Mapping[str, Any]], T]
 ) -> T:
     """Return the object of a result that was read from a file.
 
     Raises:
-        InputError: If it lacks something or holds something else.
+        InputError: If values are missing or wrong.
     """
     try:
-        return make(kept)
+        return make(stored)
     except rtamt.RtamtError as error:
         error.add_note(os.fspath(path))
         raise
     except _BROKEN as error:
-        kind = kept["kind"]
+        kind = stored["kind"]
         raise InputError(
             f"cannot read {os.fspath(path)}: it is not a result of kind {kind!r} from "
             f"{KINDS[kind]}: {type(error).__name__}: {error}"

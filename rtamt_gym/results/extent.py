@@ -1,4 +1,4 @@
-"""How far a recorded trace reaches, and where nothing was recorded."""
+"""The extent of a recorded trace, and its gaps."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any, Final, Self
 from rtamt_gym.tables import counted, number, time_text
 
 _LONG: Final = 10
-"""A gap of more than so many usual steps is noted."""
+"""A gap of more than this number of usual steps gets a note."""
 
 _WIDTH: Final = 80
 
 _NAMED: Final = 3
-"""The traces that are named where some are too short."""
+"""The number of short traces that a warning names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +23,10 @@ class Gap:
     """The time between two neighbouring records of a variable.
 
     Attributes:
-        seconds: How long it is.
-        begin: When it begins, in seconds on the clock of the trace.
-        usual: The usual time between two records there, their median in seconds.
-        of: The variables, joined by commas; empty where all have it.
+        seconds: The length in seconds.
+        begin: The start in seconds on the clock of the trace.
+        usual: The median time between two records there, in seconds.
+        of: The variables, joined by commas; empty if all have the gap.
     """
 
     seconds: float
@@ -36,7 +36,7 @@ class Gap:
 
     @property
     def long(self) -> bool:
-        """Whether it is so much longer than usual that it is noted."""
+        """Whether it is long enough for a note."""
         return self.seconds > _LONG * self.usual
 
     @property
@@ -46,24 +46,24 @@ class Gap:
         steps = f", {number(self.seconds / self.usual)} usual steps" if self.usual else ""
         return (
             f"nothing{of} was recorded for {number(self.seconds)} s after "
-            f"{time_text(self.begin, self.seconds)}{steps}: what was recorded before is taken to "
-            "hold; --max-gap says for how long it may"
+            f"{time_text(self.begin, self.seconds)}{steps}: the last values hold; --max-gap limits "
+            "for how long"
         )
 
 
 @dataclass(frozen=True, slots=True)
 class LateStart:
-    """The start of the trace of a requirement, where that is later than the recording.
+    """The start of the trace of a requirement that starts later than the recording.
 
     Attributes:
         time: The first time in seconds when all variables of the requirement are known.
         begin: The first time when any variable is known.
-        of: The variables that are known from ``time`` on only, where others are known before;
-            else empty.
-        before: The number of events or samples from ``begin`` on that come before ``time``.
+        of: The variables that are known only from ``time`` on, if others are known before;
+            otherwise empty.
+        before: The number of events or samples from ``begin`` until ``time``.
         what: ``"event"`` or ``"sample"``.
-        verdict: The name of the verdict if these are left out and the trace starts at ``time``.
-        counted: Whether the verdict that is reported counts the time from ``begin`` on, with the
+        verdict: The name of the verdict if the trace starts at ``time``.
+        counted: Whether the reported verdict includes the time from ``begin`` on, with the
             variables ``of`` unknown until they start.
     """
 
@@ -106,14 +106,14 @@ class LateStart:
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """How much of a trace was recorded.
+    """The recorded part of a trace.
 
     Attributes:
         samples: The number of samples; None in dense time.
-        events: The number of events of all variables; None of samples.
+        events: The number of events of all variables; None for samples.
         period: Seconds between samples; None in dense time, or if bounds count samples.
         begin: The start time in seconds; None if bounds count samples.
-        end: The time of its end.
+        end: The end time in seconds; None if bounds count samples.
         step: The usual distance of two times; None if bounds count samples.
         gap: The longest gap; None with fewer than two times.
     """
@@ -128,9 +128,9 @@ class Extent:
 
     @property
     def length(self) -> float | None:
-        """Seconds from the begin to the end; None if bounds count samples."""
+        """Seconds from start to end; None if bounds count samples."""
         if self.period is not None and self.samples is not None:
-            # As the float of a Fraction, which takes ten times as long to make.
+            # equals the float of a Fraction in a tenth of the time
             return (self.samples - 1) * self.period.numerator / self.period.denominator
         return None if self.begin is None or self.end is None else self.end - self.begin
 
@@ -143,9 +143,9 @@ class Extent:
             samples -= round((time - self.begin) / float(self.period))
         return replace(self, samples=samples, begin=time)
 
-    def shorter(self, least: Fraction) -> bool:
-        """Return whether it is shorter than ``least`` seconds, by more than rounding."""
-        return self.length is not None and self.length < float(least) * (1 - 1e-9)
+    def shorter(self, minimum: Fraction) -> bool:
+        """Return whether it is shorter than ``minimum`` seconds, by more than rounding."""
+        return self.length is not None and self.length < float(minimum) * (1 - 1e-9)
 
     def written(self) -> dict[str, Any]:
         """Return the fields as JSON holds them; unknown ones are left out."""
@@ -169,22 +169,22 @@ class Extent:
         return {name: value for name, value in stored.items() if value is not None}
 
     @classmethod
-    def read(cls, kept: Mapping[str, Any]) -> Self:
+    def read(cls, stored: Mapping[str, Any]) -> Self:
         """Read the output of `written`."""
-        period, gap = kept.get("period"), kept.get("gap")
+        period, gap = stored.get("period"), stored.get("gap")
         return cls(
-            kept.get("samples"),
-            kept.get("events"),
+            stored.get("samples"),
+            stored.get("events"),
             None if period is None else Fraction(period),
-            kept.get("begin"),
-            kept.get("end"),
-            kept.get("usual_step"),
+            stored.get("begin"),
+            stored.get("end"),
+            stored.get("usual_step"),
             None if gap is None else Gap(**gap),
         )
 
     @property
     def text(self) -> str:
-        """The words of it: how many samples or events, the times, the longest gap."""
+        """The extent in words: the number of samples or events, the times, the longest gap."""
         return ", ".join(filter(None, (self._times, self._length)))
 
     def lines(self, source: str) -> list[str]:
@@ -221,27 +221,27 @@ class Extent:
 
 
 def length_text(seconds: float | Fraction | None) -> str:
-    """Return a length of time as a cell of a table; empty if nobody knows it."""
+    """Return a length of time as a cell of a table; empty if it is unknown."""
     return "" if seconds is None else f"{number(float(seconds))} s"
 
 
-def short_text(extents: Mapping[str, Extent], least: Fraction) -> str:
-    """Return which traces are shorter than asked for; empty if none is.
+def short_text(extents: Mapping[str, Extent], minimum: Fraction) -> str:
+    """Return a text about traces that are too short; empty without such a trace.
 
     Args:
         extents: The extent of each trace, by its name.
-        least: The minimum duration of a trace, in seconds.
+        minimum: The minimum duration of a trace, in seconds.
     """
-    short = {name: value.length or 0.0 for name, value in extents.items() if value.shorter(least)}
+    short = {name: value.length or 0.0 for name, value in extents.items() if value.shorter(minimum)}
     if not short:
         return ""
     named = [f"{name} ({number(value)} s)" for name, value in list(short.items())[:_NAMED]]
     more = f" and {len(short) - _NAMED} more" if len(short) > _NAMED else ""
-    return f"shorter than {number(float(least))} s: {', '.join(named)}{more}"
+    return f"shorter than {number(float(minimum))} s: {', '.join(named)}{more}"
 
 
 def gap_summary(extents: Mapping[str, Extent]) -> str:
-    """Return how many traces have a long gap, and which is the longest; empty if none has one.
+    """Return a text about traces with a long gap, and the longest gap; empty without a gap.
 
     Args:
         extents: The extent of each trace, by its name.
@@ -250,7 +250,7 @@ def gap_summary(extents: Mapping[str, Extent]) -> str:
     long = {name: gap for name, gap in gaps.items() if gap.long}
     if not long:
         return ""
-    name = max(long, key=lambda each: long[each].seconds)
+    name = max(long, key=lambda trace: long[trace].seconds)
     return (
         f"gaps of more than {_LONG} usual steps in {len(long)} of "
         f"{counted(len(extents), 'trace')}, the longest {number(long[name].seconds)} s in {name}"

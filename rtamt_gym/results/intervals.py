@@ -1,7 +1,6 @@
-"""How sure a number is that was measured on episodes: intervals and quantiles.
+"""Confidence intervals and quantiles of numbers that were measured on episodes.
 
-Intervals of rates and quantiles need NumPy alone, all else SciPy, which is imported when a function
-is called.
+Intervals of rates and quantiles need only NumPy; other functions import SciPy when they are called.
 
 To add a kind of interval of a rate: its name in `IntervalKind`, its case in `rate_interval`, its
 guarantee in `promise`, and a choice of ``rtamt evaluate --interval``. ``docs/evaluation.md`` states
@@ -24,12 +23,12 @@ from rtamt_gym.checks.arguments import check_choice, check_count
 from rtamt_gym.checks.extras import naming_extra
 
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
-"""The shares of which `quantiles` gives the values."""
+"""The default shares of `quantiles`."""
 
 _RESAMPLES: Final = 9999
 
 _AT_ONCE: Final = 1_000_000
-"""The numbers that the bootstrap draws at once: memory for all resamples would not be there."""
+"""The number of values that the bootstrap draws at once, because of memory."""
 
 
 IntervalKind = Literal["exact", "wilson"]
@@ -54,7 +53,7 @@ def rate_interval(
 
 
 def promise(kind: IntervalKind) -> str:
-    """The coverage of the 95 % intervals of each kind, in words that follow its name."""
+    """Return the coverage of the 95 % intervals of a kind, in words that follow its name."""
     if kind == "exact":
         return "holds the true rate in at least 95 of 100 evaluations"
     return "of Wilson, holds the true rate in about 95 of 100 evaluations"
@@ -69,9 +68,9 @@ def clopper_pearson(count: int, total: int, confidence: float = 0.95) -> tuple[f
     coverage on average only.
 
     Args:
-        count: How many did, of 0 to ``total``.
-        total: How many there were; of 0 nothing is known, and the interval is (0, 1).
-        confidence: How often an interval shall cover the rate at least: between 0 and 1.
+        count: The number of successes, from 0 to ``total``.
+        total: The number of trials; for 0 trials, the interval is (0, 1).
+        confidence: The minimum probability that the interval contains the rate, between 0 and 1.
 
     Raises:
         InputError: If a number is out of its range.
@@ -87,13 +86,13 @@ def clopper_pearson(count: int, total: int, confidence: float = 0.95) -> tuple[f
     if not total:
         return 0.0, 1.0
     chance = (1 - confidence) / 2
-    return _least_rate(count, total, chance), 1.0 - _least_rate(total - count, total, chance)
+    return _lower_rate(count, total, chance), 1.0 - _lower_rate(total - count, total, chance)
 
 
-def _least_rate(count: int, total: int, chance: float) -> float:
-    """Return the rate where ``count`` or more of ``total`` have a given probability; 0 for count 0.
+def _lower_rate(count: int, total: int, chance: float) -> float:
+    """Return the rate at which ``count`` or more of ``total`` have this chance; 0 for count 0.
 
-    Newton's method on the logarithms of rate and chance, between bounds that it narrows.
+    Newton's method on the logarithms of rate and chance, within bounds that become narrower.
     """
     if not count:
         return 0.0
@@ -102,13 +101,13 @@ def _least_rate(count: int, total: int, chance: float) -> float:
     low, high = 0.0, count / total
     rate = high / 2
     for _ in range(200):
-        tail, least = _tail(count, total, rate)
+        tail, first = _tail(count, total, rate)
         if tail < chance:
             low = rate
         else:
             high = rate
         # The derivative of the tail by the rate equals its first term, times count / rate.
-        step = math.log(chance / tail) * tail / (least * count) if tail and least else math.nan
+        step = math.log(chance / tail) * tail / (first * count) if tail and first else math.nan
         closer = rate * math.exp(step) if abs(step) < 1 else math.nan
         before, rate = rate, closer if low < closer < high else (low + high) / 2
         if abs(rate - before) <= 1e-15 * rate:
@@ -117,7 +116,7 @@ def _least_rate(count: int, total: int, chance: float) -> float:
 
 
 def _tail(count: int, total: int, rate: float) -> tuple[float, float]:
-    """Return the chance of ``count`` or more of ``total`` at a smaller rate, and of ``count``."""
+    """Return the chance of ``count`` or more of ``total`` at a rate, and of exactly ``count``."""
     log_count = math.lgamma(total + 1) - math.lgamma(count + 1) - math.lgamma(total - count + 1)
     first = math.exp(log_count + count * math.log(rate) + (total - count) * math.log1p(-rate))
     odds = rate / (1 - rate)
@@ -133,15 +132,14 @@ def _tail(count: int, total: int, rate: float) -> tuple[float, float]:
 def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
     """Return the interval of Wilson (1927) for the true rate, from ``count`` of ``total`` trials.
 
-    It lies within 0 and 1, also where few were counted: of none its low end is exactly 0, of all
-    its high end exactly 1. Over all rates it covers the true one about as often as ``confidence``
-    says, at some rates near 0 or 1 far less often: one of 95 % in 84.4 % of all cases, of 100 at a
-    rate of 0.9983.
+    It lies within 0 and 1: its low end is exactly 0 for a count of 0, its high end exactly 1 for
+    ``total``. Averaged over rates, the coverage is about ``confidence``, but near 0 or 1 it may be
+    far less: 84.4 % for a 95 % interval of 100 trials at a rate of 0.9983.
 
     Args:
-        count: How many did, of 0 to ``total``.
-        total: How many there were; of 0 nothing is known, and the interval is (0, 1).
-        confidence: How often an interval shall cover the rate: between 0 and 1.
+        count: The number of successes, from 0 to ``total``.
+        total: The number of trials; for 0 trials, the interval is (0, 1).
+        confidence: The average coverage, between 0 and 1.
 
     Raises:
         InputError: If a number is out of its range.
@@ -190,7 +188,7 @@ def quantiles(values: ArrayLike, shares: Sequence[float] = QUANTILES) -> Mapping
 
 
 def median(values: ArrayLike) -> float:
-    """Return the median as `quantiles` defines it; nan of no values.
+    """Return the median as `quantiles` defines it; nan without values.
 
     Example:
         >>> median([float("-inf"), 1.0, 2.0, float("inf")])
@@ -200,12 +198,11 @@ def median(values: ArrayLike) -> float:
 
 
 def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the interval of the median, between two of the values: it assumes nothing about them.
+    """Return the interval of the median, between two of the values.
 
-    If values are independent, with any distribution, infinities and ties included, it covers the
-    median with a probability of at least ``confidence``, because the number of values below the
-    median is binomial. It needs no random numbers. Fewer than six values cannot reach 95 %: their
-    interval is (-inf, inf).
+    If the values are independent, with any distribution, infinities and ties included, it covers
+    the median with a probability of at least ``confidence``, because the number of values below the
+    median is binomial. Fewer than six values cannot reach 95 %: their interval is (-inf, inf).
 
     Raises:
         InputError: If a value is nan, or ``confidence`` is not between 0 and 1.
@@ -238,8 +235,8 @@ def bootstrap(
     too narrow. The same values in the same order and the same seed return the same interval.
 
     Args:
-        values: Finite values; of less than two nothing is known, and the interval is (-inf, inf).
-        confidence: How often an interval shall cover the mean: between 0 and 1.
+        values: Finite values; for fewer than two, the interval is (-inf, inf).
+        confidence: The probability that the interval covers the mean, between 0 and 1.
         seed: The seed of the resamples.
         resamples: The number of resamples.
 
@@ -284,7 +281,7 @@ def differences(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
     """Return the second values minus the first, pair by pair; 0 for two equal infinities, not nan.
 
     Raises:
-        InputError: If the numbers of values differ, or one is nan.
+        InputError: If the numbers of values differ, or a value is nan.
 
     Example:
         >>> inf = float("inf")
@@ -305,11 +302,7 @@ def _check_counts(count: int, total: int, confidence: float) -> None:
 
 
 def check_confidence(confidence: float) -> None:
-    """Refuse a confidence that is not between 0 and 1.
-
-    Raises:
-        InputError: If it is not.
-    """
+    """Raise InputError if a confidence is not between 0 and 1."""
     if not 0 < confidence < 1:
         raise InputError(f"expected confidence= between 0 and 1, such as 0.95, got {confidence!r}")
 

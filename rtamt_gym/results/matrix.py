@@ -33,15 +33,15 @@ _WIDTH = 80
 _MOST_ROWS, _WORST = 10_000, 100
 """The most traces that a table shows, and the number that it shows of more traces."""
 
-LEGEND = "numbers are robustness; V: violated, U: undecided, E: error, else satisfied"
-"""What the cells of the table say."""
+LEGEND = "numbers are robustness; V: violated, U: undecided, E: error, otherwise satisfied"
+"""The meaning of the cells of the table."""
 
 
 class Matrix(Results):
     """Recorded traces under requirements, a row for each trace, at least one."""
 
     def counts(self) -> dict[Word, int]:
-        """Return the number of outcomes with each word, those with 0 too."""
+        """Return the number of outcomes with each word, including 0."""
         words = [word(row.cell(name)) for row in self.rows for name in self.requirements]
         return {item: words.count(item) for item in get_args(Word)}
 
@@ -50,10 +50,10 @@ class Matrix(Results):
         """The worst of all verdicts, as a word."""
         return next(value for value, count in self.counts().items() if count)
 
-    def shorter(self, least: Fraction) -> list[str]:
-        """Return the traces that last less than so many seconds."""
+    def shorter(self, minimum: Fraction) -> list[str]:
+        """Return the traces that are shorter than ``minimum`` seconds."""
         extents = {row.name: row.judged_extent for row in self.rows}
-        return [name for name, extent in extents.items() if extent and extent.shorter(least)]
+        return [name for name, extent in extents.items() if extent and extent.shorter(minimum)]
 
     def failures(self) -> dict[str, tuple[Failure, list[str]]]:
         """Return the error and its traces for each message of an error."""
@@ -68,8 +68,8 @@ class Matrix(Results):
     def worst_requirement(self) -> tuple[str, str] | None:
         """Return the name of the requirement that most traces violate, and why; None without one.
 
-        Of several, it names the requirement that most traces leave undecided; at a tie, the
-        requirement with the smallest robustness, then the first.
+        At a tie, it names the requirement that most traces leave undecided, then the one with the
+        smallest robustness, then the first.
         """
         columns = {
             name: {row.name: row.outcomes[name] for row in self.rows if name in row.outcomes}
@@ -87,8 +87,8 @@ class Matrix(Results):
     def worst_trace(self) -> tuple[str, str] | None:
         """Return the name of the trace that violates most requirements, and why; None without one.
 
-        Of several, it names the trace that leaves most requirements undecided; at a tie, the trace
-        with the smallest robustness.
+        At a tie, it names the trace that leaves most requirements undecided, then the trace with
+        the smallest robustness.
         """
         rows = {row.name: row.outcomes for row in self.rows}
         result = _worst(rows)
@@ -121,9 +121,9 @@ def _worst(
     return result
 
 
-def label(found: Word) -> str:
+def label(value: Word) -> str:
     """Return the word of the table: the name of a verdict, or ``"ERROR"``."""
-    return "ERROR" if found == "failed" else found.upper()
+    return "ERROR" if value == "failed" else value.upper()
 
 
 def worst_traces(matrix: Matrix) -> tuple[Matrix, str]:
@@ -148,8 +148,8 @@ def worst_traces(matrix: Matrix) -> tuple[Matrix, str]:
 def matrix_lines(matrix: Matrix) -> list[str]:
     """Return a table with a row for each trace, and the worst and open requirements in words.
 
-    Requirements that do not fit next to each other follow in further tables. Of more than 10,000
-    traces the table shows the 100 worst.
+    Requirements that do not fit next to each other follow in further tables. For more than 10,000
+    traces, the table shows the 100 worst.
     """
     few, note = worst_traces(matrix)
     names = ["trace", *(_cut(row.name, 36) for row in few.rows)]
@@ -174,9 +174,9 @@ def _column(matrix: Matrix, name: str, *, on_defaults: bool) -> list[str]:
     column = [f"{shorten(name, 16)}  {' ' * on_defaults}", *cells]
     if triggered_in(matrix, name) is None:
         return column
-    asked = ["triggers", *(times_text(row.cell(name)) for row in matrix.rows)]
-    width, other = max(map(len, column)), max(map(len, asked))
-    return [f"{a:>{width}}{b:>{other}}" for a, b in zip(column, asked, strict=True)]
+    triggers = ["triggers", *(times_text(row.cell(name)) for row in matrix.rows)]
+    width, other = max(map(len, column)), max(map(len, triggers))
+    return [f"{a:>{width}}{b:>{other}}" for a, b in zip(column, triggers, strict=True)]
 
 
 def _lengths(matrix: Matrix) -> list[list[str]]:
@@ -189,7 +189,7 @@ def _lengths(matrix: Matrix) -> list[list[str]]:
 
 
 def summary(matrix: Matrix) -> Iterator[str]:
-    """Yield the counts of the outcomes, the worst requirement and trace, and notes on reading."""
+    """Yield the counts of outcomes, the worst requirement and trace, and notes on the files."""
     counts = [
         counted(count, "error") if value == "failed" else f"{count} {value}"
         for value, count in matrix.counts().items()
@@ -211,12 +211,12 @@ def summary(matrix: Matrix) -> Iterator[str]:
 
 
 def note_lines(matrix: Matrix) -> list[str]:
-    """Return the notes on reading, in lines for a terminal."""
+    """Return the notes on the files, in lines for a terminal."""
     return [line for note in _notes(matrix) for line in indented(note, "")]
 
 
 def _notes(matrix: Matrix) -> Iterator[str]:
-    """Yield the notes on reading; a note that many traces share is shown for the first."""
+    """Yield the notes on the files; a note that many traces share is shown for the first."""
     noted: dict[str, list[tuple[str, str]]] = {}
     for row in matrix.rows:
         for note in row.notes:
@@ -232,7 +232,7 @@ def _shape(note: str, trace: str) -> str:
 
 
 def legend(matrix: Matrix) -> str:
-    """What the cells of the table say."""
+    """Return the meaning of the cells of the table."""
     return f"{LEGEND}; d: rests on a default" if _on_defaults(matrix) else LEGEND
 
 
@@ -241,7 +241,7 @@ def _on_defaults(matrix: Matrix) -> bool:
 
 
 def cell_text(cell: Outcome | Failure, *, on_defaults: bool = False) -> str:
-    """Return a robustness with the letter of its verdict, which is a blank if that is satisfied.
+    """Return a robustness with the letter of its verdict, a blank for satisfied.
 
     Args:
         cell: The outcome of a requirement, or the error.
@@ -255,7 +255,7 @@ def cell_text(cell: Outcome | Failure, *, on_defaults: bool = False) -> str:
 
 
 def times_text(cell: Outcome | Failure) -> str:
-    """Return how many times a requirement was triggered, as in ``12x``; empty without triggers."""
+    """Return the number of triggers, as in ``12x``; empty without an implication."""
     times = None if isinstance(cell, Failure) else cell.trigger_count
     return "" if times is None else f"{times}x"
 
@@ -297,7 +297,7 @@ def _more(count: int) -> str:
 
 
 def _cut(text: str, width: int) -> str:
-    """Cut a text to a width, with three dots in place of its beginning."""
+    """Cut a text to a width, with three dots at the start."""
     return text if len(text) <= width else "..." + text[3 - width :]
 
 
@@ -312,7 +312,7 @@ def undecided_lines(not_recorded: Iterable[str], way_out: str) -> list[str]:
 
 
 def indented(text: str, indent: str) -> list[str]:
-    """Return a text of four lines at most, indented."""
+    """Return a text in at most four indented lines."""
     return textwrap.wrap(
         text,
         width=80,

@@ -1,4 +1,4 @@
-"""`MethodScores`: statistics of methods over training seeds, as few runs allow them.
+"""`MethodScores`: statistics of methods over few training seeds.
 
 The definitions follow Agarwal et al., "Deep Reinforcement Learning at the Edge of the Statistical
 Precipice" (NeurIPS 2021), with the reference implementation rliable. Scores are an array of shape
@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _AT_ONCE: Final = 2_000_000
-"""The numbers that are drawn at once: memory for all resamples would not be there."""
+"""The number of values that are drawn at once, because of memory."""
 
 _EXACT: Final = 200_000
-"""The most splits of the runs that a permutation test lists."""
+"""The maximum number of splits of the runs that a permutation test lists."""
 
 _DRAWN: Final = 99_999
-"""The splits that it draws where there are more."""
+"""The number of splits that it draws if there are more."""
 
 _ROUNDING: Final = 1e-12
-"""What rounding may take from a difference, as a share of the numbers."""
+"""The tolerance of a difference for rounding, relative to the numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +52,13 @@ class MethodScores:
         scores: The last score of every run, a row for each run and a column for each task.
         mean: The mean over tasks of the means over runs.
         interquartile_mean: The mean of the middle half of all scores.
-        profile: For each threshold the share of scores above it.
-        curve: At each point of training the mean; empty without ``steps``.
+        profile: The share of scores above each threshold.
+        curve: The mean at each point of training; empty without ``steps``.
         improvement: The probability that a run scores above a run of the baseline; None for the
             baseline itself.
-        p: The p-value of a permutation test against the baseline, on the means; None of the
+        p: The p-value of a permutation test of the means against the baseline; None for the
             baseline.
-        adjusted: The same, adjusted by Holm's method for the number of methods.
+        adjusted: The p-value, adjusted by Holm's method for the number of methods.
     """
 
     scores: tuple[tuple[float, ...], ...]
@@ -77,7 +77,7 @@ class MethodScores:
 
     @property
     def quartiles(self) -> tuple[float, float, float, float, float]:
-        """The minimum, quartiles and maximum of the scores: few numbers that hide no failed run."""
+        """The minimum, quartiles and maximum of the scores, which also show failed runs."""
         quartiles = np.quantile(np.array(self.scores), [0.0, 0.25, 0.5, 0.75, 1.0])
         low, first, middle, third, high = map(float, quartiles)
         return low, first, middle, third, high
@@ -122,8 +122,8 @@ def profile(scores: Floats, thresholds: Floats) -> Floats:
 def improvement(scores: Floats, other: Floats) -> Any:  # noqa: ANN401 - as `mean`
     """Return the chance that a run of one method scores above a run of the other on the same task.
 
-    Equal scores count half, so that it is Mann and Whitney's U as a share of all pairs; the mean
-    over tasks.
+    Equal scores count half: this is Mann and Whitney's U as a share of all pairs, averaged over
+    tasks.
 
     Example:
         >>> float(improvement(np.array([[1.0], [0.5]]), np.array([[0.5], [0.0]])))
@@ -145,11 +145,11 @@ def stratified_bootstrap(
     """Return the percentile interval of a statistic over resampled runs of each task.
 
     Args:
-        samples: The scores of each method, which are drawn apart.
+        samples: The scores of each method, which are drawn independently.
         statistic: A function of arrays of shape (resamples, runs, tasks), one for each of
             ``samples``, that returns an array with resamples as its first axis.
-        confidence: How often an interval shall cover the truth.
-        resamples: How often the runs are drawn.
+        confidence: The coverage of the interval.
+        resamples: The number of resamples.
         seed: The seed of the resamples.
 
     Example:
@@ -176,7 +176,7 @@ def _batches(count: int, most: int) -> Iterator[int]:
 
 
 def _drawn(scores: Floats, count: int, rng: np.random.Generator) -> Floats:
-    """Resamples of the runs, of each task apart: an array of shape (count, runs, tasks)."""
+    """Return resamples of the runs of each task, shape (count, runs, tasks)."""
     places = rng.integers(len(scores), size=(count, *scores.shape))
     return scores[places, np.arange(scores.shape[1])]
 
@@ -185,9 +185,9 @@ def permutation_p(scores: Floats, other: Floats, *, seed: int = 0) -> float:
     """Return the two-sided p-value of a permutation test on the difference of the means.
 
     If the methods are equal, the assignment of runs to methods is arbitrary. p is the share of all
-    assignments of the runs of a task in which the means are at least as far apart as observed. For
-    one task with up to 200,000 assignments, all are counted. Otherwise 99,999 are drawn, and p is
-    (1 + the number as far apart) / 100,000 (Phipson and Smyth, 2010).
+    assignments with means at least as far apart as observed. For one task with up to 200,000
+    assignments, all are counted. Otherwise 99,999 are drawn, and p is (1 + the number as far apart)
+    / 100,000 (Phipson and Smyth, 2010).
 
     Example:
         >>> permutation_p(np.array([[0.9], [1.0], [1.0]]), np.array([[0.0], [0.1], [0.0]]))

@@ -1,4 +1,4 @@
-"""`MutationScore`: how many mutants of a requirement a suite of traces notices.
+"""`MutationScore`: the share of mutants of a requirement that a suite of traces kills.
 
 The mutation score is the share of killed mutants among all mutants that differ from the original
 (DeMillo, Lipton and Sayward, "Hints on test data selection", Computer 1978).
@@ -13,8 +13,8 @@ from typing import Any, Final, Literal
 from rtamt_gym.tables import counted, shorten, table, wrapped
 
 MutantSays = Literal["noticed", "missed", "same", "unknown"]
-"""What became of a mutant: a trace notices it; none does, and one that would is known; it is proved
-to be the same requirement; or none does, and nobody knows whether one would."""
+"""The status of a mutant: a trace kills it; it survived, and a trace that would kill it is known;
+it is proved to be the same requirement; or it survived, and no trace that kills it is known."""
 
 _WIDTH: Final = 80
 """The columns of a table."""
@@ -31,15 +31,15 @@ class JudgedMutant:
         before: The text in the requirement.
         after: The text in the mutant; empty if the mutant removes it.
         formula: The formula of the mutant.
-        says: The status in words.
-        noticed_by: The first trace that notices it; empty if none does.
-        samples: For an unknown mutant: no trace of up to that many samples, with a repeating end,
-            kills it; 0 if even this is not known.
-        why: Why nobody knows whether a trace would notice it.
-        apart: A trace that would notice it, a list of values for each variable; empty if none is
-            known.
-        satisfies: Which of ``"requirement"`` and ``"mutant"`` the trace satisfies; empty if
-            unknown.
+        says: The status.
+        noticed_by: The first trace that kills it; empty if it survived.
+        samples: For an unknown mutant: no trace of up to this number of samples, with a repeating
+            end, kills it; 0 if even this is unknown.
+        why: The reason for the status ``"unknown"``.
+        apart: A trace that would kill it, with a list of values for each variable; None if no such
+            trace is known.
+        satisfies: Whether ``apart`` satisfies the ``"requirement"`` or the ``"mutant"``; empty
+            without ``apart``.
     """
 
     kind: str
@@ -80,9 +80,10 @@ class MutationScore:
     """The mutants of a requirement under a suite of traces.
 
     Attributes:
-        mutants: All that were judged, in the order of the text.
-        capped: Whether there may be more.
-        left_out: How many were not judged: they look at the first sample of a trace alone.
+        mutants: The judged mutants, in the order of the text.
+        capped: Whether there may be more mutants.
+        left_out: The number of mutants that were not judged, because they read only the first
+            sample of a trace.
     """
 
     mutants: tuple[JudgedMutant, ...]
@@ -90,22 +91,22 @@ class MutationScore:
     left_out: int = 0
 
     def count(self, says: MutantSays) -> int:
-        """Return how many mutants have an outcome."""
+        """Return the number of mutants with a status."""
         return sum(mutant.says == says for mutant in self.mutants)
 
     @property
     def made(self) -> int:
-        """How many were judged."""
+        """The number of judged mutants."""
         return len(self.mutants)
 
     @property
     def different(self) -> int:
-        """How many are not proved to be the same requirement."""
+        """The number of mutants that are not proved to be the same requirement."""
         return self.made - self.count("same")
 
     @property
     def share(self) -> float | None:
-        """The share killed of the mutants that are not proved equivalent; None without any."""
+        """The share of killed mutants among the different ones; None without any."""
         return self.count("noticed") / self.different if self.different else None
 
     def written(self) -> dict[str, Any]:
@@ -121,10 +122,10 @@ class MutationScore:
         }
 
     @classmethod
-    def read(cls, kept: Mapping[str, Any]) -> MutationScore:
+    def read(cls, stored: Mapping[str, Any]) -> MutationScore:
         """Read the output of `written`."""
-        mutants = tuple(JudgedMutant(**item) for item in kept["list"])
-        return cls(mutants, kept["capped"], kept.get("left_out", 0))
+        mutants = tuple(JudgedMutant(**item) for item in stored["list"])
+        return cls(mutants, stored["capped"], stored.get("left_out", 0))
 
 
 def _written(mutant: JudgedMutant) -> dict[str, Any]:
@@ -134,7 +135,7 @@ def _written(mutant: JudgedMutant) -> dict[str, Any]:
 
 
 def percent(share: float | None) -> str:
-    """Return a share in per cent, rounded down unless it is all; a dash for None.
+    """Return a share in per cent, rounded down; a dash for None.
 
     Example:
         >>> percent(0.999), percent(1.0), percent(None)
@@ -151,14 +152,14 @@ def below(scores: Mapping[str, MutationScore], min_share: float | None) -> list[
 
 
 def score_text(name: str, score: MutationScore) -> str:
-    """Return how many mutants of a requirement are noticed, in words."""
+    """Return the number of killed mutants of a requirement, in words."""
     text = f"{name}: {score.count('noticed')} of {counted(score.different, 'mutant')} killed"
     unknown = score.count("unknown")
     return f"{text}; {unknown} unknown" if unknown else text
 
 
 def score_lines(scores: Mapping[str, MutationScore], traces: int) -> Iterator[str]:
-    """Return a table with a row for each requirement, and the mutants that no trace notices."""
+    """Return a table with a row for each requirement, and the mutants that survived."""
     rows = [["mutants", "total", "killed", "survived", "unknown", "same", "share"]]
     for name, score in scores.items():
         counts = (score.count(item) for item in ("noticed", "missed", "unknown", "same"))
@@ -172,9 +173,9 @@ def score_lines(scores: Mapping[str, MutationScore], traces: int) -> Iterator[st
         for head, part in ((f"{name}: {of}", missed), (f"{name}: the same, left out", same)):
             if part:
                 yield from ("", head)
-                beside = max(len(m.place) + len(_kind(m)) for m in part) + 6
-                cells = [[m.place, shorten(m.change, _WIDTH - beside), _kind(m)] for m in part]
-                _, *lines = table([[""] * 3, *cells], "<<<")  # it has no names of columns
+                others = max(len(m.place) + len(_kind(m)) for m in part) + 6
+                cells = [[m.place, shorten(m.change, _WIDTH - others), _kind(m)] for m in part]
+                _, *lines = table([[""] * 3, *cells], "<<<")  # without names of columns
                 yield from (f"  {line}".rstrip() for line in lines)
     for name, score in scores.items():
         if score.left_out:

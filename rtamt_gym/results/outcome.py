@@ -21,10 +21,10 @@ from rtamt.renamed import OldName
 from rtamt_gym.results.extent import LateStart
 
 BY_END: Final = "by how it ended"
-"""What is said of a violation beside a robustness that holds."""
+"""The remark on a violation at a robustness that holds."""
 
 Word = Literal["failed", "violated", "undecided", "satisfied"]
-"""What became of a requirement; failed: an error ended the run, or it could not be judged."""
+"""The outcome of a requirement; failed: an error ended the run, or it could not be judged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +32,7 @@ class Moment:
     """An instant of a run or a trace.
 
     Attributes:
-        sample: The number of its sample, from 0 at the first; None in dense time, or if nobody
-            knows.
+        sample: The number of its sample, from 0 on; None in dense time, or if it is unknown.
         seconds: Its time in seconds, for a recorded trace on the clock of the trace; None without a
             period.
 
@@ -47,10 +46,10 @@ class Moment:
 
     @classmethod
     def of(cls, sample: int, period: Fraction | None, start: float = 0.0) -> Self:
-        """Return the moment of a sample, where the first lies at a time."""
+        """Return the moment of a sample; ``start`` is the time of sample 0."""
         if period is None:
             return cls(sample, None)
-        # As the float of a Fraction, which takes ten times as long to make.
+        # equals the float of a Fraction in a tenth of the time
         return cls(sample, start + sample * period.numerator / period.denominator)
 
     @property
@@ -64,22 +63,21 @@ class Outcome:
     """The result of a requirement in one run or on one trace.
 
     Attributes:
-        robustness: The robustness at the end; of a run that was stopped, at the stop.
+        robustness: The robustness at the end, or at the stop of a run.
         lower: The minimum robustness that was still possible then.
         upper: The maximum robustness that was still possible then.
         verdict: The verdict at the end.
         decided: The moment of the sample that decided the verdict; None if it is open, or if only
             the end decided it.
-        text: The verdict in words; empty if nothing was to be explained.
+        text: The verdict in words; may be empty.
         not_recorded: The times that an open verdict needs and the trace lacks.
         way_out: How to decide an open verdict; empty if it is decided.
-        explanation: Which samples decided; empty if it was not asked for.
+        explanation: The samples that decided; empty if it was not requested.
         triggers: How often each implication of the requirement was triggered, as
             `rtamt.Judgement.triggers` counts it; empty without implications, None if it was not
             counted.
         vacuous: Whether it was satisfied without an answer (`rtamt.Judgement.vacuous`).
-        defaults: The variables for which it read a declared default in part or all of a recorded
-            trace, with the values.
+        defaults: The declared defaults that it read in a recorded trace, by variable.
         unknown: The variables with unknown values (`rtamt.Judgement.unknown`).
         progress: The progress through its stages, from 0 to 1; 1 only if it is satisfied. None
             without stages (`rtamt.patterns.stages`), in dense time, or if it was not counted.
@@ -136,7 +134,7 @@ class Outcome:
             sample: The sample that decided it, or None.
             period: Seconds between samples, or None.
             stands_on: How often it was triggered; None if it was not counted.
-            progress: How far it has come in its stages, or None.
+            progress: The progress through its stages, or None.
             ended: The last sample, if only the end decided it; otherwise None.
         """
         robustness, lower, upper = bounds
@@ -144,12 +142,12 @@ class Outcome:
             None if sample_number is None else Moment.of(sample_number, period)
             for sample_number in (sample, ended)
         )
-        asked, vacuous = (
+        triggers, vacuous = (
             (None, False) if stands_on is None else (stands_on.triggers, stands_on.vacuous)
         )
         return cls(
             *(robustness, lower, upper, verdict, decided),
-            triggers=asked,
+            triggers=triggers,
             vacuous=vacuous,
             progress=progress,
             ended=last,
@@ -188,7 +186,7 @@ class Outcome:
 
     @property
     def answered(self) -> bool:
-        """Whether it was triggered, and an answer or a missing answer has decided it."""
+        """Whether it was triggered, and an answer or a missing answer decided it."""
         if not self.trigger_count or self.by_end:
             return False
         satisfied = self.verdict is Verdict.SATISFIED and not self.vacuous
@@ -204,7 +202,7 @@ class Outcome:
 
     @property
     def evidence(self) -> Mapping[str, Any] | None:
-        """``asked``, ``vacuous`` and ``never_asked`` as JSON holds them; None: not counted."""
+        """``asked``, ``vacuous`` and ``never_asked`` for JSON; None if they were not counted."""
         if self.triggers is None:
             return None
         stored: dict[str, Any] = {
@@ -216,9 +214,9 @@ class Outcome:
 
     @property
     def by_end(self) -> bool:
-        """Whether it is violated at a robustness that holds: by how the run ended, not by a sample.
+        """Whether only the end violated it, at a robustness that holds.
 
-        Nothing but ``at_termination="failure"`` does that.
+        Only ``at_termination="failure"`` causes this.
         """
         return violated_by_end(self.verdict, self.robustness)
 
@@ -241,9 +239,11 @@ class Failure:
     traceback: str = ""
 
 
-def asked_of(kept: Mapping[str, Any]) -> tuple[TriggerCount | rtamt.dense.TriggerCount, ...] | None:
+def triggers_of(
+    stored: Mapping[str, Any],
+) -> tuple[TriggerCount | rtamt.dense.TriggerCount, ...] | None:
     """Return the rows that `Outcome.evidence` has written; None if triggers were not counted."""
-    rows = kept.get("asked")
+    rows = stored.get("asked")
     if rows is None:
         return None
     return tuple(_row_of(row) for row in rows)
@@ -266,9 +266,9 @@ WORDS: Final[Mapping[Verdict, Word]] = {
 }
 
 
-def word(found: Outcome | Failure | None) -> Word:
+def word(outcome: Outcome | Failure | None) -> Word:
     """Return the outcome in a word; ``"failed"`` for a failure or None."""
-    return WORDS[found.verdict] if isinstance(found, Outcome) else "failed"
+    return WORDS[outcome.verdict] if isinstance(outcome, Outcome) else "failed"
 
 
 def violated_by_end(verdict: Verdict, robustness: float) -> bool:

@@ -310,57 +310,60 @@ def versions_in_use() -> dict[str, str]:
     }
 
 
-def ids_lines(found: Provenance) -> list[str]:
+def ids_lines(provenance: Provenance) -> list[str]:
     """Return lines with the ids of requirements, at most 80 columns; empty without ids.
 
     Example:
         >>> ids_lines(Provenance({"slow": RequirementId("SYS-REQ-7")}))
         ['ids: slow SYS-REQ-7']
     """
-    parts = ", ".join(f"{name} {value.id}" for name, value in found.ids.items())
+    parts = ", ".join(f"{name} {value.id}" for name, value in provenance.ids.items())
     if not parts:
         return []
     return textwrap.wrap(f"ids: {parts}", 80, subsequent_indent="    ", break_on_hyphens=False)
 
 
-def reuse_lines(found: Provenance, trial: str) -> list[str]:
+def reuse_lines(provenance: Provenance, trial: str) -> list[str]:
     """Return how many results came from a folder, and whether their model differs.
 
     Args:
-        found: The provenance of the results.
+        provenance: The provenance of the results.
         trial: The word for a trial, such as ``simulation``.
 
     Example:
         >>> reuse_lines(Provenance(reuse=Reuse("runs", 40, 100)), "simulation")
         ['reused 40 of 100 simulations from runs']
     """
-    if found.reuse is None:
+    if provenance.reuse is None:
         return []
     return [
         line
-        for text in found.reuse.lines(trial)
+        for text in provenance.reuse.lines(trial)
         for line in textwrap.wrap(text, 80, subsequent_indent="  ", break_on_hyphens=False)
     ]
 
 
-def plain_provenance(found: Provenance) -> dict[str, Any]:
+def plain_provenance(provenance: Provenance) -> dict[str, Any]:
     """Return the provenance as a JSON object, without empty fields."""
     ids = {
         name: {"id": value.id, "link": value.link} if value.link else {"id": value.id}
-        for name, value in found.ids.items()
+        for name, value in provenance.ids.items()
     }
     stored = {
         "ids": ids,
-        "versions": dict(found.versions),
-        "files": dict(found.files),
-        "fingerprint": found.fingerprint and found.fingerprint.plain(),
-        "reuse": found.reuse and found.reuse.plain(),
+        "versions": dict(provenance.versions),
+        "files": dict(provenance.files),
+        "fingerprint": provenance.fingerprint and provenance.fingerprint.plain(),
+        "reuse": provenance.reuse and provenance.reuse.plain(),
     }
     return {name: value for name, value in stored.items() if value}
 
 
-def provenance_of(kept: Mapping[str, Any]) -> Provenance:
+def provenance_of(stored: Mapping[str, Any]) -> Provenance:
     """Read the output of `plain_provenance`."""
-    ids = {name: RequirementId(**value) for name, value in kept.get("ids", {}).items()}
-    fingerprint, reuse = Fingerprint.read(kept.get("fingerprint")), Reuse.read(kept.get("reuse"))
-    return Provenance(ids, kept.get("versions", {}), kept.get("files", {}), fingerprint, reuse)
+    ids = {name: RequirementId(**value) for name, value in stored.get("ids", {}).items()}
+    fingerprint, reuse = (
+        Fingerprint.read(stored.get("fingerprint")),
+        Reuse.read(stored.get("reuse")),
+    )
+    return Provenance(ids, stored.get("versions", {}), stored.get("files", {}), fingerprint, reuse)

@@ -1,4 +1,4 @@
-"""Matching of violations: which ones of two recordings are the same, moved, new or gone."""
+"""Matching of the violations of two recordings: the same, moved, new or gone."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Status = Literal["same", "moved", "longer", "shorter", "new", "gone", "part", "u
 """The result for a violation of A or B.
 
 ``same``, ``moved``, ``longer`` and ``shorter`` have a partner in the other recording. ``new`` is in
-B only and ``gone`` in A only. ``part`` has no partner, but the other recording is violated all the
-time, without a break; at its two ends, up to the tolerance may be outside. ``undecided`` has no
-partner, and the other recording does not show whether it has one.
+B only and ``gone`` in A only. ``part`` has no partner, but a violation of the other recording
+covers it, up to the tolerance at both ends. ``undecided`` has no partner, and the other recording
+does not show whether it has one.
 """
 
 ROUNDING: Final = 1e-14
-"""Times that differ by less than this part of the largest time are equal."""
+"""The difference of equal times, relative to the largest time."""
 
 
 class TimeSpan(NamedTuple):
@@ -78,9 +78,9 @@ class SpanMatches:
 def match_spans(a: RecordedSpans, b: RecordedSpans, tolerance: float) -> SpanMatches:
     """Match the violations of two recordings, at most one to one.
 
-    First, overlapping violations become partners, the longest overlap first. Of the others, those
-    whose starts differ by at most the tolerance become partners, the nearest starts first. Equal
-    candidates are taken in the order of time, so exchanging A and B exchanges the result.
+    First, overlapping violations become partners, the longest overlap first. Then violations become
+    partners if their starts differ by at most the tolerance, the nearest starts first. Equal
+    candidates are taken in the order of time, so that exchanging A and B exchanges the result.
 
     Args:
         a: The violations of A.
@@ -151,10 +151,10 @@ def _overlapping(a: Sequence[TimeSpan], b: Sequence[TimeSpan], slack: float) -> 
 def _near(
     a: Sequence[TimeSpan], b: Sequence[TimeSpan], pairs: dict[int, int], limit: float
 ) -> dict[int, int]:
-    """Return the further partners whose starts are near, the nearest first.
+    """Return further partners by the distance of their starts, the nearest first.
 
-    Of the spans without a partner, the nearest two are neighbours in time, so only neighbours are
-    candidates.
+    The nearest two spans without a partner are always neighbours in time, so that only neighbours
+    are candidates.
     """
     taken = set(pairs.values())
     free = [(span.start, 0, i) for i, span in enumerate(a) if i not in pairs]
@@ -191,7 +191,7 @@ def _near(
 
 
 class _Side:
-    """The times at which one recording is violated, unknown or not recorded."""
+    """The times when a recording is violated, unknown or not recorded."""
 
     def __init__(self, spans: RecordedSpans, tolerance: float, slack: float) -> None:
         self.limit, self._slack = tolerance + slack, slack
@@ -202,7 +202,7 @@ class _Side:
         self._not_satisfied = _union([*spans.violated, *spans.unknown, *outside], slack)
 
     def covers(self, span: TimeSpan) -> bool:
-        """Return whether the recording is nowhere satisfied for certain in a span."""
+        """Return whether the recording is nowhere certainly satisfied in a span."""
         return self._contains(self._not_satisfied, span)
 
     def alone(self, span: TimeSpan, word: Literal["new", "gone"], *, ahead: bool) -> Status:
@@ -218,10 +218,10 @@ class _Side:
         return _outside(self._not_satisfied, span)
 
     def _contains(self, union: Sequence[TimeSpan], span: TimeSpan) -> bool:
-        """Return whether one stretch contains a span, but for the tolerance at its two ends.
+        """Return whether one stretch contains a span, up to the tolerance at both ends.
 
-        A stretch that only touches the span does not contain it. Time that is not recorded has no
-        tolerance, because nothing was violated or unknown there.
+        A stretch that only touches the span does not contain it. At the ends of the recorded time
+        there is no tolerance, because nothing was violated or unknown outside.
         """
         place = max(bisect_right(union, span.start, key=lambda other: other.start) - 1, 0)
         while place < len(union) and union[place].start < span.stop:

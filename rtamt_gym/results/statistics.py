@@ -1,17 +1,17 @@
-"""`RequirementResult`: a requirement over many trials, and the table of statistics of it.
+"""`RequirementResult`: a requirement over many trials, and the table of its statistics.
 
-A row of `STATISTICS` is a column on the terminal and a key in JSON, in Parquet and in data frames;
-with ``robustness=True`` it is also a line on the page.
+A row of `STATISTICS` is a column on the terminal and a key in JSON, Parquet and data frames; with
+``robustness=True``, it is also a line on the page.
 
 To add a statistic of a requirement over many trials:
 
-1. Add a row to `STATISTICS`. Set ``shown`` if not every table needs the column. A value that trials
-   must be counted for is a field of `RequirementResult`, which `result_of` computes.
-2. A statistic of the robustness is on the page too, with ``robustness=True``. For any other, add a
-   line to `rtamt_gym.reports.requirements`, as ``_progress`` is.
-3. List the key under "Statistics" of ``docs/results.md``. A new column changes the tables on
-   ``docs/evaluation.md`` and ``docs/commands.md``, whose tests show the new lines, and the exact
-   keys in ``tests/rtamt_gym/recorded/test_outcome_files.py``.
+1. Add a row to `STATISTICS`. Set ``shown`` if not every table needs the column. A count over trials
+   is a field of `RequirementResult`, which `result_of` computes.
+2. A statistic of the robustness is also on the page, with ``robustness=True``. For any other, add a
+   line to `rtamt_gym.reports.requirements`, as ``_progress`` does.
+3. List the key under "Statistics" in ``docs/results.md``. A new column changes the tables in
+   ``docs/evaluation.md`` and ``docs/commands.md``; their tests show the new lines. It also changes
+   the exact keys in ``tests/rtamt_gym/recorded/test_outcome_files.py``.
 """
 
 from __future__ import annotations
@@ -37,38 +37,36 @@ SUCCESS: Final = "all requirements"
 """The name of the result of all requirements at once."""
 
 _WORST: Final = 10
-"""How many of the worst episodes a result names."""
+"""The number of worst episodes that a result lists."""
 
 
 @dataclass(frozen=True, eq=False)
 class RequirementResult:
-    """How often the episodes of an evaluation, or other trials, have satisfied a requirement.
+    """The outcomes of a requirement in the episodes of an evaluation, or in other trials.
 
     Attributes:
         name: The name of the requirement.
         formula: Its text.
-        episodes: The number of episodes: the sum of the next four.
-        satisfied: How many satisfy it.
-        violated: How many violate it.
-        undecided: How many leave it open, as one does that was stopped or cut short before.
-        failed: How many an error has ended.
-        robustness: The robustness at the end of every episode, in their order; nan where it failed.
-        first_violations: The times of violations in seconds (the numbers of samples if there is no
-            period), in the order of the episodes: `Outcome.violated_at`, nan if that is None.
+        episodes: The number of episodes: the sum of the next four numbers.
+        satisfied: The number of episodes that satisfy it.
+        violated: The number that violate it.
+        undecided: The number that leave it open, such as an episode that was stopped early.
+        failed: The number that ended with an error.
+        robustness: The robustness at the end of every episode, in order; nan if it failed.
+        first_violations: The times of violations in seconds (sample numbers without a period), in
+            the order of the episodes: `Outcome.violated_at`, or nan.
         saved: The simulated seconds between the stop and the time limit, summed over the episodes
             that were stopped because the verdict on this requirement became certain; 0 without a
             time limit.
-        worst: Seed and robustness of the ten worst episodes: first episodes that violate the
-            requirement, then episodes that leave it open, each group with the smallest robustness
-            first. A fall that ``at_termination="failure"`` turns into a violation may have any
-            robustness.
-        triggered: How many trials that did not fail triggered an implication of it. None without
-            implications, or if it was not counted.
-        progress: The mean progress through the stages of the requirement, from 0 to 1, over trials
-            that did not fail. None without stages, or if it was not counted.
-        failures_excluded: Whether trials that failed are left out of the rate: they were chosen, as
-            in a sweep, and nothing is known of them. Episodes of a policy that failed are not
-            satisfied.
+        worst: Seed and robustness of the ten worst episodes: first violations, then undecided
+            episodes, each group with the smallest robustness first. A violation by
+            ``at_termination="failure"`` may have any robustness.
+        triggered: The number of trials that triggered an implication, without failures. None
+            without implications, or if it was not counted.
+        progress: The mean progress through the stages, from 0 to 1, without failures. None without
+            stages, or if it was not counted.
+        failures_excluded: Whether failed trials do not count in the rate, as in a sweep, where
+            trials were chosen. A failed episode of a policy counts as not satisfied.
         kind: The kind of the interval of the rate.
     """
 
@@ -104,7 +102,7 @@ class RequirementResult:
 
     @property
     def rate(self) -> float:
-        """The share of `counted` episodes that satisfy the requirement; nan of none."""
+        """The share of `counted` episodes that satisfy the requirement; nan without episodes."""
         return self.satisfied / self.counted if self.counted else math.nan
 
     @property
@@ -166,7 +164,7 @@ def expected_shortfall(values: ArrayLike, share: float = 0.05) -> float:
 
 
 def mean_progress(values: Sequence[float]) -> float | None:
-    """Return the mean progress of trials, which is 1 only if all are; None without trials."""
+    """Return the mean progress, which is 1 only if all values are 1; None without values."""
     if not values:
         return None
     mean = math.fsum(values) / len(values)
@@ -174,7 +172,7 @@ def mean_progress(values: Sequence[float]) -> float | None:
 
 
 def progress_text(progress: float) -> str:
-    """Return two digits, cut and not rounded: 1.00 means that every stage was reached.
+    """Return two digits without rounding up: 1.00 means that every stage was reached.
 
     Example:
         >>> progress_text(0.9999), progress_text(1.0)
@@ -184,20 +182,19 @@ def progress_text(progress: float) -> str:
 
 
 class Statistic(NamedTuple):
-    """A number that many trials give of a requirement.
+    """A statistic of a requirement over many trials.
 
     Attributes:
-        key: Its name in JSON, in Parquet and in data frames.
+        key: Its name in JSON, Parquet and data frames.
         heading: Its column on the terminal and its name on the page.
         of: Returns its value, or None.
         text: Writes the value.
-        where: The tables that show it on a terminal: ``"rates"``, with trials that differ by chance
-            alone; ``"counts"``, with chosen trials; or ``"all"``.
-        style: The colour of its cell on a terminal where the value is not 0.
-        shown: Whether a result is worth the column; it stands where one is.
+        where: The tables that show it on a terminal: ``"rates"``, for trials that differ by chance
+            only; ``"counts"``, for chosen trials; or ``"all"``.
+        style: The colour of its cell on a terminal if the value is not 0.
+        shown: Whether a result needs the column; a table has it if any result does.
         robustness: Whether it describes the robustness; a note below tables lists these.
-        judged: Whether it is a count out of the trials that did not fail; tables show this total
-            too.
+        judged: Whether it is a count of the trials that did not fail; tables show this total too.
     """
 
     key: str
@@ -233,41 +230,48 @@ def _percents(interval: tuple[float, float]) -> str:
 
 
 STATISTICS: Final = (
-    Statistic("episodes", "trials", lambda of: of.episodes, shown=lambda _: False),
-    Statistic("satisfied", "satisfied", lambda of: of.satisfied, where="counts"),
-    Statistic("rate", "satisfied", lambda of: of.rate, "{:.1%}".format, "rates"),
-    Statistic("interval", "95% interval", lambda of: of.interval, _percents, "rates"),
-    Statistic("violated", "violated", lambda of: of.violated, style="red"),
+    Statistic("episodes", "trials", lambda r: r.episodes, shown=lambda _: False),
+    Statistic("satisfied", "satisfied", lambda r: r.satisfied, where="counts"),
+    Statistic("rate", "satisfied", lambda r: r.rate, "{:.1%}".format, "rates"),
+    Statistic("interval", "95% interval", lambda r: r.interval, _percents, "rates"),
+    Statistic("violated", "violated", lambda r: r.violated, style="red"),
     Statistic(
-        *("undecided", "open", lambda of: of.undecided),
+        *("undecided", "open", lambda r: r.undecided),
         style="yellow",
-        shown=lambda of: of.undecided > 0,
+        shown=lambda r: r.undecided > 0,
     ),
     Statistic(
-        "failed", "failed", lambda of: of.failed, style="red", shown=lambda of: of.failed > 0
+        "failed",
+        "failed",
+        lambda r: r.failed,
+        style="red",
+        shown=lambda r: r.failed > 0,
     ),
     Statistic(
-        *("asked", "triggered", lambda of: of.triggered),
-        shown=lambda of: of.triggered is not None,
+        *("asked", "triggered", lambda r: r.triggered),
+        shown=lambda r: r.triggered is not None,
         judged=True,
     ),
     Statistic(
-        *("progress", "progress", lambda of: of.progress, progress_text),
-        shown=lambda of: of.progress is not None,
+        *("progress", "progress", lambda r: r.progress, progress_text),
+        shown=lambda r: r.progress is not None,
     ),
     _height("least", "minimum", lambda heights: float(heights[0])),
     # With fewer than 20 values it equals the minimum.
     _height(
-        "cvar", "CVaR 5%", expected_shortfall, shown=lambda of: len(of.robustness_values) >= 20
+        "cvar",
+        "CVaR 5%",
+        expected_shortfall,
+        shown=lambda r: len(r.robustness_values) >= 20,
     ),
     _height("median", "median", lambda heights: float(heights[(len(heights) - 1) // 2])),
     _height("greatest", "maximum", lambda heights: float(heights[-1]), where="counts"),
 )
-"""What is told of a requirement over many trials, in the order of the columns."""
+"""The statistics of a requirement over many trials, in the order of the columns."""
 
 
 def columns_of(results: Sequence[RequirementResult], *, rates: bool) -> list[Statistic]:
-    """Return the statistics that a table of results on a terminal has, for rates or for counts."""
+    """Return the statistics in a table on a terminal, for rates or for counts."""
     where = "rates" if rates else "counts"
     return [
         statistic
@@ -283,7 +287,7 @@ def result_of(
     outcomes: Sequence[Outcome | None],
     limit: float | None = None,
     *,
-    apart: bool = False,
+    failures_excluded: bool = False,
     kind: IntervalKind = "exact",
 ) -> RequirementResult:
     """Return the result of a requirement.
@@ -294,7 +298,7 @@ def result_of(
         trials: The trials.
         outcomes: Its outcome in each trial; None if the trial failed.
         limit: The time limit in seconds (steps without a period), or None.
-        apart: As in `RequirementResult`.
+        failures_excluded: As in `RequirementResult`.
         kind: The kind of the interval of its rate.
     """
     judged = [
@@ -327,7 +331,7 @@ def result_of(
         progress=mean_progress(
             [value.progress for _, value in judged if value.progress is not None]
         ),
-        failures_excluded=apart,
+        failures_excluded=failures_excluded,
         kind=kind,
     )
 

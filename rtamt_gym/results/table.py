@@ -27,7 +27,7 @@ class Results(Sequence[Trial]):
     Args:
         rows: The trials.
         requirements: The text of each requirement, by name.
-        system: The name of the system; empty of recorded traces.
+        system: The name of the system; empty for recorded traces.
         provenance: Their inputs and versions; not compared.
     """
 
@@ -98,14 +98,14 @@ class Results(Sequence[Trial]):
         )
 
     def failed(self) -> Self:
-        """Return the trials that an error has ended."""
+        """Return the trials that ended with an error."""
         return self._of(row for row in self.rows if row.error)
 
     def name(self, requirement: str | None) -> str:
-        """Return the name of a requirement; None: of the only one.
+        """Return the name of a requirement; None: of the only requirement.
 
         Raises:
-            InputError: If the requirement is unknown, or there are several and no name is given.
+            InputError: If the requirement is unknown, or the name is None and there are several.
         """
         names = self.requirements
         if requirement is None:
@@ -132,7 +132,9 @@ class Results(Sequence[Trial]):
         for name, text in self.requirements.items():
             outcomes = [row.judged(name) for row in self.rows]
             result[name] = result_of(
-                name, text, self.rows, outcomes, limit, apart=self.has_cases, kind=kind
+                *(name, text, self.rows, outcomes, limit),
+                failures_excluded=self.has_cases,
+                kind=kind,
             )
         return result
 
@@ -145,20 +147,22 @@ class Results(Sequence[Trial]):
         if len(formulas) > 1:
             text = " and ".join(f"({formula})" for formula in formulas)
         return result_of(
-            SUCCESS, text, self.rows, self.together(), limit, apart=self.has_cases, kind=kind
+            *(SUCCESS, text, self.rows, self.together(), limit),
+            failures_excluded=self.has_cases,
+            kind=kind,
         )
 
     @property
     def has_cases(self) -> bool:
-        """Whether the trials were chosen, as the points of a sweep: else chance has made them.
+        """Whether the trials were chosen, as the points of a sweep, and do not differ by chance.
 
-        Rates are then shares of the judged trials. For trials that differ by chance, a failed trial
-        counts as not satisfied.
+        Rates are then shares of the judged trials; otherwise, a failed trial counts as not
+        satisfied.
         """
         return False
 
     def together(self) -> list[Outcome | None]:
-        """Return the outcome of all requirements together in each trial; None where one failed."""
+        """Return the outcome of all requirements together in each trial; None after a failure."""
         names = set(self.requirements)
         return [
             together(row.outcomes.values())
@@ -170,9 +174,9 @@ class Results(Sequence[Trial]):
     def statistics(self, kind: IntervalKind = "exact") -> pd.DataFrame:
         """Return a data frame of pandas: a row for each requirement, a column for each statistic.
 
-        These are ``rate`` with ``low`` and ``high``, the ends of its 95 % interval, the counts
-        ``violated``, ``undecided`` and ``failed``, and of the robustness ``least``, ``cvar``,
-        ``median`` and ``greatest``. Needs the extra ``search``.
+        These are ``rate`` with its 95 % interval ``low`` to ``high``, the counts ``violated``,
+        ``undecided`` and ``failed``, and for the robustness ``least``, ``cvar``, ``median`` and
+        ``greatest``. Needs the extra ``search``.
 
         Args:
             kind: The kind of the intervals of rates.
@@ -202,7 +206,7 @@ def together(outcomes: Iterable[Outcome]) -> Outcome:
         min((getattr(outcome, key) for outcome in outcomes), key=order)
         for key in ("robustness", "lower", "upper")
     )
-    # The first decided violation violates all; all are satisfied after the last decision.
+    # The first decided violation violates all; the last decision satisfies all.
     if verdict is Verdict.VIOLATED:
         decided = min((item for item in settled if item.decided), key=_time, default=None)
     else:

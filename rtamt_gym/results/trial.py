@@ -20,7 +20,7 @@ from rtamt_gym.results.outcome import (
     Moment,
     Outcome,
     Word,
-    asked_of,
+    triggers_of,
     word,
 )
 
@@ -34,22 +34,22 @@ RunEnd = Literal[
     "error",
     "recorded",
 ]
-"""Why a run is over: it was stopped at a violation, once every verdict was certain, or once every
-robustness was known; the system ended, for good or by a time limit of its own; the duration asked
-for has passed; an error came after the last sample; or it is a recorded trace."""
+"""Why a run ended: it was stopped at a violation, when every verdict was certain, or when every
+robustness was known; the system terminated or reached its own time limit; the requested duration
+has passed; an error came after the last sample; or it is a recorded trace."""
 
 STOPPED: Final = frozenset[RunEnd]({"violation", "decided", "known"})
-"""Why runs are over that were stopped."""
+"""The ends of runs that were stopped."""
 
 
 class Measure(NamedTuple):
-    """A column of a record, and how its cells are found.
+    """A column of a record.
 
     Attributes:
         name: Its name; in a column of a requirement, the requirement follows in brackets.
-        of: Its cell, from an outcome or a trial.
+        of: Returns its cell for an outcome or a trial.
         kind: The type of its cells.
-        optional: Whether it stands only where some row has a cell.
+        optional: Whether it is left out if all its cells are empty.
     """
 
     name: str
@@ -96,7 +96,7 @@ OF_TRIAL: Final = (
     Measure("wall", lambda trial: trial.wall),
     Measure("error", lambda trial: trial.error, "text"),
 )
-"""The columns of a trial beside the columns of its case and of its requirements."""
+"""The columns of a trial, in addition to the columns of its case and its requirements."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,24 +105,24 @@ class Trial:
 
     Attributes:
         case: The inputs of a simulation; empty for an episode or a recorded trace.
-        seed: The seed of an environment's reset; None for a system without one.
+        seed: The seed of an environment's reset; None for a system without a seed.
         outcomes: The outcome of each requirement; empty if an error came before sample 0.
         ended: The reason for its end, as in `Run`.
         simulated: Simulated time in seconds (steps without a period); 0 for a recorded trace.
-        wall: Seconds that it took; of simulations that ran side by side, its share.
-        error: The type and the text of the error that ended it; empty if none did.
-        reward: The sum of the rewards of an environment, in the column ``return``; None of a system
-            without rewards, and where an error came before sample 0.
+        wall: Its wall time in seconds; for simulations in one batch, its share.
+        error: The type and the text of the error that ended it; empty without an error.
+        reward: The sum of the rewards of an environment, in the column ``return``; None for a
+            system without rewards, or if an error came before sample 0.
         name: The path of a recorded trace; otherwise empty.
         described: The number of samples or events of a trace, and its times; empty if it was not
             read.
         notes: Remarks on the reading of the file, such as a resampled trace.
-        failures: Why requirements have no outcome, by name, where each has a reason of its own.
-        extent: How much of a recorded trace there is; None if it was not read, and of a run.
+        failures: Why requirements have no outcome, by name, if the reasons differ.
+        extent: The extent of a recorded trace; None if it was not read, and for a run.
         reported: Whether the environment itself reports a success, in ``is_success`` of the last
             info; None without a report. In the column ``is_success`` it is 1 or 0.
-        outside: For each requirement that reads values outside declared ranges, a text; it is not
-            saved, because the notes hold it.
+        outside: A text for each requirement that reads values outside declared ranges; not saved,
+            because the notes have it.
     """
 
     case: Case
@@ -175,14 +175,14 @@ class Trial:
         timed: bool = True,
         unconditional: Collection[str] = (),
     ) -> Self:
-        """Return the trial with these cells of its columns, and a case.
+        """Return the trial with a case and the cells of its columns.
 
         Args:
             cells: The cells, by name of the column.
             case: The inputs of the simulation.
             requirements: The names of the requirements.
             timed: Whether there is a period, so that times are seconds.
-            unconditional: The requirements that were known to have no implication.
+            unconditional: The requirements without an implication.
         """
         outcomes = {}
         for name in requirements:
@@ -197,19 +197,19 @@ class Trial:
                 )
             )
             evidence = json.loads(measured["evidence"] or "{}")
-            asked = asked_of(evidence)
+            triggers = triggers_of(evidence)
             outcomes[name] = Outcome(
                 measured["robustness"],
                 measured["lower"],
                 measured["upper"],
                 Verdict[measured["verdict"]],
                 decided,
-                triggers=() if asked is None and name in unconditional else asked,
+                triggers=() if triggers is None and name in unconditional else triggers,
                 vacuous=evidence.get("vacuous", False),
                 progress=measured["progress"],
                 ended=ended,
             )
-        # Files of before have no returns.
+        # Files of older versions have no returns.
         own: dict[str, Any] = {column.name: cells.get(column.name) for column in OF_TRIAL}
         reported = own.pop("is_success")
         return cls(
@@ -244,7 +244,7 @@ class Trial:
 
     @property
     def word(self) -> Word:
-        """The worst that became of a requirement, in a word."""
+        """The worst outcome of a requirement, in a word."""
         words = {word(value) for value in self.outcomes.values()}
         words |= {word(value) for value in self.failures.values()}
         if self.error or not words:
@@ -253,7 +253,7 @@ class Trial:
 
 
 def end_note(trials: Iterable[Trial]) -> list[str]:
-    """Explain violations at a robustness that holds, in two lines; none without a violation."""
+    """Explain violations at a robustness that holds, in two lines; may be empty."""
     if not any(value.by_end for trial in trials for value in trial.outcomes.values()):
         return []
     return [
@@ -265,7 +265,7 @@ def end_note(trials: Iterable[Trial]) -> list[str]:
 def open_at_stop(trials: Iterable[Trial], requirement: str) -> list[int]:
     """Return the places of trials that were stopped early and leave a requirement open.
 
-    Their robustness counts the samples until the stop: had they gone on, it could be another.
+    Their robustness counts only the samples until the stop.
     """
     return [
         index

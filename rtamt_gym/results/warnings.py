@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     from rtamt_gym.results.trial import Trial
 
 INTERRUPTED: Final = 130
-"""The exit code after Ctrl-C, as shells have it."""
+"""The exit code after Ctrl-C, as in shells."""
 
 NEVER: Final = "never asked"
 """The kind of a warning on a requirement that no trial triggered, a failure type of JUnit."""
 
 _NAMED: Final = 3
-"""The traces that a warning names."""
+"""The maximum number of traces that a warning names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +45,10 @@ class VerdictWarning:
     Attributes:
         text: The warning, as in ``never triggered: up in 0 of 40 traces``; empty if the verdict
             already shows it.
-        kind: The type of the failures that it makes in JUnit.
-        requirement: The requirement that it is about; empty if it is about trials.
-        cells: The text of each failure that it makes in JUnit, by trial and requirement; an empty
-            name stands for all.
+        kind: The type of its failures in JUnit.
+        requirement: The requirement of the warning; empty if it is about trials.
+        cells: The text of each of its failures in JUnit, by trial and requirement; an empty name
+            stands for all.
         fails: Whether an option makes the command fail for it.
     """
 
@@ -84,8 +84,7 @@ class Required:
 def exit_code(words: Collection[Word], warnings: Iterable[VerdictWarning] = ()) -> int:
     """Return the exit code of a command: the first of 2, 1, 3 and 0 that applies.
 
-    Bad input is 2 too, before there is anything to judge: an error, which `rtamt_gym.__main__`
-    prints.
+    Bad input also exits with 2, through an error that `rtamt_gym.__main__` prints.
 
     Args:
         words: The outcomes of requirements, in words; repetitions are allowed.
@@ -214,7 +213,7 @@ def _without_implications(results: Results, required: Required) -> Iterator[Verd
     """Yield the warning that nothing can be triggered, if a command requires a trigger."""
     judged = [outcome for row in results.rows for outcome in row.outcomes.values()]
     outcomes = [outcome for outcome in judged if isinstance(getattr(outcome, "triggers", 0), tuple)]
-    if required.triggered is None or not outcomes or any(each.triggers for each in outcomes):
+    if required.triggered is None or not outcomes or any(outcome.triggers for outcome in outcomes):
         return
     names = ", ".join(results.requirements)
     option = "--require-answered" if required.answered else "--require-triggered"
@@ -353,9 +352,9 @@ def evidence_lines(
 
 
 def triggered_in(results: Results, name: str) -> tuple[int, int] | None:
-    """Return how many trials triggered a requirement, and in how many triggers were counted.
+    """Return the number of trials that triggered a requirement, and of trials with a count.
 
-    None if the requirement has no implication, or triggers were not counted.
+    None without an implication, or if triggers were not counted.
     """
     outcomes = _counted(results, name)
     return (sum(bool(o.trigger_count) for o in outcomes), len(outcomes)) if outcomes else None
@@ -376,21 +375,21 @@ def never_triggered_word(*, unknown: bool) -> str:
     return "not certainly triggered" if unknown else "never triggered"
 
 
-def trigger_line(results: Results, trial: str = "trace") -> str:
-    """Return how many trials triggered each requirement with an implication; may be empty."""
+def trigger_line(results: Results) -> str:
+    """Return how many traces triggered each requirement with an implication; may be empty."""
     parts = []
     for name in results.requirements:
         if outcomes := _counted(results, name):
             certain = " for certain" * any(outcome.unknown for outcome in outcomes)
             triggered = sum(bool(outcome.trigger_count) for outcome in outcomes)
-            parts.append(f"{name} in {triggered} of {counted(len(outcomes), trial)}{certain}")
+            parts.append(f"{name} in {triggered} of {counted(len(outcomes), 'trace')}{certain}")
     return f"triggered: {', '.join(parts)}" if parts else ""
 
 
 def trigger_texts(
     implications: Sequence[TriggerCount | rtamt.dense.TriggerCount], instant: Callable[[float], str]
 ) -> list[str]:
-    """Return how often each implication was triggered, in words; empty if none was.
+    """Return how often each implication was triggered, in words; may be empty.
 
     Args:
         implications: The counts of the implications.
@@ -406,6 +405,6 @@ def trigger_texts(
 
 
 def _counted(results: Results, name: str) -> list[Outcome]:
-    """Return the outcomes of a requirement with implications whose triggers were counted."""
+    """Return the outcomes of a requirement with counted triggers."""
     judged = (row.judged(name) for row in results.rows)
     return [outcome for outcome in judged if outcome is not None and outcome.triggers]

@@ -127,8 +127,8 @@ def test_the_gap_of_a_variable_is_that_of_its_own_records(capsys: Output) -> Non
 
 HOLE = [(i / 10, 5.0) for i in range(200) if not 50 <= i < 160]
 LONG = (
-    "note: nothing was recorded for 11.1 s after 4.9 s, 111 usual steps: what was\n"
-    "  recorded before is taken to hold; --max-gap says for how long it may\n"
+    "note: nothing was recorded for 11.1 s after 4.9 s, 111 usual steps: the last\n"
+    "  values hold; --max-gap limits for how long\n"
 )
 
 

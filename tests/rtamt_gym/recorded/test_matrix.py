@@ -50,7 +50,7 @@ def test_a_table_says_what_every_requirement_came_to_on_every_trace(capsys: Outp
         "runs/c.csv   1.5 s   0.5 s  VIOLATED      0 V    16          -1 U      1x\n"
         "runs/d.csv   1.5 s   0.5 s  UNDECIDED     2       1          -1 U      1x\n"
         "\n"
-        "numbers are robustness; V: violated, U: undecided, E: error, else satisfied\n"
+        "numbers are robustness; V: violated, U: undecided, E: error, otherwise satisfied\n"
         "4 traces, 3 requirements: 3 violated, 2 undecided, 7 satisfied\n"
         "worst requirement: near, violated in 2 of 4 traces, minimum -0.5 in runs/b.csv\n"
         "worst trace: runs/b.csv, 2 of 3 requirements violated, minimum -1 of slow\n"
@@ -125,7 +125,7 @@ def test_a_trace_that_cannot_be_read_keeps_no_other_from_being_judged(
         "runs/d.csv    1.5 s   0.5 s  UNDECIDED     2       1          -1 U      1x\n"
         "no.csv                       ERROR           E       E           E\n"
         "\n"
-        "numbers are robustness; V: violated, U: undecided, E: error, else satisfied\n"
+        "numbers are robustness; V: violated, U: undecided, E: error, otherwise satisfied\n"
         "7 traces, 3 requirements: 6 errors, 5 violated, 2 undecided, 8 satisfied\n"
         "worst requirement: near, violated in 4 of 6 traces, minimum -1 in runs/aa.csv\n"
         "worst trace: runs/b.csv, 2 of 3 requirements violated, minimum -1 of slow\n"
@@ -151,7 +151,7 @@ def test_only_errors_leave_nothing_that_is_worst(folder: Path, capsys: Output) -
     (folder / "runs" / "b.csv").write_text("")
     assert main(["monitor", "req.stl", "--", "no.csv", "runs/b.csv"]) == 2
     assert capsys.readouterr().out.splitlines()[4:] == [
-        "numbers are robustness; V: violated, U: undecided, E: error, else satisfied",
+        "numbers are robustness; V: violated, U: undecided, E: error, otherwise satisfied",
         "2 traces, 3 requirements: 6 errors",
     ]
 

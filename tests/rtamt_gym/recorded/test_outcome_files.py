@@ -305,7 +305,7 @@ note on open.csv: constant over the whole trace: gnt (0){"  "}
 | open.csv | UNDECIDED | 2 | -1 U | 1x |
 | bad.csv | ERROR | E | E |  |
 
-numbers are robustness; V: violated, U: undecided, E: error, else satisfied.
+numbers are robustness; V: violated, U: undecided, E: error, otherwise satisfied.
 
 <details><summary>near.csv: near: VIOLATED, robustness -1, certain from 0.5 s on</summary>
 

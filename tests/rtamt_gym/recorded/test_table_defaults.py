@@ -203,8 +203,8 @@ def test_verdicts_that_rest_on_a_default_say_so(
         "absent.csv     2 s     1 s  SATISFIED    0.25  d   0.75",
         "whole.csv      2 s     1 s  VIOLATED   -0.125 V    0.75",
         "",
-        "numbers are robustness; V: violated, U: undecided, E: error, else satisfied; d:",
-        "    rests on a default",
+        "numbers are robustness; V: violated, U: undecided, E: error, otherwise",
+        "    satisfied; d: rests on a default",
     ]
     assert "| 0.25  d |" in Path("o.md").read_text()
     root = ET.parse("o.xml").getroot()  # noqa: S314 - our own
