@@ -15,8 +15,8 @@ least 0, and 1 if r already holds and only certainty is missing. f depends on th
 only in the ratio ``r / r0``. The progress stays below ``(k + 1) / n`` until the stage is decided,
 and below 1 until the requirement is satisfied. It never falls.
 
-This module defines progress for one environment and for a batch; ``tests/support/staged.py``
-defines it again.
+To change the definition of progress, change this module, which serves one environment and a batch,
+and ``tests/support/staged.py``, which defines progress again.
 """
 
 from __future__ import annotations
