@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
+from rtamt.columns import median, names_objects
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import NEAR, UNITS, Columns
@@ -34,6 +35,7 @@ from rtamt_gym.recorded.times import (
     newest_first,
     one_record,
     raw_steps,
+    rises,
     same_as_before,
     simple,
 )
@@ -148,7 +150,7 @@ def _axis(
     times, advice = TimeAxis.of(rows, str(wanted.time), columns), ""
     if even:
         times.check_distances(rows)
-        if (step := _step_of_others(recording, rows, wanted, times)) is not None:
+        if (step := _step_of_others(recording, rows, wanted, times, columns)) is not None:
             own = f"{float(times.since[1]):.12g}s"
             times = replace(times, step=step)
             advice = f", --period {own} for this trace alone if {own} is its step"
@@ -165,12 +167,16 @@ def _with_room(columns: Columns, times: TimeAxis) -> Columns:
 
 
 def _step_of_others(
-    recording: Recording, rows: Rows, wanted: Wanted, times: TimeAxis
+    recording: Recording, rows: Rows, wanted: Wanted, times: TimeAxis, columns: Columns
 ) -> Fraction | None:
-    """Return the usual step of other traces of the table if the two rows are farther apart."""
+    """Return the usual step of other rows of the table if the only two rows are farther apart."""
     if rows.count != 2 or rows.times is None:
         return None
     step = recording.usual_step(wanted)
+    states = [name for name in columns.where if not names_objects(name, texts=True)]
+    if states and not columns.by:
+        every = recording.read(replace(wanted, numbers=(), gaps=(), cells=(), where={})).times
+        step = None if every is None or not rises(every) else median(raw_steps(every))
     if step is None or float(raw_steps(rows.times)[0]) < HOLE * step:
         return None
     seconds = step * times.unit / UNITS["s"]
@@ -278,6 +284,13 @@ def _filled(trace: Trace, columns: Columns, *, counted_rows: bool = False) -> Tr
         defaults = {**trace.defaults, **{name: columns.starts[name] for name in late}}
         notes = [*trace.notes, *filter(None, [note]), *default_notes]
         return replace(trace, columns=held, notes=notes, defaults=defaults)
+    return _without_empty(trace, empty, counted_rows=counted_rows)
+
+
+def _without_empty(
+    trace: Trace, empty: Mapping[str, NDArray[np.bool_]], *, counted_rows: bool
+) -> Trace:
+    """Return the trace without rows in which a cell is empty."""
     (rows,) = np.nonzero(~np.any([*empty.values()], axis=0))
     if not len(rows):
         raise InputError(f"{trace.source}: expected a row without an empty cell, got none")
@@ -291,6 +304,11 @@ def _filled(trace: Trace, columns: Columns, *, counted_rows: bool = False) -> Tr
     left_out = trace.samples - len(rows)
     note = f"{left_out} row{'s' * (left_out > 1)} with an empty cell left out"
     selected = trace.selected(rows)
+    if len(rows) == 2 and trace.times is not None and (trace.grid is None or trace.grid.rises):
+        usual = (trace.grid or Grid(trace.times, trace.jitter)).usual
+        if selected.times is not None and selected.times.since[1] >= HOLE * usual:
+            step = simple(usual, 1e-9 * usual)  # the row between them is missing
+            selected = replace(selected, times=replace(selected.times, step=step))
     times = selected.times
     # For the note where a stated period contradicts the times of the rows that stay.
     grid = Grid(times, trace.jitter) if times is not None and selected.samples > 1 else None

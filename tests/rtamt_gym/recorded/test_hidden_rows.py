@@ -215,3 +215,26 @@ def test_dropped_row_between_counted_rows(capsys: Output) -> None:
     assert "line 4: --missing drop leaves out the row before this one" in text
     assert judged(capsys, table, "--missing", "drop", "--one-trace", text=goal)[0] == 0
     assert judged(capsys, "x,y; ,1; 1,1; -1,1", "--missing", "drop", text=goal)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("table", "options"),
+    [
+        ("time,x; 0,1; 1,; 2,1", ("--missing", "drop")),
+        ("time,id,x; 0,a,1; 1,a,; 2,a,1; 0,b,1; 1,b,1; 2,b,1", ("--missing", "drop", "--by", "id")),
+        ("time,mode,x; 0,on,1; 1,off,-1; 2,on,1", ("--where", "mode=on")),
+    ],
+)
+def test_two_rows_that_stay_are_not_a_step(
+    capsys: Output, table: str, options: tuple[str, ...]
+) -> None:
+    code, text = judged(capsys, table, *options, text="always[0:2](x > 0)")
+    assert code == 2
+    assert "expected samples at even distances, got time 2 after 0, elsewhere 1 s" in text
+    more = ("--max-gap", "1s") if "--where" in options else ("--missing", "unknown")
+    assert judged(capsys, table, *options, *more, text="always[0:2](x > 0)")[0] == 3
+
+
+def test_rows_that_stay_at_an_even_step(capsys: Output) -> None:
+    table = "time,x; 0,1; 1,; 2,1; 3,; 4,1"
+    assert judged(capsys, table, "--missing", "drop", text="always[0:4](x > 0)")[0] == 0
