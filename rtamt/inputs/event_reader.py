@@ -1,6 +1,6 @@
 """Reads the events of callers.
 
-Both back-ends use it: the machine in Python for all events, the one in C++ for rare argument forms
+Both back-ends use it: the Python machine for all events, the C++ machine for rare argument forms
 and for every error.
 """
 
@@ -44,7 +44,7 @@ from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
 NO_DENSE_BOUNDS: Final = (
     "rtamt.dense.EpisodeMonitor and rtamt.dense.judge give bounds; others give one number a time"
 )
-"""Why the others refuse uncertain events."""
+"""Why other monitors refuse uncertain events."""
 
 TimedColumn = tuple[Ticks, Floats]
 """Times in ticks and values of one variable's events: numbers, or pairs as in `Given`."""
@@ -261,7 +261,7 @@ class EventReader:
         return columns, dated
 
     def _values(self, times: Times, values: Floats, of_name: str) -> Floats:
-        """Return the values after the nan policy, and refuse those that it does not allow."""
+        """Return the values after the nan policy, or refuse them."""
         if self.nan == "unknown":
             ends = values if values.ndim > 1 else values[:, None]
             missing = np.isnan(ends)
@@ -372,7 +372,7 @@ def checked_nan(nan: object) -> NanPolicy:
 
 
 def _until(until: object, *, dated: bool) -> object:
-    """Return the time up to which last values hold, in the kind of the events' times."""
+    """Return the end of the last values, as a time of the same kind as the events."""
     if isinstance(until, str):
         raise InputError(f"expected until= as a time or 'latest', got {brief(until)}")
     if isinstance(until, np.datetime64):
@@ -421,7 +421,7 @@ def _with_holes(column: TimedColumn, most: int, before: int | None, declared: in
     Args:
         column: The events.
         most: The most ticks between two events without a gap.
-        before: The tick of the previous event; None if there is none.
+        before: The tick of the previous event, or None.
         declared: How many of the first events are declared defaults, which leave no gap.
     """
     ticks, values = column

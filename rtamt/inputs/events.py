@@ -185,7 +185,7 @@ def as_ends(lower: Floats, upper: Floats) -> Floats:
 
 
 def not_known(values: Floats) -> NDArray[np.bool_]:
-    """Return which values are uncertain: those whose ends differ in a bit."""
+    """Return which values are uncertain: their ends differ in a bit."""
     if values.ndim == 1:
         return np.zeros(len(values), np.bool_)
     bits = np.ascontiguousarray(values).view(np.int64)

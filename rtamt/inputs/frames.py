@@ -50,7 +50,7 @@ def named_columns(data: object) -> object:
 
 
 def names_of(data: object) -> list[Any] | None:
-    """Return the names of the columns, which pandas allows to be no texts; None for other data."""
+    """Return the names of the columns, not always texts in pandas; None for other data."""
     if isinstance(data, Mapping | np.ndarray) or not hasattr(data, "__getitem__"):
         return None
     names = getattr(data, "column_names", None)  # of Arrow, where `columns` are the arrays
@@ -204,12 +204,12 @@ def _holds_times(values: Any, name: str, first: bool) -> bool:  # noqa: ANN401, 
 
 def _rise(seconds: Any, parts: Any) -> bool:  # noqa: ANN401 - of any library
     """Return whether seconds and their parts rise together."""
-    whole, part = np.asarray(seconds), np.asarray(parts)
-    if whole.dtype.kind not in "iuf" or part.dtype.kind not in "iuf":
+    time, part = np.asarray(seconds), np.asarray(parts)
+    if time.dtype.kind not in "iuf" or part.dtype.kind not in "iuf":
         return False
     after, before = slice(1, None), slice(None, -1)
-    later = whole[after] > whole[before]
-    return bool((later | ((whole[after] == whole[before]) & (part[after] > part[before]))).all())
+    later = time[after] > time[before]
+    return bool((later | ((time[after] == time[before]) & (part[after] > part[before]))).all())
 
 
 def is_dated(values: Any) -> bool:  # noqa: ANN401 - of any library

@@ -154,7 +154,7 @@ class Messages:
         Args:
             named: Values or columns of variables and messages, by name. A field is taken from the
                 innermost of its messages that is present.
-            split: Returns the value or column of a field from that of its message.
+            split: Returns the value or column of a field from its message.
         """
         spread: dict[str, object] = {n: v for n, v in named.items() if n not in self.names}
         for variable, fields in self._fields.items():

@@ -186,7 +186,7 @@ class SampleReader:
         sample: int,
         previous: Sequence[float | UncertainValue],
     ) -> SampleValues:
-        """Return the result of `read`, with intervals in place of uncertain values."""
+        """Return the result of `read`, with an `UncertainValue` for each uncertain value."""
         if len(args) == len(self.variables) and not named:
             for value in args:  # the most frequent form by far: floats in order
                 if type(value) is not float or value != value:  # noqa: PLR0124 - nan
@@ -543,7 +543,7 @@ def check_near(kind: str, defaults: Mapping[str, float], others: Collection[str]
     Args:
         kind: The word for a column or a signal.
         defaults: The defaults of absent variables.
-        others: The names that are no variables.
+        others: The other names of columns or signals.
     """
     for name, value in defaults.items() if others else ():
         near = near_name(name, others)

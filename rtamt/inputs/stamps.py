@@ -37,7 +37,7 @@ class StampOrder:
 
     A message is *out of line* if its stamp is more than 1 s older than the newest accepted stamp,
     or if its offset (stamp minus arrival) is more than 1 s above the largest offset accepted since
-    the last jump. So neither the first message nor a silence nor a late delivery is out of line.
+    the last jump. The first message, a silence and a late delivery are not out of line.
 
     A message out of line is held until the next one. If that one is in line, the held message is a
     stray and left out. If both offsets are within 1 s, the stamps jumped, and both count. Otherwise
@@ -53,7 +53,7 @@ class StampOrder:
         strays: The number of messages left out because they are out of line.
         ahead: The number of accepted messages whose offset is more than 0.1 s.
         offset: The offset of the last accepted message.
-        held: The message out of line that waits for the next one; None if there is none.
+        held: The message out of line that waits for the next one, or None.
     """
 
     def __init__(self, *, strict: bool = False) -> None:

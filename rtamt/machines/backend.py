@@ -73,11 +73,10 @@ class TraceFunctions(NamedTuple):
 class Factories:
     """The functions that make the machines of a back-end, with arguments as in their types.
 
-    A reader turns arguments into samples or events, or refuses them. Observed registers are
-    those whose values ``run`` and ``values`` return. The functions with a default are None if
-    the back-end has no faster way than its other functions or NumPy. ``episode_monitor_set`` and
-    ``episode_run`` may also return None: for machines of other back-ends, and where columns are
-    always faster.
+    A reader turns arguments into samples or events, or refuses them. ``run`` and ``values`` return
+    the values of the observed registers. A function is None if its other functions or NumPy are
+    fast enough. ``episode_monitor_set`` also returns None for machines of other back-ends, and
+    ``episode_run`` where columns are always faster.
     """
 
     discrete_machine: Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]

@@ -100,14 +100,14 @@ class TraceBounds:
         return TraceBounds(self.split, self._best_split, low, high, n, self._fold_pairs)
 
     def robustness(self) -> float:
-        """Return the robustness if the trace is complete, the smallest one of what is not known."""
+        """Return the robustness of the complete trace, the smallest one for uncertain values."""
         return self._given.at_zero(_COMPLETE)
 
     def bounds(self, end: End) -> tuple[float, float]:
         """Return the smallest and the largest robustness that a reading of the end leaves possible.
 
-        If the trace is complete both are its robustness, but for two zeros if it hangs on neutral
-        predicates, and for what is not known.
+        Both are the robustness of a complete trace, unless neutral predicates or uncertain values
+        matter.
         """
         lower, upper = _endings(end)
         return self._worst.at_zero(lower), self._best.at_zero(upper)
@@ -192,7 +192,7 @@ def _differ(low: Keys, high: Keys) -> NDArray[np.bool_]:
 
 
 def _extended(values: Keys, length: int) -> Keys:
-    """Return values of a length, the last of which stays."""
+    """Return values extended to a length by the last value."""
     missing = length - len(values)
     return np.concatenate([values, np.full(missing, values[-1])]) if missing else values
 
@@ -216,8 +216,8 @@ def split(program: Program, n: int, *, best: bool) -> SplitProgram:
     """Return the programs that bound the result of a program."""
     zero = 0.0 if best else -0.0
     exact, program = (positive(p).with_zero(zero) for p in (program, program.clamped(n)))
-    behind = range(program.terms, len(program.instructions))
-    read = {a for r in behind for a in program.formula(r).args} | {program.result}
+    after = range(program.terms, len(program.instructions))
+    read = {a for r in after for a in program.formula(r).args} | {program.result}
     # The constants stay: they keep their value at unseen samples.
     inputs = [
         r
@@ -238,7 +238,7 @@ def split(program: Program, n: int, *, best: bool) -> SplitProgram:
 
 
 @functools.lru_cache(maxsize=512)
-def outputs_among(part: Program, whole: Program) -> tuple[int, ...]:
+def outputs_among(part: Program, other: Program) -> tuple[int, ...]:
     """Return the places of a program's outputs among the outputs of another, which has them all.
 
     The programs have the same variables and the same semantics.
@@ -259,7 +259,7 @@ def outputs_among(part: Program, whole: Program) -> tuple[int, ...]:
             numbers.append(known.setdefault(key, len(known)))
         return numbers
 
-    numbers = numbered(whole)
-    places = {numbers[r]: index for index, r in enumerate(whole.outputs.values())}
+    numbers = numbered(other)
+    places = {numbers[r]: index for index, r in enumerate(other.outputs.values())}
     numbers = numbered(part)
     return tuple(places[numbers[r]] for r in part.outputs.values())

@@ -18,7 +18,7 @@ from rtamt.program.program import Delay, Program, Scheduled, schedule
 
 
 class PythonDiscreteMachine(PythonSampleMachine):
-    """Runs a program whose every register has a latency, one sample after the other.
+    """Runs a program of registers with latencies, one sample after the other.
 
     After sample t the register r has its value of time t - latency(r). For times outside the trace
     a window reads the identity of its fold: that cuts it to the trace, at the start and, in
@@ -99,18 +99,18 @@ class PythonDiscreteMachine(PythonSampleMachine):
 
     def run(self, columns: Sequence[NDArray[np.float64]], n: int) -> list[NDArray[np.float64]]:
         late = [self.program.latencies[r] or 0 for r in self.observed]
-        taken: list[list[float]] = [[] for _ in self.observed]
+        outputs: list[list[float]] = [[] for _ in self.observed]
         for terms, row in self._steps(columns, n):
             self.take(terms, row)
-            for values, register, lag in zip(taken, self.observed, late, strict=True):
+            for values, register, lag in zip(outputs, self.observed, late, strict=True):
                 values.append(self.registers[register] if self.samples > lag else math.nan)
-        return [np.array(values) for values in taken]
+        return [np.array(values) for values in outputs]
 
     def evaluate(
         self, columns: Sequence[NDArray[np.float64]], n: int, *, backwards: bool = False
     ) -> list[NDArray[np.float64]]:
         late = [self.program.latencies[r] or 0 for r in self.observed]
-        taken: list[list[float]] = [[] for _ in self.observed]
+        outputs: list[list[float]] = [[] for _ in self.observed]
         saved = self.state()
         self.reset()
         try:
@@ -119,12 +119,12 @@ class PythonDiscreteMachine(PythonSampleMachine):
                 if i == n:
                     self._end = n
                 self.take(*(steps[i] if i < n else (self.registers, self.inputs)))
-                for values, register, lag in zip(taken, self.observed, late, strict=True):
+                for values, register, lag in zip(outputs, self.observed, late, strict=True):
                     if i >= lag:
                         values.append(self.registers[register])
         finally:
             self.restore(saved)
-        return [np.array(values[:n][:: -1 if backwards else 1]) for values in taken]
+        return [np.array(values[:n][:: -1 if backwards else 1]) for values in outputs]
 
     def _steps(
         self, columns: Sequence[NDArray[np.float64]], n: int

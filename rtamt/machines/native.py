@@ -105,7 +105,7 @@ def count_failures(
 
 @functools.lru_cache(maxsize=64)  # programs are cached, and differ by identity
 def _judging_machine(program: Program) -> _native.EpisodeMachine:
-    """Return a machine whose every call judges its own trace."""
+    """Return a machine that judges a trace of its own in each call."""
     return episode_machine(program, SampleReader(program))
 
 
@@ -117,7 +117,7 @@ def episode_monitor_set(
     seen: Callable[[list[float]], object] | None,
     number: type[float],
 ) -> _native.EpisodeMonitorSet | None:
-    """Return the C++ set of machines; None if one of them is not in C++."""
+    """Return the C++ set of machines; None if a machine is not in C++."""
     if not all(isinstance(machine, _native.EpisodeMachine) for machine in machines):
         return None
     return _native.EpisodeMonitorSet(machines, places, reads, decided, seen, number)

@@ -81,7 +81,7 @@ def run_offline(
 def without_nan(
     reader: SampleReader, columns: Sequence[Floats], run: Callable[[Sequence[Floats]], _T]
 ) -> _T:
-    """Run a machine on columns, and again without nan if it meets one that the reader allows."""
+    """Run a machine on columns, and again without nan if it meets a nan that the reader allows."""
     try:
         return run(columns)
     except InputError:

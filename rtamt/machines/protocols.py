@@ -22,8 +22,8 @@ To add an end mode, such as ``end="cut"``: add its name to `End`, and decide in
 `rtamt.program.instructions.Window` how windows read unseen samples. Then give it a meaning in
 
 - `rtamt.machines`: ``bounds``, ``walk``, ``episode/machine`` and ``dense/episode``;
-- ``rtamt/native``: ``core/end.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
-  ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``batch/columns.cpp`` and
+- ``rtamt/native``: ``core/order.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
+  ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``batch/episodes.cpp`` and
   ``batch/variants.cpp``;
 - `rtamt.monitors`: ``sample_trace``, ``dense_trace``, ``judgement`` and ``batch``;
 - `rtamt.checking.search` and `rtamt.checking.encoding`; `rtamt_arrays.monitor_set`.
@@ -55,7 +55,7 @@ MachineState = Any
 
 
 class Stateful(Protocol):
-    """A machine whose state can be copied to another one of the same program."""
+    """A machine with a state that can be copied to another machine of the same program."""
 
     def state(self) -> MachineState:
         """Return a copy of the state, which ``restore`` takes."""
@@ -314,7 +314,7 @@ class EpisodeBatch(MachineBatch, Protocol):
     """A batch of episode machines, with the attributes of `EpisodeMachine` for every entry.
 
     Attributes:
-        verdict: 1 if the sign bit of lower is clear, -1 if that of upper is set, or 0.
+        verdict: 1 if the sign bit of lower is clear, -1 if the sign bit of upper is set, or 0.
         unknown: Which values of the last samples are uncertain: a row per entry, a column per
             variable.
     """

@@ -91,7 +91,7 @@ class PlaceRuns(NamedTuple):
         return int(np.sum((self.last + 1) // step - self.first // step))
 
     def at_or_after(self, places: PlaceNumbers) -> PlaceNumbers:
-        """Return for each place the first place of a run from there on; -1 if there is none."""
+        """Return for each place the first place of a run from there on, or -1."""
         if not len(self.first):
             return np.full(len(places), -1, np.int64)
         run = np.searchsorted(self.last, places)
@@ -200,7 +200,7 @@ class Segments:
         return len(first) == 1 and first[0] == 0 and last[0] == self.last
 
     def divided(self, runs: PlaceRuns) -> Segments:
-        """Return segments of which each is inside or outside of every run."""
+        """Return the segments split at the edges of runs."""
         if self.starts is None or self._is_covered(runs):
             return self
         edges = np.concatenate([runs.first, runs.last + 1])

@@ -24,8 +24,8 @@ from rtamt.errors import StateError
 def refuse_stale() -> NoReturn:
     """Raise the error about an update of a machine whose monitor has another one."""
     msg = (
-        "this update is of a monitor whose __init__ has run again since; take the monitor's "
-        "update anew"
+        "this update belongs to a monitor whose __init__ has run again since; read the "
+        "monitor's update again"
     )
     raise StateError(msg)
 
@@ -52,11 +52,11 @@ class _Retired:
 
 
 class StateFields:
-    """An object whose state is the fields that its class names.
+    """An object with its state in the fields that its class names.
 
-    A field is a number, a tuple or array that never changes in place, a list or deque of such
-    values, another such object, or a list of such objects, lists or deques. Snapshots share no list
-    with the object, and `restore` keeps the objects in fields.
+    A field is a number, a tuple or array that never changes in place, another `StateFields`, or a
+    list or deque of these; objects, lists and deques may be nested one deep. Snapshots share no
+    list with the object, and `restore` keeps the objects in fields.
 
     Attributes:
         STATE: Names of the fields that change between calls; ``reset`` sets their first values.

@@ -1,19 +1,19 @@
 """The registers of a program over a whole trace and after it, column by column.
 
-`EpisodeMachine` bounds the robustness of an episode sample by sample; this module computes the same
-values from whole columns, and those of every register at every time. It serves both back-ends, and
-formulas that the machine refuses.
+`EpisodeMachine` bounds the robustness of an episode sample by sample. This module computes the same
+values from whole columns, for every register at every time. It serves both back-ends, and formulas
+that the machine refuses.
 
 After its terms, a program of bounds has no negations (`rtamt.program.placement`), only minima and
-maxima. So columns hold the integers of `rtamt.program.algebra.ordered`, on which NumPy's minimum
-and maximum order -0.0 below 0.0.
+maxima. Columns hold the integers of `rtamt.program.algebra.ordered`, because NumPy's minimum and
+maximum of integers order -0.0 below 0.0.
 
 The end modes, for unseen predicates that are all -inf or all +inf:
 
 * ``"complete"``: windows are cut to the trace.
 * ``"open"``: unseen samples exist, except for windows that skip them (`Window.skips`).
 * ``"cut"``: unseen samples exist for windows with an end. Operators without an end read only
-  recorded samples; if none of theirs was recorded, they have their values of ``"open"``.
+  recorded samples; an operator without a recorded sample has its values of ``"open"``.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class _Tail(NamedTuple):
     """The values of a register in one ending.
 
     Attributes:
-        settled: The number of first values that equal those of the complete trace.
+        settled: The number of first values that equal the values of the complete trace.
         rest: The values after them; the last one stays for ever.
     """
 

@@ -1,31 +1,28 @@
 """Two tables of the functions of instructions: on doubles, and lattice folds of windows.
 
-The sign bit of a robustness says whether the formula holds: +0.0 does, -0.0 does not. So min and
-max order -0.0 below 0.0, and the margins of predicates choose between the two. The C++ machines
-know the same names.
+The sign bit of a robustness is clear if the formula holds, at 0 too. Min and max therefore order
+-0.0 below 0.0, and the margins of predicates choose between the two zeros. The C++ machines have
+functions and folds of the same names.
 
 To add a function, see `rtamt.language.operators`.
 
 To add a fold over a window: a row of `FOLDS`, the same fold in ``rtamt/native/core/folds.hpp``, and
 a row of `rtamt.language.operators` that uses it. `rtamt_arrays` makes its folds from these rows.
 
-What a fold must be: a lattice fold, which chooses among the numbers of the operands by min and max
-alone. ``tests/rtamt/program/test_algebra.py`` checks every row. It must be idempotent, choose one
-of the numbers, act on each threshold by itself, have an identity and be associative; negating the
-operands and taking the dual must negate the result; and the mirror must be the same fold with time
-flipped. Zeros are ordered, -0.0 below 0.0, because the sign bit states whether a formula holds; so
-a row that takes either of two zeros fails.
+Every row must be a lattice fold, which chooses among the numbers of the operands by min and max
+alone. The machines rely on its laws, and ``tests/rtamt/program/test_algebra.py`` checks each row:
 
-The machines rely on this. Dense time counts a step once, however long it lasts. Episodes bound the
-robustness by folding the bounds of the operands. Negations move down to the predicates. Unbounded
-futures are folded over the reversed trace. Explanations name the sample whose value was chosen.
+* It is idempotent: over dense time a step counts once, however long it lasts.
+* It chooses one of the numbers and acts on each threshold separately: episodes fold the bounds of
+  operands, and explanations name the sample with the chosen value.
+* It has an identity, which stands for times outside the trace.
+* It is associative: machines fold windows in blocks.
+* Its dual negates the result for negated operands: negations move down to the predicates.
+* Its mirror is the same fold with time flipped: unbounded futures are folded backwards.
 
-Sum, mean and AGM robustness therefore cannot be rows: a sum is not idempotent, and a mean makes
-numbers that no operand has. Such an operator needs a fifth instruction in
-`rtamt.program.instructions`, ``AVERAGE lo hi``, next to ``WINDOW``. mypy then lists every ``match``
-that must run or refuse it. On samples it is a running sum with a count, over dense time an
-integral, in an episode an interval from the bounds of the operand, and in an explanation a share of
-every sample instead of one witness.
+Sum, mean and AGM robustness cannot be rows: a sum is not idempotent, and a mean makes numbers that
+no operand has. They need a fifth instruction in `rtamt.program.instructions`, ``AVERAGE lo hi``.
+mypy then lists every ``match`` that must run or refuse it.
 """
 
 from __future__ import annotations
@@ -57,7 +54,7 @@ INF = math.inf
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A total function on doubles; C++ has one of the same name.
+    """A total function on doubles, under the same name as in C++.
 
     Attributes:
         apply: The function.
@@ -107,7 +104,7 @@ def _log(x: float, base: float) -> float:
     return _div(_ln(x), _ln(base))
 
 
-# Each returns one of its operands, of equal ones the first, nan if either is nan.
+# Both return one operand: the first of two equal ones, nan if either is nan.
 def _min(x: float, y: float) -> float:
     if x < y or x != x:  # noqa: PLR0124
         return x
@@ -212,14 +209,7 @@ _Combine = Callable[[tuple[_X, ...], tuple[_X, ...]], tuple[_X, ...]]
 class LatticeFold:
     """A fold of a window's elements by min and max alone; the older element is on the left.
 
-    An element is the operands' numbers at one time. The machines rely on four laws, which
-    tests/rtamt/program/test_algebra.py checks:
-
-    * It is idempotent: over dense time a step counts once, however long it lasts.
-    * It chooses one of the elements' numbers and acts on each threshold separately, with -0.0 below
-      0.0. So the bounds of an episode are folds of bounds, and explanations name the chosen number.
-    * It has an identity, which stands for times outside the trace.
-    * It is associative: machines fold windows in blocks.
+    An element is the operands' numbers at one time. The top of this module lists the laws.
 
     Attributes:
         width: Numbers in an element; the last one is the result.
@@ -227,7 +217,7 @@ class LatticeFold:
         dual: The same fold with min and max exchanged, for negated operands.
         combine: The fold of two elements.
         combine_arrays: The fold of two elements with arrays as numbers.
-        made: Returns such a fold of other functions in place of min and max.
+        made: Returns this fold with other functions in place of min and max.
     """
 
     name: str

@@ -8,9 +8,9 @@ instant t and on each open interval (t, t + 1). Instant t has position 2t, the i
 + 1. A window [a, b] from any point of a region meets the regions at offsets 2a to 2b, so a formula
 over dense time is a formula over positions, and isolated instants count.
 
-A witness of `until` inside an interval needs p on the rest of that interval too. So the pairs of
-``WINDOW until`` and of the other folds of two operands are: q at an instant, q and p at an interval
-(for the dual folds: q or p). A window whose last offset is odd ends before an instant:
+A witness of `until` inside an interval needs p on the rest of that interval too. The pairs of
+``WINDOW until`` and of the other folds of two operands are therefore q at an instant, and q and p
+at an interval (q or p for the dual folds). A window with an odd last offset ends before an instant:
 `until[a:b]` and its dual have one before any witness.
 """
 
@@ -36,7 +36,7 @@ from rtamt.program.timing import Period, as_period, seconds_text
 MAX_TICKS = 2**62
 """Times, bounds and sums of nested bounds are below this: the sum of two is an int64."""
 
-_ZEROS = 9  # more of them at the end of a number are counted
+_ZEROS = 9  # more zeros at the end of a number become an exponent
 NANOSECOND = Fraction(1, 10**9)
 """The default resolution, in seconds."""
 

@@ -77,8 +77,8 @@ class Encoded(NamedTuple):
 class EncodedDense(NamedTuple):
     """A program over dense time: as `Encoded`, and its clock.
 
-    The clock is the number of ticks in a unit of time: the nearest double and, if an int64 holds
-    them, two integers whose quotient it is; otherwise, 0 and 1.
+    The clock is the number of ticks in a unit of time: the nearest double, and the number as a
+    quotient of two integers; 0 and 1 if an int64 does not hold them.
     """
 
     rows: tuple[DenseRow, ...]

@@ -38,7 +38,7 @@ starts, and the first instant or None. A start of the trace counts.
 
 
 class _Step(NamedTuple):
-    """The instants that an operator reads from an instant: offsets lo to hi; None is no bound.
+    """The instants that an operator reads from an instant: offsets lo to hi, None if unbounded.
 
     ``begin`` is the offset at which the window of a future operator without an end starts;
     ``open_end`` excludes the offset farthest from 0.
@@ -121,7 +121,7 @@ class _Ways:
 
 @functools.lru_cache(maxsize=1024)
 def _ways(name: str, operands: int, bounds: Bounds) -> tuple[_Way, ...]:
-    """Return the ways of an operator to operands on which it depends in one direction only."""
+    """Return the ways to operands with which an operator only rises or only falls."""
     row = OPERATORS[name]
     if row.operands == "term":
         return ()

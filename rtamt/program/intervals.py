@@ -1,4 +1,4 @@
-"""Interval arithmetic: the values of a function whose operands are not known.
+"""Interval arithmetic: the values of a function of unknown operands.
 
 The rules take the smallest and the largest value of each operand, with -0.0 below 0.0, so bounds
 keep the sign bit that states whether a predicate holds. Each row of
@@ -50,7 +50,7 @@ IntervalRule = Callable[..., Ends | None]
 
 
 def range_of(apply: _Apply, rule: IntervalRule, *operands: Range) -> Range | None:
-    """Return the values of a function; None if there is none, or it is nan for known operands."""
+    """Return the values of a function; None without a value, or if known operands give nan."""
     if all(operand.known for operand in operands):
         value = apply(*(operand.lower for operand in operands))
         return None if value != value else Range(value, value, known=True)  # noqa: PLR0124 - nan
@@ -59,7 +59,7 @@ def range_of(apply: _Apply, rule: IntervalRule, *operands: Range) -> Range | Non
 
 
 def everything(apply: _Apply, *operands: Range) -> Ends:  # noqa: ARG001 - it is a rule
-    """Return the rule of a function of which nothing else is known."""
+    """Return the rule of a function about which nothing is known."""
     return EVERYTHING
 
 
@@ -88,7 +88,7 @@ def even(apply: _Apply, x: Range) -> Ends:
 
 
 def corners(apply: _Apply, *operands: Range) -> Ends:
-    """Return the rule of a function that is monotone in each operand, whichever way."""
+    """Return the rule of a function that is monotone in each operand, up or down."""
     return _hull(apply(*values) for values in itertools.product(*(o[:2] for o in operands)))
 
 
@@ -144,7 +144,7 @@ def _has_whole(y: Range) -> bool:
 
 
 def _is_monotone_power(x: Range, y: Range) -> bool:
-    """Return whether a power is monotone on a range of bases some of which are negative or -0.0."""
+    """Return whether a power is monotone on a range with negative bases or -0.0."""
     n = y.lower
     if n != y.upper or not _has_whole(y):
         return False
@@ -155,10 +155,10 @@ def _is_monotone_power(x: Range, y: Range) -> bool:
 
 def logarithm(ln: Callable[[float], float], div: Callable[[float, float], float]) -> IntervalRule:
     """Return the rule of ``log``, a quotient of two natural logarithms."""
-    of = functools.partial(monotone("+", least=-0.0), ln)
+    logarithm_of = functools.partial(monotone("+", least=-0.0), ln)
 
     def rule(apply: _Apply, x: Range, base: Range) -> Ends | None:  # noqa: ARG001 - it is a rule
-        over, under = of(x), of(base)
+        over, under = logarithm_of(x), logarithm_of(base)
         if over is None or under is None:
             return None
         if not base.known and under[0] <= 0.0 <= under[1]:

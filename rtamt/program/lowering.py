@@ -76,7 +76,7 @@ class ProgramBuilder:
         return program
 
     def lower(self, node: Node, known: Mapping[Node, int]) -> int:
-        """Write one node whose operands are written."""
+        """Write one node; its operands are already written."""
         self.node = node
         self.term = isinstance(node, Term) or (node.op is not None and node.op.operands == "term")
         if node.op is None:
@@ -113,7 +113,8 @@ class ProgramBuilder:
 
     def _emit(self, instruction: Instruction, *, term: bool) -> int:
         # A term and a formula of the same shape have registers of their own: at an unseen sample
-        # a term is unknown as a whole, a formula operand by operand. The text tells 0.0 from -0.0.
+        # a term is unknown as a whole, a formula operand by operand. The text
+        # distinguishes 0.0 from -0.0.
         key = (instruction, term, listed(instruction))
         register = self.registers.get(key)
         if register is None:
@@ -156,8 +157,8 @@ class ProgramBuilder:
         """Return the fold over offsets lo to hi; if both are 0, the last operand itself."""
         if fold not in FOLDS:
             msg = (
-                f"'{fold}' is no lattice fold: expected {', '.join(FOLDS)}; for others see "
-                "'What a fold must be' in rtamt/program/algebra.py"
+                f"'{fold}' is not a lattice fold: expected {', '.join(FOLDS)}; for others see "
+                "the laws in rtamt/program/algebra.py"
             )
             raise AssertionError(msg)
         if lo == hi == 0:

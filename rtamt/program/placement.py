@@ -102,7 +102,7 @@ class _Writer:
         self.known: dict[tuple[int, bool], int] = {(r, False): r for r in range(program.terms)}
 
     def write(self, register: int, *, negated: bool) -> None:
-        """Write a register and what it needs; depth first, without recursion."""
+        """Write a register and its operands, depth first, without recursion."""
         stack = [(register, negated)]
         while stack:
             key = stack[-1]

@@ -1,4 +1,4 @@
-"""A compiled specification: a program of instructions, whose latencies are numbers.
+"""A compiled specification: a program of instructions with a latency for each register.
 
 Each instruction writes the register of its index. The first `Program.terms` instructions are
 arithmetic over the present sample; the others are formulas. At sample t, a register of latency L
@@ -50,7 +50,7 @@ class Program:
         aligned: The texts of `timing.alignment` for rounded intervals.
         rates: The rates of change among the variables, and the variable of each; readers of samples
             compute them (`rtamt.inputs.samples`).
-        seconds: The time between samples by which rates divide.
+        seconds: The time between samples, for rates.
     """
 
     instructions: tuple[Instruction, ...]
@@ -89,7 +89,7 @@ class Program:
         """Return the instruction of a register after the terms."""
         instruction = self.instructions[register]
         if isinstance(instruction, Load | Const):
-            msg = f"register {register} is an input behind the terms"
+            msg = f"register {register} is an input after the terms"
             raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
         return instruction
 
@@ -97,7 +97,7 @@ class Program:
         """Return the instruction of a register that is a window."""
         instruction = self.instructions[register]
         if not isinstance(instruction, Window):
-            msg = f"register {register} is no window"
+            msg = f"register {register} is not a window"
             raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
         return instruction
 
@@ -119,7 +119,7 @@ class Program:
         """Return the first sample at which a window reads its operands."""
         instruction, late = self.instructions[register], self.latencies[register]
         if not isinstance(instruction, Window) or instruction.hi is None or late is None:
-            msg = f"register {register} is no bounded window"
+            msg = f"register {register} is not a bounded window"
             raise AssertionError(msg)
         return late - instruction.hi
 
@@ -135,16 +135,18 @@ class Program:
 
     def _check(self, register: int, instruction: Instruction) -> None:
         args = operands(instruction)
-        self._require(all(0 <= a < register for a in args), register, "reads what is not written")
+        self._require(
+            all(0 <= a < register for a in args), register, "reads a register that is not written"
+        )
         match instruction:
             case Load() | Const():
-                self._require(register < self.terms, register, "is an input behind the terms")
+                self._require(register < self.terms, register, "is an input after the terms")
                 known = isinstance(instruction, Const) or instruction.variable in self.variables
-                self._require(known, register, "loads what is no variable")
+                self._require(known, register, "loads an unknown variable")
             case Map(function):
                 self._require(FUNCTIONS[function].arity == len(args), register, "has wrong arity")
                 if register < self.terms:
-                    self._require(all(a < self.terms for a in args), register, "is no term")
+                    self._require(all(a < self.terms for a in args), register, "reads a formula")
             case Window(fold, lo, hi):
                 self._require(register >= self.terms, register, "is a window among the terms")
                 self._require(FOLDS[fold].width == len(args), register, "has wrong arity")
@@ -243,9 +245,8 @@ class Program:
             spans = times.pop(register, set())
             match self.instructions[register]:
                 case Load(variable) if any(b <= (variable in self.rates) <= e for b, e in spans):
-                    variables.add(
-                        self.rates.get(variable, variable)
-                    )  # a rate reads it one sample late
+                    # a rate reads its variable one sample late
+                    variables.add(self.rates.get(variable, variable))
                 case Map(_, args):
                     for a in args:
                         times.setdefault(a, set()).update(spans)

@@ -40,7 +40,7 @@ Align = Literal["outward", "inward", "nearest"]
 """
 
 _TOLERANCE = Fraction(1, 10**12)
-_GREATEST = 10**300  # of its inverse too
+_GREATEST = 10**300  # of a period and of its inverse
 _DOUBLE = np.dtype(np.float64).itemsize
 
 
@@ -64,7 +64,7 @@ def as_period(period: Period | None, what: str = "period") -> Fraction | None:
         except (SpecificationError, KeyError):
             raise _no_period(period, what) from None
     elif isinstance(period, numbers.Rational) and not isinstance(period, bool | np.timedelta64):
-        value = Fraction(int(period.numerator), int(period.denominator))  # of numpy's, maybe
+        value = Fraction(int(period.numerator), int(period.denominator))  # may be NumPy integers
     elif isinstance(period, numbers.Real) and not isinstance(period, bool | np.timedelta64):
         if not math.isfinite(period):
             raise _no_period(period, what)
@@ -75,8 +75,8 @@ def as_period(period: Period | None, what: str = "period") -> Fraction | None:
     else:
         msg = f'expected a {what} in seconds or as text such as "100ms", got {brief(period)}'
         raise InputTypeError(msg)
-    counted, of = value.numerator, value.denominator  # integers: fractions compare slowly
-    if not (of <= counted * _GREATEST and counted <= of * _GREATEST):
+    top, bottom = value.numerator, value.denominator  # integers: fractions compare slowly
+    if not (bottom <= top * _GREATEST and top <= bottom * _GREATEST):
         raise _no_period(period, what)
     return value
 
@@ -244,12 +244,12 @@ def _writable(time: Fraction, unit: str) -> str:
 
 
 def _nearest_below(steps: Fraction) -> int:
-    """Return the nearest whole number, the smaller one of two."""
+    """Return the nearest whole number, the smaller at equal distance."""
     return math.ceil(steps - Fraction(1, 2))
 
 
 def _nearest_above(steps: Fraction) -> int:
-    """Return the nearest whole number, the larger one of two."""
+    """Return the nearest whole number, the larger at equal distance."""
     return math.floor(steps + Fraction(1, 2))
 
 

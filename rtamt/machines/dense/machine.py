@@ -138,7 +138,7 @@ class WindowNode(StreamNode):
     """Folds the steps that a window meets.
 
     The step from t to t' meets the closed window from s + lo to s + hi if t <= s + hi and s + lo <
-    t'. So it enters at s = t - hi and leaves at s = t' - lo, and the fold is a right-continuous
+    t'. It enters at s = t - hi and leaves at s = t' - lo, and the fold is a right-continuous
     function of s. The last instant of the trace counts as a step without an end, except for windows
     that start after s: those are empty from ``end - lo`` on.
     """

@@ -2,8 +2,8 @@
 
 `rtamt.machines.episode.machine` explains settled and open values, worlds and unknowns, and
 `rtamt.program.dense_lowering` positions. Here open values have no end: the last run lasts for ever.
-A trace may end at any time, now included. So after the last position t nothing exists in ``NOW``; a
-future fold reads only what has been seen, and its own position, in ``LOWER`` if it is a maximum and
+A trace may end at any time, now included. After the last position t nothing exists in ``NOW``. A
+future fold reads only the seen positions, and its own, in ``LOWER`` if it is a maximum and
 in ``UPPER`` if it is a minimum. A trace that was cut goes on: bounded windows read everything, and
 those without an end read the recorded part or, if nothing of their window was recorded, have the
 values of ``LOWER`` and ``UPPER``.
@@ -226,7 +226,7 @@ class RegionOperands:
         return paired(self.fold.name, runs, None)
 
     def own(self, lo: int, elements: Runs, t: int, begin: int) -> Runs:
-        """Return the values of such a fold at unseen positions: its own, or the identity."""
+        """Return the values of a fold at unseen positions: its own operand, or the identity."""
         begin = max(begin, t + 1)
         if lo == 0:
             later = clipped(elements, begin)

@@ -77,8 +77,8 @@ def declared_of(program: Program) -> DeclaredValues:
 class Waiting(StateFields):
     """Events of a variable, and its value before them.
 
-    They stay in their original arrays, so the cost of a call depends only on the new events and
-    those that it reads, not on the waiting events of a variable that runs ahead.
+    They stay in their original arrays: the cost of a call depends on the new events and the events
+    that it reads, not on the waiting events of a variable that runs ahead.
     """
 
     __slots__ = ("_before", "_chunks", "_declared")

@@ -84,7 +84,7 @@ def concatenated(*parts: Runs) -> Runs:
 
 
 def joint(signals: Sequence[Runs]) -> Runs:
-    """Return signals with a common start as one, whose elements have all their numbers."""
+    """Return signals with a common start as one signal with all their numbers."""
     if len(signals) == 1:
         return signals[0]
     starts = distinct(*(signal.starts for signal in signals))
@@ -104,14 +104,14 @@ def paired(name: str, runs: Runs, end: int | None) -> Runs:
     reduced = (greater if FOLDS[name].identity[-1] > 0 else lesser)(p, q)
     after = np.append(starts[1:], np.iinfo(np.int64).max if end is None else end + 1)
     if name in ("until", "release"):
-        alone = (starts % 2 == 0) & (after - starts > 1)  # an instant, and then the rest
+        single = (starts % 2 == 0) & (after - starts > 1)  # an instant, then intervals
         last = np.where(starts % 2 == 0, q, reduced)
-        more, values = starts[alone] + 1, reduced[..., alone]
+        more, values = starts[single] + 1, reduced[..., single]
     else:
         ends = (after % 2 == 1) & (after < np.iinfo(np.int64).max)
-        alone = ends & (after - starts > 1)
-        last = np.where(ends & ~alone, q, reduced)
-        more, values = after[alone] - 1, q[..., alone]
+        single = ends & (after - starts > 1)
+        last = np.where(ends & ~single, q, reduced)
+        more, values = after[single] - 1, q[..., single]
     if not len(more):
         return Runs(starts, (p, last))
     every = np.concatenate([starts, more])
@@ -119,7 +119,7 @@ def paired(name: str, runs: Runs, end: int | None) -> Runs:
     return Runs(
         every[order],
         (
-            np.concatenate([p, p[..., alone]], axis=-1)[..., order],
+            np.concatenate([p, p[..., single]], axis=-1)[..., order],
             np.concatenate([last, values], axis=-1)[..., order],
         ),
     )

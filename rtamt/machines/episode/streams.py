@@ -62,7 +62,7 @@ def substituted(polynomial: Polynomial, unknown: int, value: Polynomial) -> Poly
 
 
 def skipping(window: Window) -> frozenset[int]:
-    """Return the worlds in which a window skips unseen elements, except that of its own time."""
+    """Return the worlds in which a window skips unseen elements, except at its own time."""
     return frozenset(world for world in (LOWER, UPPER) if window.skips(best=world == UPPER))
 
 
@@ -220,7 +220,7 @@ class _Fold(Stream):
         operands: The operands.
         lo: The first offset whose settled elements are read.
         hi: The last offset.
-        corners: The number of corners of its settled values; default: that of the operands.
+        corners: The number of corners of its settled values, by default as the operands.
     """
 
     def __init__(self, operands: Operands, lo: int, hi: int, corners: int | None = None) -> None:

@@ -77,8 +77,7 @@ void EntryClock::reset(const Entries& entries) {
     }
 }
 
-void EntryClock::feed(const Entries& entries, const std::int64_t* samples,
-                     const double* parts) {
+void EntryClock::feed(const Entries& entries, const std::int64_t* samples, const double* parts) {
     for (std::size_t o = 0; o < operands_.size(); ++o) {
         const ClockRow::Operand& its = row_.operands[o];
         const double* newest = parts + its.part * num_;
@@ -124,9 +123,9 @@ bool EntryClock::fails(std::size_t operand, std::size_t entry) const {
     return negative(value) & (value == value);
 }
 
-bool EntryClock::is_asked(std::size_t entry, std::int64_t samples,
-                         const double* parts) const {
-    if (row_.asked >= 0) return !negative(parts[static_cast<std::size_t>(row_.asked) * num_ + entry]);
+bool EntryClock::is_asked(std::size_t entry, std::int64_t samples, const double* parts) const {
+    if (row_.asked >= 0)
+        return !negative(parts[static_cast<std::size_t>(row_.asked) * num_ + entry]);
     return !row_.first || samples == 0;
 }
 
@@ -147,7 +146,7 @@ void EntryClock::step_oldest(std::size_t entry, std::int64_t samples, const doub
 }
 
 EntryClock::Counts EntryClock::of_two(std::size_t entry, std::int64_t samples,
-                                    std::int64_t count) const {
+                                      std::int64_t count) const {
     const bool failed = fails(0, entry);
     const bool reached = holds(1, entry);
     const bool until = row_.event == ClockRow::Event::until;
@@ -158,7 +157,7 @@ EntryClock::Counts EntryClock::of_two(std::size_t entry, std::int64_t samples,
 }
 
 std::int64_t EntryClock::ended(bool event, std::int64_t last, std::size_t entry,
-                              std::int64_t samples, std::int64_t count) const {
+                               std::int64_t samples, std::int64_t count) const {
     const bool over = event & (count > last);
     if (row_.asked < 0 || row_.first || last == 0) return over ? (row_.first ? 0 : last) : count;
     if (!over) return count;

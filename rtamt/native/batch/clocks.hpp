@@ -48,7 +48,7 @@ public:
 
 private:
     struct Operand {
-        std::vector<double> value;   // the newest that fits the others
+        std::vector<double> value;    // the newest that fits the others
         std::vector<double> waiting;  // a ring of rows
     };
     struct Counts {

@@ -6,8 +6,8 @@
 #include <numeric>
 #include <vector>
 
+#include "core/columns.hpp"
 #include "core/snapshot.hpp"
-#include "core/widest.hpp"
 
 namespace rtamt {
 
@@ -41,8 +41,8 @@ private:
     const std::uint32_t* chosen_;
 };
 
-// Calls run(entry, i, n) for stretches of chosen entries, entry + j being the chosen one number i + j:
-// once for all entries, if that is allowed, so that the loops inside are long, and of the widest
+// Calls run(entry, i, n) for stretches of chosen entries, entry + j being the chosen one number i +
+// j: once for all entries, if that is allowed, so that the loops inside are long, and of the widest
 // vectors if it is a lambda with RTAMT_LOOP_BODY.
 template <class Run>
 inline void each_stretch(const Entries& entries, bool together, const Run& run) {

@@ -6,9 +6,9 @@
 #include <memory>
 #include <vector>
 
+#include "batch/entries.hpp"
 #include "discrete/columns.hpp"
 #include "episode/machine.hpp"
-#include "batch/entries.hpp"
 
 namespace rtamt::batch {
 

@@ -46,8 +46,9 @@ public:
     void reset(const Entries& entries) override {
         for (std::size_t i = 0; i < entries.count(); ++i)
             for (World w : kAll)
-                worlds_[w][entries[i]] =
-                    constant_ ? *constant_ : w == kLower ? -kInfinity : kInfinity;
+                worlds_[w][entries[i]] = constant_     ? *constant_
+                                         : w == kLower ? -kInfinity
+                                                       : kInfinity;
     }
     void take(const Taken& t) override {
         if (t.first > 0) return;
@@ -211,10 +212,11 @@ private:
         if (t.first >= begin_ && t.last <= end_) {
             each_stretch(t.entries, true,
                          [&](std::size_t entry, std::size_t i, std::size_t n) RTAMT_LOOP_BODY {
-                RTAMT_INDEPENDENT
-                for (std::size_t j = 0; j < n; ++j)
-                    settled[entry + j] = Order::least(settled[entry + j], values[i + j]);
-            });
+                             RTAMT_INDEPENDENT
+                             for (std::size_t j = 0; j < n; ++j)
+                                 settled[entry + j] =
+                                     Order::least(settled[entry + j], values[i + j]);
+                         });
             return;
         }
         for (std::size_t i = 0; i < t.entries.count(); ++i) {
@@ -229,7 +231,8 @@ private:
     Time begin_;
     Time end_;
     std::vector<double> settled_;
-    std::array<std::vector<double>, std::size(kAll)> open_;  // of open windows, if there are windows
+    std::array<std::vector<double>, std::size(kAll)>
+        open_;  // of open windows, if there are windows
     std::vector<std::unique_ptr<WindowColumns>> windows_;
 };
 

@@ -17,7 +17,7 @@ std::uint64_t fingerprint_of(std::uint64_t program, std::size_t num) {
 }  // namespace
 
 Batch::Batch(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
-           const Observed& result, std::size_t num)
+             const Observed& result, std::size_t num)
     : program_(rows, terms, variables, {result}),
       columns_(program_, num),
       entries_(num),
@@ -71,12 +71,10 @@ void Batch::choose_and_clear(const std::uint8_t* mask) {
             inputs_[variable * num() + entries_[i]] = 0.0;
 }
 
-void Batch::fields(Snapshot& s) {
-    s.array(inputs_.data(), inputs_.size());
-}
+void Batch::fields(Snapshot& s) { s.array(inputs_.data(), inputs_.size()); }
 
 DiscreteBatch::DiscreteBatch(const std::vector<DiscreteRow>& rows, std::size_t terms,
-                           std::size_t variables, const Observed& result, std::size_t num)
+                             std::size_t variables, const Observed& result, std::size_t num)
     : Batch(rows, terms, variables, result, num), samples_(num), results_(num, std::nan("")) {
     for (const Instruction& i : program_.formulas_) formulas_.push_back({i, {}});
     for (std::size_t entry = 0; entry < num; ++entry) {
@@ -131,7 +129,7 @@ void DiscreteBatch::push(const BatchInstruction& formula) {
     } else {
         for (std::size_t i = 0; i < count; ++i)
             push_to(i, samples_[entries_[i]] >= instruction.start ? F::element(a[i], b[i])
-                                                                : F::identity);
+                                                                  : F::identity);
     }
 }
 

@@ -1,5 +1,5 @@
-// One program in many entries in batches: each instruction runs in all entries before the next one. The
-// formulas of some episodes run in a machine for each entry instead.
+// One program in many entries in batches: each instruction runs in all entries before the next one.
+// The formulas of some episodes run in a machine for each entry instead.
 #pragma once
 
 #include <cstddef>
@@ -7,11 +7,11 @@
 #include <memory>
 #include <vector>
 
-#include "core/table.hpp"
+#include "batch/entries.hpp"
+#include "batch/episodes.hpp"
+#include "core/columns.hpp"
 #include "discrete/columns.hpp"
 #include "episode/machine.hpp"
-#include "batch/episodes.hpp"
-#include "batch/entries.hpp"
 
 namespace rtamt {
 
@@ -28,7 +28,7 @@ public:
 
 protected:
     Batch(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
-         const Observed& result, std::size_t num);
+          const Observed& result, std::size_t num);
 
     // Evaluates the terms of one sample of every chosen entry, from its row of the table. Returns
     // the first entry with a nan, of a variable or a term, without changing anything, or num().
@@ -52,7 +52,7 @@ private:
 class DiscreteBatch : public Batch {
 public:
     DiscreteBatch(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
-                 const Observed& result, std::size_t num);
+                  const Observed& result, std::size_t num);
 
     const std::int64_t* samples() const { return samples_.data(); }
     const double* results() const { return results_.data(); }
@@ -91,8 +91,8 @@ public:
 
     // Does what DiscreteBatch::take does; no chosen entry is finished.
     std::size_t take(const Table& table, const std::uint8_t* mask);
-    // Takes in a sample of every chosen entry whose terms are known: for each of them num() numbers,
-    // first the numbers of the chosen entries.
+    // Takes in a sample of every chosen entry whose terms are known: for each of them num()
+    // numbers, first the numbers of the chosen entries.
     void take(const Table& table, const std::uint8_t* mask, const double* terms);
     void reset(const std::uint8_t* mask = nullptr);
     // Ends the traces of the chosen entries, of at least one sample each.

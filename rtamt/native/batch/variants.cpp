@@ -76,7 +76,8 @@ void BatchVariants::finish(const std::uint8_t* mask, End end) {
 void BatchVariants::publish() {
     if (!several()) return;
     for (std::size_t entry = 0; entry < num(); ++entry)
-        results_[entry] = moved_[entry] == moved_[entry] ? moved_[entry] : result_->results()[entry];
+        results_[entry] =
+            moved_[entry] == moved_[entry] ? moved_[entry] : result_->results()[entry];
 }
 
 void BatchVariants::fields(Snapshot& s) {

@@ -26,8 +26,8 @@ public:
 
     // Takes samples in as DiscreteBatch does.
     std::size_t take(const Table& table, const std::uint8_t* mask);
-    // Takes in a sample of every chosen entry that lies between two rows. Returns the first entry in
-    // which a term has no value, without changing any entry, or num().
+    // Takes in a sample of every chosen entry that lies between two rows. Returns the first entry
+    // in which a term has no value, without changing any entry, or num().
     std::size_t take(const Table& lower, const Table& upper, const std::uint8_t* mask);
     void reset(const std::uint8_t* mask = nullptr);
     void finish(const std::uint8_t* mask, End end);
@@ -37,7 +37,8 @@ private:
     void publish();
 
     std::vector<std::uint8_t> uncertain_;  // the entries with an uncertain value
-    std::vector<double> moved_;    // the robustness of entries that were cut, inside the bounds of all
+    std::vector<double>
+        moved_;  // the robustness of entries that were cut, inside the bounds of all
     std::vector<double> results_;  // where variants differ
 };
 

@@ -6,12 +6,12 @@
 
 #include "core/order.hpp"
 
-#define RTAMT_FOLDS(X) \
-    X(min, Min)          \
-    X(max, Max)          \
-    X(until, Until)      \
-    X(release, Release)  \
-    X(since, Since)      \
+#define RTAMT_FOLDS(X)  \
+    X(min, Min)         \
+    X(max, Max)         \
+    X(until, Until)     \
+    X(release, Release) \
+    X(since, Since)     \
     X(trigger, Trigger)
 
 namespace rtamt {
@@ -45,7 +45,7 @@ struct Paired {
     using UpperFold = Single<Upper, -Sign>;
     using Element = Pair;
     static constexpr int width = 2;
-    static constexpr Element identity{Sign * kInfinity, -Sign* kInfinity};
+    static constexpr Element identity{Sign * kInfinity, -Sign * kInfinity};
     static Element element(double p, double q) { return {p, q}; }
     static double result(Element x) { return x.q; }
 };

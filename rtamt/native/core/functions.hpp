@@ -9,28 +9,28 @@
 
 // name, arity, value of x and y. A function of one operand receives it twice. No function throws,
 // and a nan in an operand gives nan, so that the machine finds it.
-#define RTAMT_FUNCTIONS(X)                                 \
-    X(neg, 1, -x)                                          \
-    X(abs, 1, std::fabs(x))                                \
-    X(sqrt, 1, std::sqrt(x))                               \
-    X(exp, 1, std::exp(x))                                 \
-    X(ln, 1, std::log(x))                                  \
-    X(add, 2, x + y)                                       \
-    X(sub, 2, x - y)                                       \
-    X(mul, 2, x * y)                                       \
-    X(div, 2, x / y)                                       \
-    X(pow, 2, std::pow(x, y))                              \
-    X(log, 2, std::log(x) / std::log(y))                   \
-    X(min, 2, lesser(x, y))                                \
-    X(max, 2, x != x || y != y ? x + y : greater(x, y))    \
-    X(at_least, 2, (x - y) + 0.0)                          \
-    X(above, 2, -((y - x) + 0.0))                          \
-    X(equal, 2, nearness(x, y))                            \
-    X(unequal, 2, -nearness(x, y))                         \
-    X(nonnegative, 1, x + 0.0)                             \
-    X(ge, 2, holds(x >= y, x, y))                          \
-    X(gt, 2, holds(x > y, x, y))                           \
-    X(eq, 2, holds(x == y, x, y))                          \
+#define RTAMT_FUNCTIONS(X)                              \
+    X(neg, 1, -x)                                       \
+    X(abs, 1, std::fabs(x))                             \
+    X(sqrt, 1, std::sqrt(x))                            \
+    X(exp, 1, std::exp(x))                              \
+    X(ln, 1, std::log(x))                               \
+    X(add, 2, x + y)                                    \
+    X(sub, 2, x - y)                                    \
+    X(mul, 2, x* y)                                     \
+    X(div, 2, x / y)                                    \
+    X(pow, 2, std::pow(x, y))                           \
+    X(log, 2, std::log(x) / std::log(y))                \
+    X(min, 2, lesser(x, y))                             \
+    X(max, 2, x != x || y != y ? x + y : greater(x, y)) \
+    X(at_least, 2, (x - y) + 0.0)                       \
+    X(above, 2, -((y - x) + 0.0))                       \
+    X(equal, 2, nearness(x, y))                         \
+    X(unequal, 2, -nearness(x, y))                      \
+    X(nonnegative, 1, x + 0.0)                          \
+    X(ge, 2, holds(x >= y, x, y))                       \
+    X(gt, 2, holds(x > y, x, y))                        \
+    X(eq, 2, holds(x == y, x, y))                       \
     X(ne, 2, holds(x != y, x, y))
 
 namespace rtamt::functions {

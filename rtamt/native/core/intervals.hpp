@@ -117,12 +117,19 @@ inline Range ln(const Range& x, const Range&) {
     const Range made = from_zero<functions::ln>(x);
     return made.exists() ? outward(made) : made;
 }
-inline Range add(const Range& x, const Range& y) {
-    return monotone<functions::add, '+', '+'>(x, y);
-}
-inline Range sub(const Range& x, const Range& y) {
-    return monotone<functions::sub, '+', '-'>(x, y);
-}
+#define RTAMT_MONOTONE(name, of_x, of_y)                    \
+    inline Range name(const Range& x, const Range& y) {     \
+        return monotone<functions::name, of_x, of_y>(x, y); \
+    }
+RTAMT_MONOTONE(add, '+', '+')
+RTAMT_MONOTONE(sub, '+', '-')
+RTAMT_MONOTONE(min, '+', '+')
+RTAMT_MONOTONE(max, '+', '+')
+RTAMT_MONOTONE(at_least, '+', '-')
+RTAMT_MONOTONE(above, '+', '-')
+RTAMT_MONOTONE(ge, '+', '-')
+RTAMT_MONOTONE(gt, '+', '-')
+#undef RTAMT_MONOTONE
 inline Range mul(const Range& x, const Range& y) { return corners<functions::mul>(x, y); }
 inline Range div(const Range& x, const Range& y) {
     if (!y.known && y.lower <= 0.0 && y.upper >= 0.0) return kEverything;
@@ -151,23 +158,9 @@ inline Range log(const Range& x, const Range& base) {
     const Range stepped = corners<functions::div>(outward(over), under);
     return {lesser(exact.lower, stepped.lower), greater(exact.upper, stepped.upper)};
 }
-inline Range min(const Range& x, const Range& y) {
-    return monotone<functions::min, '+', '+'>(x, y);
-}
-inline Range max(const Range& x, const Range& y) {
-    return monotone<functions::max, '+', '+'>(x, y);
-}
-inline Range at_least(const Range& x, const Range& y) {
-    return monotone<functions::at_least, '+', '-'>(x, y);
-}
-inline Range above(const Range& x, const Range& y) {
-    return monotone<functions::above, '+', '-'>(x, y);
-}
 inline Range equal(const Range& x, const Range& y) { return near(x, y); }
 inline Range unequal(const Range& x, const Range& y) { return opposite(near(x, y)); }
 inline Range nonnegative(const Range& x, const Range&) { return {x.lower + 0.0, x.upper + 0.0}; }
-inline Range ge(const Range& x, const Range& y) { return monotone<functions::ge, '+', '-'>(x, y); }
-inline Range gt(const Range& x, const Range& y) { return monotone<functions::gt, '+', '-'>(x, y); }
 inline Range eq(const Range& x, const Range& y) { return meeting(x, y); }
 inline Range ne(const Range& x, const Range& y) { return opposite(meeting(x, y)); }
 

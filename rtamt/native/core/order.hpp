@@ -1,5 +1,5 @@
 // The order of doubles in which -0.0 is below 0.0: the sign bit of a robustness says whether the
-// formula holds, at 0 too.
+// formula holds, at 0 too. And how traces end, and what bounds say then.
 #pragma once
 
 #include <bit>
@@ -48,5 +48,18 @@ template <double (*choose)(double, double)>
 inline constexpr auto kAlone = alone::greater;
 template <>
 inline constexpr auto kAlone<lesser> = alone::lesser;
+
+// How a trace ends: with nothing after it, at a time that no one chose, or as a mere beginning.
+enum class End { complete, cut, open };
+
+// 1 if bounds say that a specification is satisfied, -1 if violated, else 0.
+inline int verdict_of(double lower, double upper) {
+    return negative(upper) ? -1 : !negative(lower);
+}
+
+// The robustness, or the bound that is nearest to it.
+inline double moved(double robustness, double lower, double upper) {
+    return alone::greater(lower, alone::lesser(robustness, upper));
+}
 
 }  // namespace rtamt

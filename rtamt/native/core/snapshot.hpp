@@ -69,8 +69,7 @@ public:
     // Numbers of samples.
     void counts(std::int64_t* samples, std::size_t size) {
         array(samples, size);
-        for (std::size_t i = 0; i < size; ++i)
-            require(samples[i] >= 0 && samples[i] < kMaxSamples);
+        for (std::size_t i = 0; i < size; ++i) require(samples[i] >= 0 && samples[i] < kMaxSamples);
     }
 
     // When reading, refuses values that no machine writes.

@@ -182,7 +182,8 @@ private:
     Element* front_;
     Element* back_;
     std::size_t offset_;
-    std::size_t limit_;  // the offset at which a push has more to do: block_, but in the first block
+    std::size_t
+        limit_;  // the offset at which a push has more to do: block_, but in the first block
     std::size_t block_;
     std::size_t ahead_;
     Element middle_;

@@ -41,8 +41,8 @@ public:
         return quick(time, out) == 0 || rounded(time, out) || shortest(time, out);
     }
 
-    // Counts by the product of doubles, which in the middle between two ticks takes either; false if
-    // it is no count.
+    // Counts by the product of doubles, which in the middle between two ticks takes either; false
+    // if it is no count.
     bool nearest(double time, Time& out) const {
         const double product = std::nearbyint(time * scale_);
         if (!(std::abs(product) < static_cast<double>(dense::kTicks))) return false;
@@ -54,8 +54,8 @@ public:
     bool time(Time tick, double& out) const {
         const Time size = std::abs(tick);
         if (ticks_ == 0 || size > kMost / units_) return false;
-        const double time = quotient(static_cast<std::uint64_t>(size * units_),
-                                     static_cast<std::uint64_t>(ticks_));
+        const double time =
+            quotient(static_cast<std::uint64_t>(size * units_), static_cast<std::uint64_t>(ticks_));
         out = tick < 0 ? -time : time;
         return true;
     }
@@ -63,9 +63,9 @@ public:
 private:
     static constexpr int kDigits = 18;
     static constexpr Time kMost = dense::kAfter;
-    static constexpr double kExact = 0x1p53;  // below it, doubles are whole numbers of one
+    static constexpr double kExact = 0x1p53;    // below it, doubles are whole numbers of one
     static constexpr double kRound = 0x1.8p52;  // adding it rounds numbers below 2^51
-    static constexpr double kPowers[] = {1e0, 1e1, 1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
+    static constexpr double kPowers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
                                          1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};
 
     // The product is off by less than 2^-51 of it, with the error of the double's text: if it is
@@ -77,8 +77,7 @@ private:
         // Unsigned, as the difference of the bits may overflow where the count is not sure.
         out = static_cast<Time>(std::bit_cast<std::uint64_t>(sum) -
                                 std::bit_cast<std::uint64_t>(kRound));
-        const bool sure =
-            std::abs(product - (sum - kRound)) + std::abs(product) * 0x1p-51 < 0.5;
+        const bool sure = std::abs(product - (sum - kRound)) + std::abs(product) * 0x1p-51 < 0.5;
         return Time{sure} - 1;
     }
 

@@ -18,18 +18,13 @@ std::vector<DenseRow> joined_terms(const std::vector<RegionProgram>& readings,
         const std::size_t first = rows.size();
         for (std::size_t i = 0; i < reading.terms.size(); ++i) {
             DenseRow row = reading.terms[i];
-            const bool load = row.kind == "LOAD";
-            const bool map = row.kind == "MAP";
-            const bool fits = load  ? row.a < variables
-                              : map ? row.a < i && row.b < i && function_named(row.name)
-                                    : row.kind == "CONST";
-            if (!fits) throw std::invalid_argument("row " + std::to_string(i) + " is no term");
-            if (map) row.a += first, row.b += first;
+            if (!is_term(row, i, variables))
+                throw std::invalid_argument("row " + std::to_string(i) + " is no term");
+            if (row.kind == "MAP") row.a += first, row.b += first;
             rows.push_back(std::move(row));
         }
     }
-    if (rows.empty() || variables == 0)
-        throw std::invalid_argument("expected terms of variables");
+    if (rows.empty() || variables == 0) throw std::invalid_argument("expected terms of variables");
     return rows;
 }
 
@@ -43,8 +38,8 @@ Regions regions_of(const RegionProgram& program) {
     std::vector<RegionConstant> constants;
     for (std::size_t i = 0; i < program.terms.size(); ++i)
         if (program.terms[i].kind == "CONST") constants.push_back({i, program.terms[i].value});
-    return Regions(program.terms.size(), constants, program.rows, program.initial,
-                   program.streams, program.unknowns);
+    return Regions(program.terms.size(), constants, program.rows, program.initial, program.streams,
+                   program.unknowns);
 }
 
 }  // namespace
@@ -84,8 +79,8 @@ void DenseEpisodeMachine::Columns::clear() {
 }
 
 std::size_t DenseEpisodeMachine::Columns::place(Time position) const {
-    return static_cast<std::size_t>(
-        std::upper_bound(positions.begin(), positions.end(), position) - positions.begin());
+    return static_cast<std::size_t>(std::upper_bound(positions.begin(), positions.end(), position) -
+                                    positions.begin());
 }
 
 std::uint64_t DenseEpisodeMachine::length(Time known) const {
@@ -118,8 +113,7 @@ DenseEpisodeMachine::Taken DenseEpisodeMachine::take() {
     sampler_.extend(events_.data());
     const Time known = sampler_.known();
     const bool brief = sampler_.brief(known);
-    const bool fine =
-        brief ? !sampler_.read(known) || sampler_.evaluate() : sampler_.rehearse();
+    const bool fine = brief ? !sampler_.read(known) || sampler_.evaluate() : sampler_.rehearse();
     if (!fine || length(known) >= static_cast<std::uint64_t>(kTicks)) {
         too_long_ = length(known);
         sampler_.retract(events_.data());
@@ -302,10 +296,9 @@ void DenseEpisodeMachine::fields(Snapshot& s) {
     reading_fields(s);
     const Time t = sampler_.started() ? settled() - begin_ : -1;
     if (s.reads()) {
-        s.require(!sampler_.started() || (begin_ <= settled() &&
-                                          length(settled()) < static_cast<std::uint64_t>(kTicks)));
-        for (const Regions& reading : readings_)
-            s.require(reading.last() == (t < 0 ? -1 : 2 * t));
+        s.require(!sampler_.started() ||
+                  (begin_ <= settled() && length(settled()) < static_cast<std::uint64_t>(kTicks)));
+        for (const Regions& reading : readings_) s.require(reading.last() == (t < 0 ? -1 : 2 * t));
         s.require(decided_ <= t && !(finished_ && t < 0));
     }
     s(robustness_);

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/end.hpp"
+#include "core/order.hpp"
 #include "dense/machine.hpp"
 #include "dense/regions.hpp"
 
@@ -18,7 +18,7 @@ namespace rtamt {
 // The terms of a program over regions, of which the last is followed by its formulas.
 struct RegionProgram {
     std::vector<DenseRow> terms;
-    std::vector<dense::RegionRow> rows;
+    std::vector<FormulaRow> rows;
     std::vector<std::size_t> initial;
     std::vector<std::size_t> streams;
     std::vector<std::size_t> unknowns;
@@ -27,8 +27,8 @@ struct RegionProgram {
 class DenseEpisodeMachine {
 public:
     // Takes the program, or with neutral predicates two: where they are -0.0, and where they are
-    // 0.0; the values of the variables before their first events, nan where none is declared; by how
-    // many ticks formulas look away; and whether to find when the verdict is decided. Throws
+    // 0.0; the values of the variables before their first events, nan where none is declared; by
+    // how many ticks formulas look away; and whether to find when the verdict is decided. Throws
     // std::invalid_argument on rows that are no program.
     DenseEpisodeMachine(const std::vector<RegionProgram>& readings,
                         const std::vector<double>& declared, dense::Time reach, bool decides);

@@ -15,7 +15,7 @@ namespace {
 [[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
 
 const std::vector<DenseRow>& checked(const std::vector<DenseRow>& rows, std::size_t variables,
-                                std::size_t result, const std::vector<std::size_t>& observed) {
+                                     std::size_t result, const std::vector<std::size_t>& observed) {
     if (variables == 0) refuse("expected a variable");
     if (result >= rows.size()) refuse("the result is out of range");
     for (const std::size_t i : observed)
@@ -28,7 +28,9 @@ const std::vector<DenseRow>& checked(const std::vector<DenseRow>& rows, std::siz
         if (!load && !map && !window && row.kind != "CONST")
             refuse("unknown kind '" + row.kind + "'");
         if (map && !function_named(row.name)) refuse("unknown function '" + row.name + "'");
-        if (row.a >= (load ? variables : map || window ? i : rows.size()) ||
+        if (row.a >= (load            ? variables
+                      : map || window ? i
+                                      : rows.size()) ||
             ((map || window) && row.b >= i) || !counts(row.lo.value_or(0)) ||
             !counts(row.hi.value_or(0)) || (row.lo && row.hi && *row.lo > *row.hi))
             refuse("row " + std::to_string(i) + " is out of range");

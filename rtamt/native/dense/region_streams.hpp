@@ -1,5 +1,5 @@
-// Registers that are read at all positions, over the regions of dense time: leaves, and what compares
-// operands at one position. The definitions are rtamt/machines/dense/regions.py.
+// Registers that are read at all positions, over the regions of dense time: leaves, and what
+// compares operands at one position. The definitions are rtamt/machines/dense/regions.py.
 //
 // What is open is kept between updates, for each world that is read. Every stream says from which
 // position on a world differs from what it was in the last update, and its readers write only that
@@ -29,8 +29,8 @@ struct RegionTrace {
     std::size_t axes = 0;
     std::size_t corners = 1;
     std::vector<std::array<double, kWorlds>> unknowns;
-    Time t = -1;              // the last position that was seen
-    Time before = -1;         // and the one before this update
+    Time t = -1;               // the last position that was seen
+    Time before = -1;          // and the one before this update
     std::uint64_t update = 2;  // what was found in the update before may be kept
     FoldMemory memory;
     mutable std::vector<double> scratch;
@@ -47,8 +47,7 @@ struct RegionTrace {
         for (std::size_t axis = 0; axis < axes; ++axis) {
             half /= 2;
             for (std::size_t c = 0; c < half; ++c)
-                scratch[c] =
-                    greater(scratch[c], lesser(scratch[half + c], unknowns[axis][world]));
+                scratch[c] = greater(scratch[c], lesser(scratch[half + c], unknowns[axis][world]));
         }
         return scratch[0];
     }

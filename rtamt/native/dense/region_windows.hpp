@@ -10,10 +10,137 @@
 #include <utility>
 #include <vector>
 
-#include "dense/kept_folds.hpp"
 #include "dense/region_streams.hpp"
+#include "dense/runs.hpp"
 
 namespace rtamt::dense {
+
+// For each position the fold from there to the last one that was taken in: stairs, of which a new
+// run changes a last part to one value. The first step begins anywhere.
+class Stairs {
+public:
+    explicit Stairs(RegionFold fold) : fold_(fold) {}
+
+    // Takes in the next run. Returns the first position whose fold changes, kEver if none does.
+    Time push(Time start, double value) {
+        if (first_ < steps_.size() && same(steps_.back().value, value)) return kEver;
+        while (first_ < steps_.size() && same(fold_.upper(steps_.back().value, value), value)) {
+            if (same(steps_.back().value, value)) return start;  // its step lasts longer
+            start = steps_.back().start;
+            steps_.pop_back();
+        }
+        steps_.push_back({start, value});
+        return start;
+    }
+    // Forgets what is before a position.
+    void drop(Time position) {
+        while (first_ + 1 < steps_.size() && steps_[first_ + 1].start <= position) ++first_;
+        if (first_ < kLeast || first_ < size()) return;
+        steps_.erase(steps_.begin(), steps_.begin() + static_cast<std::ptrdiff_t>(first_));
+        first_ = 0;
+    }
+    void clear() {
+        steps_.clear();
+        first_ = 0;
+    }
+
+    // Writes the folds of positions from `begin`, which was taken in, to the last one; each is for
+    // a position that is earlier by `lo`.
+    void write(Time begin, Time lo, Runs& found) const {
+        std::size_t i = steps_.size() - 1;  // mostly it is one of the last
+        while (i > first_ && steps_[i].start > begin) --i;
+        found.push(begin - lo, steps_[i].value);
+        while (++i < steps_.size()) found.push(steps_[i].start - lo, steps_[i].value);
+    }
+    // The same from its first position on, which it forgets.
+    void settle(Time begin, Time end, Time lo, Runs& found) {
+        drop(begin);
+        for (Time at = begin;;) {
+            if (first_ == steps_.size()) {
+                const Pair none = fold_.identity();
+                found.push(at - lo, &none);
+                return;
+            }
+            found.push(at - lo, steps_[first_].value);
+            if (first_ + 1 == steps_.size() || steps_[first_ + 1].start > end) return;
+            at = steps_[++first_].start;
+        }
+    }
+
+private:
+    static constexpr std::size_t kLeast = 16;
+
+    struct Step {
+        Time start;
+        double value;
+    };
+
+    std::size_t size() const { return steps_.size() - first_; }
+
+    RegionFold fold_;
+    std::vector<Step> steps_;
+    std::size_t first_ = 0;
+};
+
+// The fold of runs that come and change behind, and go in front, in two stacks: before `middle_`
+// each run has the fold of those from it on to there, behind it of those from there on to it.
+class KeptFold {
+public:
+    explicit KeptFold(RegionFold fold) : fold_(fold) {}
+
+    double value() const {
+        double total = fold_.empty();
+        if (first_ < middle_) total = runs_[first_].fold;
+        if (middle_ < runs_.size()) total = fold_.upper(total, runs_.back().fold);
+        return total;
+    }
+    // Forgets the runs that end before a position.
+    void drop(Time position) {
+        while (first_ + 1 < runs_.size() && runs_[first_ + 1].start <= position) ++first_;
+        if (first_ > middle_) turn();
+        if (first_ < kLeast || first_ < runs_.size() - first_) return;
+        runs_.erase(runs_.begin(), runs_.begin() + static_cast<std::ptrdiff_t>(first_));
+        middle_ -= first_;
+        first_ = 0;
+    }
+    // Forgets the runs that begin at a position or later.
+    void cut(Time from) {
+        while (runs_.size() > first_ && runs_.back().start >= from) runs_.pop_back();
+        if (runs_.size() == first_) clear();
+        if (runs_.size() < middle_) turn();
+    }
+    void push(Time start, double value) {
+        if (first_ < runs_.size() && same(runs_.back().value, value)) return;
+        const double before = middle_ < runs_.size() ? runs_.back().fold : fold_.empty();
+        runs_.push_back({start, value, fold_.upper(before, value)});
+    }
+    void clear() {
+        runs_.clear();
+        first_ = middle_ = 0;
+    }
+
+private:
+    static constexpr std::size_t kLeast = 16;
+
+    struct Run {
+        Time start;
+        double value;
+        double fold;
+    };
+
+    // Moves all runs before the middle.
+    void turn() {
+        middle_ = runs_.size();
+        double total = fold_.empty();
+        for (std::size_t i = middle_; i-- > first_;)
+            runs_[i].fold = total = fold_.upper(runs_[i].value, total);
+    }
+
+    RegionFold fold_;
+    std::vector<Run> runs_;
+    std::size_t first_ = 0;
+    std::size_t middle_ = 0;
+};
 
 // The operands of a window, read as elements of its fold.
 class Operands {
@@ -46,7 +173,8 @@ public:
                       {});
     }
 
-    // The value from some position on, as RegionStream::tail: elements of two equal numbers are one.
+    // The value from some position on, as RegionStream::tail: elements of two equal numbers are
+    // one.
     std::optional<double> tail(std::size_t world) const {
         const std::optional<double> q = b_.tail(world);
         if (single() || !q) return q;
@@ -79,7 +207,7 @@ private:
 
 // How a window reads the end of a trace.
 struct Reading {
-    explicit Reading(const RegionRow& row, RegionFold fold)
+    explicit Reading(const FormulaRow& row, RegionFold fold)
         : ahead(!row.hi || *row.hi > 0),
           guard(row.guard),
           endless(row.endless || !row.hi),
@@ -113,7 +241,7 @@ inline void write_own(Runs& found, RegionFold fold, Time lo, const RunsView& ele
 // their value; in a world that reads nothing behind the last position all stairs are what is open.
 class Sliding final : public RegionStream {
 public:
-    Sliding(RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
+    Sliding(RegionTrace& trace, const FormulaRow& row, RegionFold fold, RegionStream& a,
             RegionStream& b)
         : RegionStream(trace, std::max<Time>(0, Operands(fold, a, b).late() + *row.hi)),
           operands_(fold, a, b),
@@ -125,7 +253,8 @@ public:
         if (operands_.single() && trace.axes == 0) stairs_.emplace(fold);
         for (std::size_t world = 0; world < kWorlds; ++world) {
             const bool stops = reading_.stops(world);
-            as_now_[world] = !is_cut(world) && (stops || !reading_.ahead) && operands_.as_now(world);
+            as_now_[world] =
+                !is_cut(world) && (stops || !reading_.ahead) && operands_.as_now(world);
             if (is_cut(world)) continue;
             tail_[world] = stops && lo_ != 0 ? fold.empty() : operands_.tail(world);
             if (stops || hi_ < 0) continue;
@@ -193,8 +322,7 @@ protected:
                 if (begin + lo_ <= t)
                     fold_suffixes(operands_.fold, elements.clipped(begin + lo_, t), lo_, none_,
                                   trace_.memory, found);
-                if (t - lo_ < t)
-                    found.push(std::max(begin, t - lo_ + 1), operands_.fold.empty());
+                if (t - lo_ < t) found.push(std::max(begin, t - lo_ + 1), operands_.fold.empty());
             } else if (begin <= t) {
                 known_.clear();  // runs of elements, of which the first numbers differ too
                 const RunsView seen = elements.clipped(begin + lo_, t);
@@ -233,7 +361,7 @@ private:
 // The fold over all offsets up to hi.
 class UnboundedPast final : public RegionStream {
 public:
-    UnboundedPast(RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
+    UnboundedPast(RegionTrace& trace, const FormulaRow& row, RegionFold fold, RegionStream& a,
                   RegionStream& b)
         : RegionStream(trace, std::max<Time>(0, Operands(fold, a, b).late() + *row.hi)),
           operands_(fold, a, b),
@@ -288,7 +416,7 @@ private:
 // The fold over all offsets from 0 on, which settles as a polynomial in its unknown.
 class RegionFuture final : public RegionStream {
 public:
-    RegionFuture(RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
+    RegionFuture(RegionTrace& trace, const FormulaRow& row, RegionFold fold, RegionStream& a,
                  RegionStream& b, std::size_t axis)
         : RegionStream(trace, Operands(fold, a, b).late()),
           operands_(fold, a, b),
@@ -299,8 +427,8 @@ public:
     }
 
     std::size_t axis() const { return axis_; }
-    // Writes the runs that settle with position t, of which keep() keeps them: in terms of the value
-    // at the first position that has not settled. Returns false if there are none.
+    // Writes the runs that settle with position t, of which keep() keeps them: in terms of the
+    // value at the first position that has not settled. Returns false if there are none.
     bool find(Time t) {
         if (t - late_ <= last_) return false;
         rest_.assign(trace_.corners, operands_.fold.identity());
@@ -349,7 +477,7 @@ private:
 // The fold over positions lo to hi, which is read at position 0 alone.
 class AtBegin {
 public:
-    AtBegin(RegionTrace& trace, const RegionRow& row, RegionFold fold, RegionStream& a,
+    AtBegin(RegionTrace& trace, const FormulaRow& row, RegionFold fold, RegionStream& a,
             RegionStream& b)
         : trace_(trace),
           operands_(fold, a, b),

@@ -8,8 +8,23 @@
 
 namespace rtamt::dense {
 
+void require(bool condition) {
+    if (!condition) throw std::invalid_argument("expected a program over regions");
+}
+
+void require_rows(const std::vector<FormulaRow>& rows, std::size_t terms) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        const FormulaRow& row = rows[i];
+        require(row.a < terms + i && row.b < terms + i);
+        if (row.kind == "MAP") continue;
+        require(row.kind == "WINDOW" && (!row.guard || row.hi));
+        require((row.hi && *row.hi <= 0) || (row.lo && *row.lo >= 0));
+        require(!row.lo || !row.hi || *row.lo <= *row.hi);
+    }
+}
+
 Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants,
-                 const std::vector<RegionRow>& rows, const std::vector<std::size_t>& initial,
+                 const std::vector<FormulaRow>& rows, const std::vector<std::size_t>& initial,
                  const std::vector<std::size_t>& streams, const std::vector<std::size_t>& unknowns)
     : terms_(terms),
       constants_(terms),
@@ -21,9 +36,7 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
       found_(terms + rows.size()),
       trace_(std::make_unique<RegionTrace>()) {
     const std::size_t registers = terms + rows.size();
-    const auto require = [](bool condition) {
-        if (!condition) throw std::invalid_argument("expected a program over regions");
-    };
+    require_rows(rows, terms);
     constexpr std::size_t kMostUnknowns = 16;
     require(unknowns.size() <= kMostUnknowns && !initial.empty());
     for (const RegionConstant& c : constants) {
@@ -38,13 +51,7 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
     for (const RegionConstant& c : constants) print.add(c.reg, c.value);
     for (const std::size_t reg : initial) print.add(reg);
     for (const std::size_t reg : streams) print.add(reg);
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-        const RegionRow& row = rows[i];
-        require(row.a < terms + i && row.b < terms + i);
-        require(row.kind == "MAP" || (row.kind == "WINDOW" && (row.lo || row.hi)));
-        require(!row.guard || row.hi);
-        require(row.kind == "MAP" || (row.hi && *row.hi <= 0) || (row.lo && *row.lo >= 0));
-        require(!row.lo || !row.hi || *row.lo <= *row.hi);
+    for (const FormulaRow& row : rows) {
         fold_of_.push_back(fold_named(row.name));
         print.add(row.kind, row.name, row.a, row.b, row.lo.value_or(kEver), row.hi.value_or(kEver),
                   row.guard, row.endless);
@@ -52,7 +59,7 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
     fingerprint_ = print.value();
     std::vector<Time> reaches(registers);
     for (std::size_t i = 0; i < rows.size(); ++i) {
-        const RegionRow& row = rows[i];
+        const FormulaRow& row = rows[i];
         const Time lo = row.lo.value_or(0), hi = row.hi.value_or(0);
         require(-kEver <= lo && -kEver <= hi);
         const Time inner = std::max(reaches[row.a], reaches[row.b]);
@@ -65,10 +72,10 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
     for (const std::size_t reg : initial_) {
         require(reg < registers);
         if (reg < terms || rows[reg - terms].kind == "MAP") continue;
-        const RegionRow& row = rows[reg - terms];
+        const FormulaRow& row = rows[reg - terms];
         require(!folds_[reg] && made_[row.a] && made_[row.b]);
-        folds_[reg] = std::make_unique<AtBegin>(*trace_, row, fold_of_[reg - terms],
-                                                *made_[row.a], *made_[row.b]);
+        folds_[reg] = std::make_unique<AtBegin>(*trace_, row, fold_of_[reg - terms], *made_[row.a],
+                                                *made_[row.b]);
         order_of_folds_.push_back(folds_[reg].get());
     }
 }
@@ -76,9 +83,6 @@ Regions::Regions(std::size_t terms, const std::vector<RegionConstant>& constants
 void Regions::make_streams(const std::vector<std::size_t>& streams,
                            const std::vector<std::size_t>& unknowns) {
     const std::size_t registers = columns_.size();
-    const auto require = [](bool condition) {
-        if (!condition) throw std::invalid_argument("expected a program over regions");
-    };
     // Registers that are known where terms are, with what they are at unseen positions.
     std::vector<std::optional<std::array<double, kWorlds>>> unseen(registers);
     // Those whose runs are read: others are read as columns alone.
@@ -91,7 +95,7 @@ void Regions::make_streams(const std::vector<std::size_t>& streams,
         require(reg < registers && !listed[reg]);
         listed[reg] = true;
         if (reg < terms_) continue;
-        const RegionRow& row = rows_[reg - terms_];
+        const FormulaRow& row = rows_[reg - terms_];
         require(listed[row.a] && listed[row.b]);
         if (row.kind == "MAP" && unseen[row.a] && unseen[row.b]) {
             const RegionFold fold = fold_of_[reg - terms_];
@@ -118,7 +122,7 @@ void Regions::make_streams(const std::vector<std::size_t>& streams,
             streams_.push_back({reg, made.get(), leaf, future});
             continue;
         }
-        const RegionRow& row = rows_[reg - terms_];
+        const FormulaRow& row = rows_[reg - terms_];
         const RegionFold fold = fold_of_[reg - terms_];
         RegionStream &a = *made_[row.a], &b = *made_[row.b];
         if (row.kind == "MAP") {
@@ -146,8 +150,9 @@ Regions::~Regions() = default;
 void Regions::evaluate(const double* const* terms, std::size_t n) {
     std::copy_n(terms, terms_, columns_.begin());
     for (Instant& instant : instants_) {
-        if (instant.column.size() < n) instant.column.resize(std::max(n, 2 * instant.column.size()));
-        const RegionRow& row = rows_[instant.reg - terms_];
+        if (instant.column.size() < n)
+            instant.column.resize(std::max(n, 2 * instant.column.size()));
+        const FormulaRow& row = rows_[instant.reg - terms_];
         const double *a = columns_[row.a], *b = columns_[row.b];
         double* out = instant.column.data();
         if (instant.fold.least) {
@@ -206,7 +211,7 @@ Regions::Values Regions::at_zero(std::size_t reg, std::size_t worlds) const {
         }
         return values;
     }
-    const RegionRow& row = rows_[reg - terms_];
+    const FormulaRow& row = rows_[reg - terms_];
     const RegionFold fold = fold_of_[reg - terms_];
     for (std::size_t world = 0; world < worlds; ++world)
         values[world] = folds_[reg] ? folds_[reg]->value(world, t_)

@@ -8,26 +8,18 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "core/snapshot.hpp"
 #include "dense/runs.hpp"
+#include "discrete/instruction.hpp"
 
 namespace rtamt::dense {
 
-// One instruction behind the terms: MAP, or WINDOW over positions at the offsets lo to hi. It writes
-// the next register after the row before.
-struct RegionRow {
-    std::string kind;
-    std::string name;
-    std::size_t a;
-    std::size_t b;
-    std::optional<Time> lo;  // nothing: no bound
-    std::optional<Time> hi;
-    bool guard;
-    bool endless;
-};
+// These throw std::invalid_argument if a condition fails, or if rows are no formulas behind so many
+// terms.
+void require(bool condition);
+void require_rows(const std::vector<FormulaRow>& rows, std::size_t terms);
 
 struct RegionConstant {
     std::size_t reg;
@@ -45,11 +37,11 @@ public:
     enum World { now, lower, upper, cut_lower, cut_upper, worlds };
     using Values = std::array<double, worlds>;
 
-    // Takes how many registers are terms and the constants among them; the formulas behind them; and
-    // the registers that are read at position 0 alone, at all positions, and which of the latter
-    // never settle. Throws std::invalid_argument on rows that are none.
+    // Takes how many registers are terms and the constants among them; the formulas behind them;
+    // and the registers that are read at position 0 alone, at all positions, and which of the
+    // latter never settle. Throws std::invalid_argument on rows that are none.
     Regions(std::size_t terms, const std::vector<RegionConstant>& constants,
-            const std::vector<RegionRow>& rows, const std::vector<std::size_t>& initial,
+            const std::vector<FormulaRow>& rows, const std::vector<std::size_t>& initial,
             const std::vector<std::size_t>& streams, const std::vector<std::size_t>& unknowns);
     Regions(Regions&&) noexcept;
     Regions& operator=(Regions&&) noexcept;
@@ -89,11 +81,11 @@ private:
 
     std::size_t terms_;
     std::vector<std::optional<double>> constants_;  // of the terms
-    std::vector<RegionRow> rows_;
+    std::vector<FormulaRow> rows_;
     std::vector<std::size_t> initial_;
     std::vector<RegionFold> fold_of_;  // of the rows
     std::vector<Instant> instants_;
-    std::vector<const double*> columns_;                // of terms and instants, by register
+    std::vector<const double*> columns_;               // of terms and instants, by register
     std::vector<std::unique_ptr<RegionStream>> made_;  // by register; null: none
     std::vector<Stream> streams_;
     std::vector<std::unique_ptr<AtBegin>> folds_;  // by register; null: none
@@ -102,7 +94,7 @@ private:
     std::unique_ptr<RegionTrace> trace_;
     Time t_ = -1;
     std::vector<double> first_;  // the terms at position 0
-    Time reach_ = 0;  // how far beyond a position registers look
+    Time reach_ = 0;             // how far beyond a position registers look
     std::uint64_t fingerprint_;
 };
 

@@ -136,8 +136,7 @@ void fold_suffixes(RegionFold fold, const RunsView& runs, Time lo, const std::ve
     memory.total = rest;
     for (std::size_t i = n; i-- > 0;)
         for (std::size_t c = 0; c < corners; ++c)
-            older[i * corners + c] = memory.total[c] =
-                fold.combine(runs.at(i)[c], memory.total[c]);
+            older[i * corners + c] = memory.total[c] = fold.combine(runs.at(i)[c], memory.total[c]);
     for (std::size_t i = 0; i < n; ++i) found.push(runs.start(i) - lo, older.data() + i * corners);
 }
 

@@ -1,5 +1,5 @@
-// Signals over the regions of dense time as runs of equal values, and their folds. The definition is
-// rtamt/machines/dense/runs.py.
+// Signals over the regions of dense time as runs of equal values, and their folds. The definition
+// is rtamt/machines/dense/runs.py.
 #pragma once
 
 #include <algorithm>
@@ -29,9 +29,12 @@ struct RegionFold {
     double upper(double x, double y) const { return least ? lesser(x, y) : greater(x, y); }
     Pair combine(Pair x, Pair y) const {
         switch (kind) {
-            case Kind::ahead: return {lower(x.p, y.p), upper(x.q, lower(x.p, y.q))};
-            case Kind::back: return {lower(x.p, y.p), upper(y.q, lower(y.p, x.q))};
-            case Kind::single: break;
+            case Kind::ahead:
+                return {lower(x.p, y.p), upper(x.q, lower(x.p, y.q))};
+            case Kind::back:
+                return {lower(x.p, y.p), upper(y.q, lower(y.p, x.q))};
+            case Kind::single:
+                break;
         }
         return {0.0, upper(x.q, y.q)};
     }

@@ -15,9 +15,7 @@ Function function_named(const std::string& name) {
 
 Sampler::Sampler(const std::vector<DenseRow>& rows, std::size_t terms,
                  const std::vector<double>& declared)
-    : inputs_(declared.begin(), declared.end()),
-      sampled_(rows.size()),
-      columns_(rows.size()) {
+    : inputs_(declared.begin(), declared.end()), sampled_(rows.size()), columns_(rows.size()) {
     for (const double value : declared) declared_.push_back(value == value);
     for (Stream& input : inputs_) joint_.add(input);
     for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -100,8 +98,7 @@ bool Sampler::evaluate() {
     if (bad == n) return true;
     nan_time_ = joint_.times()[bad];
     nan_values_.clear();
-    for (std::size_t v = 0; v < inputs_.size(); ++v)
-        nan_values_.push_back(joint_.column(v)[bad]);
+    for (std::size_t v = 0; v < inputs_.size(); ++v) nan_values_.push_back(joint_.column(v)[bad]);
     return false;
 }
 

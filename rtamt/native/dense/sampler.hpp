@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "dense/node.hpp"
+#include "dense/stream.hpp"
 
 namespace rtamt {
 
@@ -36,8 +36,8 @@ struct Events {
 
 constexpr std::size_t kBlock = 512;  // events of a variable that stay in the cache
 
-// Very many events of some variables in parts: of none are there more than a block, and those of the
-// next part come later.
+// Very many events of some variables in parts: of none are there more than a block, and those of
+// the next part come later.
 class Parts {
 public:
     Parts(const Events* events, std::size_t variables)
@@ -55,8 +55,8 @@ public:
         for (std::size_t v = 0; v < rest_.size(); ++v) {
             Events& e = rest_[v];
             const std::size_t most = std::min(e.size, kBlock);
-            const auto n = static_cast<std::size_t>(
-                std::upper_bound(e.times, e.times + most, upto) - e.times);
+            const auto n =
+                static_cast<std::size_t>(std::upper_bound(e.times, e.times + most, upto) - e.times);
             part_[v] = {e.times, e.values, n};
             e = {e.times + n, e.values + n, e.size - n};
         }
@@ -67,6 +67,14 @@ private:
     std::vector<Events> rest_;
     std::vector<Events> part_;
 };
+
+// Whether row i is a term: it reads a variable, or terms before it, or nothing.
+template <class Row>
+bool is_term(const Row& row, std::size_t i, std::size_t variables) {
+    if (row.kind == "LOAD") return row.a < variables;
+    if (row.kind != "MAP") return row.kind == "CONST";
+    return row.a < i && row.b < i && function_named(row.name) != nullptr;
+}
 
 class Sampler {
 public:
@@ -82,9 +90,7 @@ public:
     bool samples(std::size_t i) const { return sampled_[i]; }
 
     // Whether these events may follow the variable's last ones: times rise, no value is nan.
-    bool fits(std::size_t variable, Events events) const {
-        return fit(after(variable), events);
-    }
+    bool fits(std::size_t variable, Events events) const { return fit(after(variable), events); }
     static bool fit(Time last, Events events);
     // Adds new events of every variable; removes them again.
     void extend(const Events* events);
@@ -119,9 +125,7 @@ public:
     bool rehearse();
     // Whether all new events are one block.
     bool brief() const { return brief(known()); }
-    bool brief(Time known) const {
-        return started_ && joint_.upto(known, kBlock) == known;
-    }
+    bool brief(Time known) const { return started_ && joint_.upto(known, kBlock) == known; }
 
     std::size_t size() const { return joint_.size(); }
     const Time* times() const { return joint_.times(); }

@@ -10,7 +10,7 @@
 namespace rtamt::dense {
 
 Signs::Signs(const std::vector<DenseRow>& terms, std::size_t variables,
-             const std::vector<RegionRow>& rows, std::size_t result, End end, bool numbers)
+             const std::vector<FormulaRow>& rows, std::size_t result, End end, bool numbers)
     : variables_(variables),
       loads_(terms.size()),
       constants_(terms.size()),
@@ -20,32 +20,23 @@ Signs::Signs(const std::vector<DenseRow>& terms, std::size_t variables,
       numbers_(numbers),
       found_(terms.size() + rows.size()),
       settled_(found_.size()) {
-    const auto require = [](bool condition) {
-        if (!condition) throw std::invalid_argument("expected a program over regions");
-    };
     require(result < found_.size());
     for (std::size_t i = 0; i < terms.size(); ++i) {
         const DenseRow& row = terms[i];
+        require(is_term(row, i, variables));
         if (row.kind == "LOAD") {
-            require(row.a < variables);
             loads_[i] = row.a;
         } else if (row.kind == "CONST") {
             constants_[i] = row.value;
         } else {
-            require(row.kind == "MAP" && row.a < i && row.b < i && function_named(row.name));
             operations_.push_back({function_named(row.name), i, row.a, row.b});
         }
     }
     std::vector<bool> operand(found_.size());
     operand[result] = true;
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-        const RegionRow& row = rows[i];
-        const std::size_t reg = terms.size() + i;
-        require(row.a < reg && row.b < reg);
-        require(row.kind == "MAP" || (row.kind == "WINDOW" && (row.lo || row.hi)));
-        require(row.kind == "MAP" || (row.hi && *row.hi <= 0) || (row.lo && *row.lo >= 0));
+    require_rows(rows, terms.size());
+    for (const FormulaRow& row : rows) {
         require(row.hi || row.lo == std::optional<Time>(0) || row.kind == "MAP");
-        require(!row.lo || !row.hi || *row.lo <= *row.hi);
         folds_.push_back(fold_named(row.name));
         operand[row.a] = operand[row.b] = true;
         ahead_ |= row.kind == "WINDOW" && (!row.hi || *row.hi > 0);
@@ -133,7 +124,7 @@ void Signs::settle(std::size_t world) {
         Time& settled = settled_[reg][world];
         settled = world == Regions::now || !numbers_ ? 0 : t_ + 1;
         if (reg < terms || settled == 0) continue;
-        const RegionRow& row = rows_[reg - terms];
+        const FormulaRow& row = rows_[reg - terms];
         const Time inner = std::min(settled_[row.a][world], settled_[row.b][world]);
         const Reading reading(row, folds_[reg - terms]);
         if (row.kind == "MAP") {
@@ -159,8 +150,10 @@ const Runs& Signs::runs(std::size_t reg, std::size_t world) {
         found.emplace().add(begin, Pair{0.0, kept(*constants_[reg])});
     } else {
         const auto place = std::find(read_.begin(), read_.end(), reg) - read_.begin();
-        if (begin == 0) found = seen_[static_cast<std::size_t>(place)];
-        else found.emplace();
+        if (begin == 0)
+            found = seen_[static_cast<std::size_t>(place)];
+        else
+            found.emplace();
         const bool best = world == Regions::upper || world == Regions::cut_upper;
         const Pair unseen{0.0, best ? kInfinity : -kInfinity};
         found->push(t_ + 1, &unseen);
@@ -178,7 +171,7 @@ RunsView Signs::from(std::size_t reg, std::size_t world, Time begin, Runs& memor
 
 Runs Signs::windowed(std::size_t reg, std::size_t world, Time begin) {
     const std::size_t i = reg - constants_.size();
-    const RegionRow& row = rows_[i];
+    const FormulaRow& row = rows_[i];
     const RegionFold fold = folds_[i];
     Runs memory[2], pairs, read, found;
     if (row.kind == "MAP") {
@@ -216,8 +209,10 @@ Runs Signs::windowed(std::size_t reg, std::size_t world, Time begin) {
         const Time end = is_cut(world) || stops ? t_ : kEver;
         if (begin <= end)
             fold_suffixes(fold, elements.clipped(begin, end), 0, {fold.identity()}, folding, found);
-        if (is_cut(world)) found.append(windowed(reg, world - 2, after).view());
-        else if (stops) write_own(found, fold, 0, elements, after);
+        if (is_cut(world))
+            found.append(windowed(reg, world - 2, after).view());
+        else if (stops)
+            write_own(found, fold, 0, elements, after);
         return found;
     }
     if (stops) {
@@ -260,8 +255,10 @@ void common(const Signs::Spans& some, const Signs::Spans& others, Take take) {
         const Time first = std::max(a->first, b->first);
         const Time last = std::min(a->second, b->second);
         if (first <= last) take(first, last);
-        if (a->second < b->second) ++a;
-        else ++b;
+        if (a->second < b->second)
+            ++a;
+        else
+            ++b;
     }
 }
 

@@ -1,9 +1,9 @@
 // Where a formula fails or holds for certain on a whole trace in dense time. The definition is
 // rtamt/machines/dense/episode.py.
 //
-// Folds choose among the numbers of their operands by order alone, so the sign of a fold is the fold
-// of signs: a number that fails is -inf here, another one +inf, and runs are as few as changes. The
-// same passes compute the numbers themselves for callers that need them.
+// Folds choose among the numbers of their operands by order alone, so the sign of a fold is the
+// fold of signs: a number that fails is -inf here, another one +inf, and runs are as few as
+// changes. The same passes compute the numbers themselves for callers that need them.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/end.hpp"
+#include "core/order.hpp"
 #include "dense/regions.hpp"
 #include "dense/sampler.hpp"
 
@@ -24,7 +24,7 @@ public:
     // reading of the end, and whether to compute numbers instead of signs. Throws
     // std::invalid_argument on rows that are no program.
     Signs(const std::vector<DenseRow>& terms, std::size_t variables,
-          const std::vector<RegionRow>& rows, std::size_t result, End end, bool numbers);
+          const std::vector<FormulaRow>& rows, std::size_t result, End end, bool numbers);
 
     // Reads the events of every variable on a trace from one tick to another; each has one at its
     // begin or before. False if a term is nan. Called once.
@@ -70,15 +70,15 @@ private:
     std::vector<std::optional<std::size_t>> loads_;  // of the terms: the variables
     std::vector<std::optional<double>> constants_;   // of the terms
     std::vector<Operation> operations_;
-    std::vector<RegionRow> rows_;
-    std::vector<RegionFold> folds_;   // of the rows
-    std::vector<std::size_t> read_;   // terms that formulas read
-    std::vector<Runs> seen_;          // of those
+    std::vector<FormulaRow> rows_;
+    std::vector<RegionFold> folds_;  // of the rows
+    std::vector<std::size_t> read_;  // terms that formulas read
+    std::vector<Runs> seen_;         // of those
     std::size_t result_;
     End end_;
     bool numbers_;
     bool ahead_ = false;
-    Time t_ = 0;  // the last position
+    Time t_ = 0;                                                           // the last position
     std::vector<std::array<std::optional<Runs>, Regions::worlds>> found_;  // by register
     // The first position at which a register may differ from the world `now`. Signs are read in one
     // world alone, and are computed there from the first position on.

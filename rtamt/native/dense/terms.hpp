@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/columns.hpp"
-#include "dense/node.hpp"
+#include "dense/sampler.hpp"
 #include "discrete/machine.hpp"
 
 namespace rtamt::dense {
@@ -21,10 +21,7 @@ public:
         for (std::size_t i = 0; i < rows.size(); ++i) {
             const DiscreteRow& row = rows[i];
             functions_.push_back(row.kind == "MAP" ? function_named(row.name) : nullptr);
-            const bool fits = row.kind == "LOAD"  ? row.a < variables
-                              : row.kind == "MAP" ? row.a < i && row.b < i && functions_[i]
-                                                  : row.kind == "CONST";
-            if (!fits || row.slot != i)
+            if (!is_term(row, i, variables) || row.slot != i)
                 throw std::invalid_argument("row " + std::to_string(i) + " is no term");
         }
     }

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "dense/node.hpp"
+#include "dense/stream.hpp"
 
 namespace rtamt::dense {
 
@@ -105,8 +105,8 @@ private:
     std::vector<Timed> back_;      // steps with their starts
 };
 
-// The node of WINDOW: at time s, the fold of the values from s + lo to s + hi, both included. Without
-// lo no step leaves; without hi all steps enter at the end of the trace.
+// The node of WINDOW: at time s, the fold of the values from s + lo to s + hi, both included.
+// Without lo no step leaves; without hi all steps enter at the end of the trace.
 template <class F>
 class WindowNode final : public StreamNode {
 public:

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "core/functions.hpp"
@@ -24,14 +25,27 @@ struct DiscreteRow {
     std::int64_t start;
 };
 
+// One instruction behind the terms as Python encodes it: MAP, or WINDOW over the offsets lo to hi,
+// in samples or in positions of dense time. It writes the next register after the row before.
+struct FormulaRow {
+    std::string kind;
+    std::string name;
+    std::size_t a;
+    std::size_t b;
+    std::optional<std::int64_t> lo;  // nothing: no bound
+    std::optional<std::int64_t> hi;
+    bool guard;  // these two as in rtamt/program/instructions.py
+    bool endless;
+};
+
 enum class Opcode : std::uint8_t {
 #define RTAMT_OPCODE(name, arity, value) map_##name,
     RTAMT_FUNCTIONS(RTAMT_OPCODE)
 #undef RTAMT_OPCODE
 #define RTAMT_OPCODE(name, Type) latest_##name, running_##name, sliding_##name,
-    RTAMT_FOLDS(RTAMT_OPCODE)
+        RTAMT_FOLDS(RTAMT_OPCODE)
 #undef RTAMT_OPCODE
-    delay,
+            delay,
 };
 
 struct Instruction {
@@ -66,8 +80,8 @@ inline void dispatch(Opcode opcode, Map map, Window window, Delay delay) {
         return window.template operator()<SlidingWindow<Type>>();
         RTAMT_FOLDS(RTAMT_CASE)
 #undef RTAMT_CASE
-    case Opcode::delay:
-        return delay();
+        case Opcode::delay:
+            return delay();
     }
 }
 

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/intervals.hpp"
 #include "discrete/instruction.hpp"
 
 namespace rtamt {
@@ -22,7 +23,7 @@ public:
     // Rows are checked as far as memory needs it, as the program was verified in Python. The first
     // observed register is the result; the others are those whose values run returns.
     DiscreteMachine(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
-            const std::vector<Observed>& observed);
+                    const std::vector<Observed>& observed);
     // Runs terms alone.
     DiscreteMachine(const std::vector<DiscreteRow>& terms, std::size_t variables)
         : DiscreteMachine(terms, terms.size(), variables,
@@ -82,6 +83,25 @@ private:
     double* inputs_;
     std::int64_t samples_ = 0;
     std::uint64_t fingerprint_;
+};
+
+// The values that the terms of a program can have on a sample that is not known, or not exactly.
+// The definition is rtamt/machines/terms.py.
+class TermRanges {
+public:
+    TermRanges(const std::vector<DiscreteRow>& terms, std::size_t variables);
+
+    std::size_t variables() const { return program_.variables(); }
+    std::size_t terms() const { return ranges_.size(); }
+
+    // Finds the ranges of all terms from the least and the greatest value of each variable, which
+    // are `stride` apart. Returns false if a term has no value.
+    bool find(const double* lower, const double* upper, std::ptrdiff_t stride);
+    const Range& operator[](std::size_t term) const { return ranges_[term]; }
+
+private:
+    DiscreteMachine program_;
+    std::vector<Range> ranges_;
 };
 
 }  // namespace rtamt

@@ -137,9 +137,7 @@ public:
         return changes;
     }
     void prepare() override { in_.retain(in_.latency(), 0); }
-    bool open(Time t) const override {
-        return in_.unknown_mask() != 0 || t - in_.latency() < end_;
-    }
+    bool open(Time t) const override { return in_.unknown_mask() != 0 || t - in_.latency() < end_; }
     std::uint32_t unknown_mask() const override { return in_.unknown_mask(); }
 
     void advance(Time t, const double*) override {
@@ -182,9 +180,7 @@ private:
         }
     }
     // Whether the fold is over recorded times alone.
-    bool recorded(World w) const {
-        return w == kNow || skips_[w] || (is_cut(w) && end_ == kNever);
-    }
+    bool recorded(World w) const { return w == kNow || skips_[w] || (is_cut(w) && end_ == kNever); }
 
     Element find(World w, Time t) const {
         if (skips_[w] && t < 0) {  // time 0 is there
@@ -220,7 +216,7 @@ private:
     std::optional<Time> endless_from_;
     std::array<bool, kWorlds> skips_{};
     std::array<bool, kWorlds> absorbs_{};
-    std::array<bool, kWorlds> quiet_{};  // whether the tail follows what has settled
+    std::array<bool, kWorlds> quiet_{};       // whether the tail follows what has settled
     std::array<bool, kWorlds> summarised_{};  // whether the operand finds its extremes
     SettledFold<F> total_;
 };

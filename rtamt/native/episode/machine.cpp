@@ -36,12 +36,17 @@ std::unique_ptr<Base> of_choice(const std::string& name, Args&&... args) {
     refuse("function '" + name + "' is not monotone");
 }
 
+Role role_of(const FormulaRow& f) {
+    if (!f.endless) return {f.guard, std::nullopt};
+    return {f.guard, f.guard ? f.hi.value_or(0) + 1 : f.lo.value_or(0)};
+}
+
 std::uint64_t fingerprint_of(std::uint64_t terms, const std::vector<FormulaRow>& formulas) {
     Fingerprint print;
     print.add(terms);
     for (const FormulaRow& f : formulas)
-        print.add(f.kind, f.name, f.a, f.b, f.lo.value_or(-kNever), f.hi.value_or(kNever),
-                  f.guard, f.endless);
+        print.add(f.kind, f.name, f.a, f.b, f.lo.value_or(-kNever), f.hi.value_or(kNever), f.guard,
+                  f.endless);
     return print.value();
 }
 
@@ -102,9 +107,8 @@ private:
             machine_.unsettled_.push_back(future.get());
             return future;
         }
-        if (!f.lo)
-            return of_fold<UnboundedPastStream, Stream>(f.name, workspace, a, b, *f.hi);
-        return of_fold<SlidingStream, Stream>(f.name, workspace, a, b, *f.lo, *f.hi, f.role());
+        if (!f.lo) return of_fold<UnboundedPastStream, Stream>(f.name, workspace, a, b, *f.hi);
+        return of_fold<SlidingStream, Stream>(f.name, workspace, a, b, *f.lo, *f.hi, role_of(f));
     }
 
     std::unique_ptr<InitialValue> term(std::size_t r) {
@@ -119,7 +123,7 @@ private:
                                                        made(initial_, f.b));
         return of_fold<InitialFold, InitialValue>(f.name, machine_.workspace_, made(streams_, f.a),
                                                   made(streams_, f.b), f.lo.value_or(0),
-                                                  f.hi.value_or(kNever), f.role());
+                                                  f.hi.value_or(kNever), role_of(f));
     }
 
     EpisodeMachine& machine_;

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "core/end.hpp"
+#include "core/order.hpp"
 #include "discrete/machine.hpp"
 #include "episode/streams.hpp"
 
@@ -22,30 +22,12 @@ namespace episode {
 class UnsettledStream;
 class InitialValue;
 
-// One instruction behind the terms as Python encodes it: MAP, or WINDOW over the offsets lo to hi.
-// It writes the next register after the row before.
-struct FormulaRow {
-    std::string kind;
-    std::string name;
-    std::size_t a;
-    std::size_t b;
-    std::optional<Time> lo;  // nothing: no bound
-    std::optional<Time> hi;
-    bool guard;
-    bool endless;
-
-    Role role() const {
-        if (!endless) return {guard, std::nullopt};
-        return {guard, guard ? hi.value_or(0) + 1 : lo.value_or(0)};
-    }
-};
-
 struct Program {
     std::vector<DiscreteRow> terms;  // in the order of their registers
     std::size_t variables;
-    std::vector<FormulaRow> formulas;   // the registers after the terms
-    std::vector<std::size_t> initial;   // registers read at time 0 alone; the last is the result
-    std::vector<std::size_t> streams;   // registers read at all times
+    std::vector<FormulaRow> formulas;  // the registers after the terms
+    std::vector<std::size_t> initial;  // registers read at time 0 alone; the last is the result
+    std::vector<std::size_t> streams;  // registers read at all times
 
     const FormulaRow& formula(std::size_t r) const { return formulas.at(r - terms.size()); }
 };

@@ -124,8 +124,8 @@ public:
     // Called once, when all demands that readers will ever have are known.
     virtual void prepare() {}
 
-    // Whether the least or the greatest of extremes() is found without find_open(), for a reader who
-    // folds all settled values. The extremes may include some settled values.
+    // Whether the least or the greatest of extremes() is found without find_open(), for a reader
+    // who folds all settled values. The extremes may include some settled values.
     virtual bool summarises(World, bool /*greatest*/) const { return false; }
     virtual Extremes extremes(World, Time) const { return {}; }
 
@@ -261,9 +261,7 @@ public:
     Element tail(World w) const {
         return w == kNow ? F::identity : F::element(p_.tail(w), q_.tail(w));
     }
-    bool certain(World w) const {
-        return p_.outlook(w).certain && q_.outlook(w).certain;
-    }
+    bool certain(World w) const { return p_.outlook(w).certain && q_.outlook(w).certain; }
     bool may_be_open(World w) const {
         return w == kNow ? latency() > 0 : latency() + reach(w) > 0 || floor(w) >= 0;
     }
@@ -273,14 +271,11 @@ public:
     // Whether the fold of anything and the tail is one value, which never changes. What holds at
     // all corners holds everywhere, as folds are lattice polynomials.
     bool absorbs(World w) const {
-        return w != kNow && certain(w) && at_corners(w, [&](double, double folded) {
-                   return same(folded, tail_of_tails(w));
-               });
+        return w != kNow && certain(w) &&
+               at_corners(w, [&](double, double folded) { return same(folded, tail_of_tails(w)); });
     }
     // Whether the tail does not change the result of a fold.
-    bool neutral(World w) const {
-        return certain(w) && at_corners(w, same);
-    }
+    bool neutral(World w) const { return certain(w) && at_corners(w, same); }
     double tail_of_tails(World w) const {
         const Element x = tail_at_rest(w);
         return F::result(F::combine(x, x));

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/end.hpp"
+#include "core/order.hpp"
 #include "discrete/machine.hpp"
 #include "episode/machine.hpp"
 
@@ -42,8 +42,8 @@ struct Runs {
     const std::int64_t* class_of;  // of each trace
 };
 
-// How often a formula fails in runs of a trace: samples, starts, and the first sample or -1. A trace
-// with a nan has -1 samples.
+// How often a formula fails in runs of a trace: samples, starts, and the first sample or -1. A
+// trace with a nan has -1 samples.
 struct Failures {
     std::int64_t* samples;
     std::int64_t* starts;
@@ -51,8 +51,8 @@ struct Failures {
 };
 
 // Counts in each trace the samples at which the result of a program without latency fails.
-void count_failures(const std::vector<DiscreteRow>& rows, std::size_t terms,
-                    std::size_t variables, std::size_t result, const Traces& traces,
-                    const Runs& runs, std::size_t threads, const Failures& failures);
+void count_failures(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
+                    std::size_t result, const Traces& traces, const Runs& runs, std::size_t threads,
+                    const Failures& failures);
 
 }  // namespace rtamt::episode

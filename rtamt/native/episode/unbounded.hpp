@@ -12,8 +12,7 @@ public:
     using Element = typename F::Element;
 
     UnboundedPastStream(Workspace& workspace, Operands<F> in, Time hi)
-        : Stream(workspace, std::max<Time>(0, in.latency() + hi), in.unknown_mask(),
-                 in.streams()),
+        : Stream(workspace, std::max<Time>(0, in.latency() + hi), in.unknown_mask(), in.streams()),
           in_(in),
           hi_(hi),
           total_(corners()) {

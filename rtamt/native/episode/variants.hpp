@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "discrete/ranges.hpp"
+#include "discrete/machine.hpp"
 #include "episode/machine.hpp"
 
 namespace rtamt {
@@ -110,7 +110,8 @@ public:
     // Takes a sample in as DiscreteMachine does.
     double* pending() { return result_->pending(); }
     bool take() {
-        if (!several()) [[likely]] return result_->take();
+        if (!several()) [[likely]]
+            return result_->take();
         const std::vector<double> sample(pending(), pending() + variables());
         for (const double value : sample)
             if (value != value) return false;  // also of a variable that no term reads

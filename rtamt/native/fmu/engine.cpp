@@ -1,4 +1,4 @@
-#include "fmu/engine.hpp"
+#include "fmu/instance.hpp"
 
 #include <cmath>
 #include <limits>
@@ -84,7 +84,8 @@ private:
     template <class M>
     void take(M& machine, const double* inputs, double time) {
         std::copy_n(inputs, machine.variables(), machine.pending());
-        if (!machine.take()) [[unlikely]] refuse(program_, inputs, time);
+        if (!machine.take()) [[unlikely]]
+            refuse(program_, inputs, time);
     }
 
     const Program& program_;
@@ -107,8 +108,8 @@ public:
             values_.assign(m.observed.size(), kNan);
         }
         std::vector<RegionProgram> readings;
-        for (const RegionEpisode& e : program.regions) {
-            readings.push_back({{}, e.rows, e.initial, e.streams, e.unknowns});
+        for (const EpisodeProgram& e : program.regions) {
+            readings.push_back({{}, e.formulas, e.initial, e.streams, e.unknowns});
             for (DiscreteRow& row : e.terms.with(numbers))
                 readings.back().terms.push_back(
                     {row.kind, row.name, row.a, row.b, row.value, {}, {}});
@@ -130,9 +131,10 @@ public:
                           number_text(time) + " s");
         for (const auto& episode : episodes_)
             if (!episode->reaches(tick))
-                throw Refusal("expected a trace of less than 2^62 ticks with the bounds of the "
-                              "formula, got a step at " + number_text(time) +
-                              " s; export with a greater resolution");
+                throw Refusal(
+                    "expected a trace of less than 2^62 ticks with the bounds of the "
+                    "formula, got a step at " +
+                    number_text(time) + " s; export with a greater resolution");
         // The monitor has the terms of the episodes: it refuses what they refuse.
         if (monitor_) {
             give(*monitor_, inputs, tick);

@@ -26,7 +26,7 @@ struct Callbacks {
     void* environment;
 };
 
-constexpr int kCoSimulation = 1;                           // fmi2Type
+constexpr int kCoSimulation = 1;                          // fmi2Type
 enum Kind { kDoStep, kPending, kLastTime, kTerminated };  // fmi2StatusKind
 
 // Importers read the text of a message as a format of printf.
@@ -49,8 +49,10 @@ std::string folder_of(const char* location) {
     std::string_view rest = uri;
     constexpr std::string_view scheme = "file:";
     if (rest.substr(0, scheme.size()) != scheme)
-        throw Refusal("expected the location of the resources as a URI such as file:///tmp/unit, "
-                      "got '" + std::string(uri) + "'");
+        throw Refusal(
+            "expected the location of the resources as a URI such as file:///tmp/unit, "
+            "got '" +
+            std::string(uri) + "'");
     rest.remove_prefix(scheme.size());
     if (rest.substr(0, 2) == "//") {  // behind it the host, which is this one
         rest.remove_prefix(2);
@@ -75,9 +77,8 @@ RTAMT_FMI Component fmi2Instantiate(const char* name, int type, const char* guid
                                     const char* location, const Callbacks* callbacks, Boolean,
                                     Boolean logging) try {
     if (callbacks == nullptr) return nullptr;
-    const Unit::Log log = [name = std::string(name == nullptr ? "" : name),
-                           to = *callbacks](Status status, const char* category,
-                                            const std::string& text) {
+    const Unit::Log log = [name = std::string(name == nullptr ? "" : name), to = *callbacks](
+                              Status status, const char* category, const std::string& text) {
         if (to.logger != nullptr)
             to.logger(to.environment, name.c_str(), status, category, format_of(text).c_str());
     };
@@ -129,20 +130,17 @@ RTAMT_FMI Status fmi2Reset(Component component) {
 
 RTAMT_FMI Status fmi2GetReal(Component component, const Reference* references, std::size_t n,
                              double* values) {
-    return get_each(component, "fmi2GetReal", references, n, values, n,
-                    [](const Instance& i, Reference r) { return i.real(r); });
+    return get_each(component, "fmi2GetReal", references, n, values, n, &Instance::real);
 }
 
 RTAMT_FMI Status fmi2GetInteger(Component component, const Reference* references, std::size_t n,
                                 int* values) {
-    return get_each(component, "fmi2GetInteger", references, n, values, n,
-                    [](const Instance& i, Reference r) { return i.integer(r); });
+    return get_each(component, "fmi2GetInteger", references, n, values, n, &Instance::integer);
 }
 
 RTAMT_FMI Status fmi2GetBoolean(Component component, const Reference* references, std::size_t n,
                                 Boolean* values) {
-    return get_each(component, "fmi2GetBoolean", references, n, values, n,
-                    [](const Instance& i, Reference r) { return i.boolean(r); });
+    return get_each(component, "fmi2GetBoolean", references, n, values, n, &Instance::boolean);
 }
 
 RTAMT_FMI Status fmi2GetString(Component component, const Reference*, std::size_t n, const char**) {

@@ -49,8 +49,8 @@ RTAMT_FMI Pointer fmi3InstantiateCoSimulation(const char* name, const char* toke
 RTAMT_FMI Pointer fmi3InstantiateModelExchange(const char* name, const char* token,
                                                const char* resources, bool, bool logging,
                                                void* environment, Log log) {
-    return make("fmi3InstantiateModelExchange", name, token, resources, logging, false,
-                environment, log);
+    return make("fmi3InstantiateModelExchange", name, token, resources, logging, false, environment,
+                log);
 }
 
 RTAMT_FMI Pointer fmi3InstantiateScheduledExecution(const char* name, const char* token,
@@ -94,8 +94,7 @@ RTAMT_FMI Status fmi3Reset(Pointer instance) {
 
 RTAMT_FMI Status fmi3GetFloat64(Pointer instance, const Reference* references, std::size_t n,
                                 double* values, std::size_t size) {
-    return get_each(instance, "fmi3GetFloat64", references, n, values, size,
-                    [](const Instance& i, Reference r) { return i.real(r); });
+    return get_each(instance, "fmi3GetFloat64", references, n, values, size, &Instance::real);
 }
 
 RTAMT_FMI Status fmi3SetFloat64(Pointer instance, const Reference* references, std::size_t n,
@@ -106,14 +105,12 @@ RTAMT_FMI Status fmi3SetFloat64(Pointer instance, const Reference* references, s
 
 RTAMT_FMI Status fmi3GetInt32(Pointer instance, const Reference* references, std::size_t n,
                               std::int32_t* values, std::size_t size) {
-    return get_each(instance, "fmi3GetInt32", references, n, values, size,
-                    [](const Instance& i, Reference r) { return i.integer(r); });
+    return get_each(instance, "fmi3GetInt32", references, n, values, size, &Instance::integer);
 }
 
 RTAMT_FMI Status fmi3GetBoolean(Pointer instance, const Reference* references, std::size_t n,
                                 bool* values, std::size_t size) {
-    return get_each(instance, "fmi3GetBoolean", references, n, values, size,
-                    [](const Instance& i, Reference r) { return i.boolean(r); });
+    return get_each(instance, "fmi3GetBoolean", references, n, values, size, &Instance::boolean);
 }
 
 RTAMT_FMI Status fmi3SetBoolean(Pointer instance, const Reference* references, std::size_t n,
@@ -123,9 +120,9 @@ RTAMT_FMI Status fmi3SetBoolean(Pointer instance, const Reference* references, s
 }
 
 // Types that no variable has, behind the array of n references.
-#define RTAMT_NO_VARIABLES(name, ...)                                                     \
+#define RTAMT_NO_VARIABLES(name, ...)                                                       \
     RTAMT_FMI Status name(Pointer instance, const Reference*, std::size_t n, __VA_ARGS__) { \
-        return no_variables(instance, #name, n);                                          \
+        return no_variables(instance, #name, n);                                            \
     }
 RTAMT_NO_VARIABLES(fmi3GetFloat32, float*, std::size_t)
 RTAMT_NO_VARIABLES(fmi3GetInt8, std::int8_t*, std::size_t)
@@ -202,10 +199,8 @@ RTAMT_FMI Status fmi3DoStep(Pointer instance, double time, double size, bool, bo
 }
 
 // Calls that units of this kind do not have, whose capabilities say so.
-#define RTAMT_UNSUPPORTED(name, ...)             \
-    RTAMT_FMI Status name(__VA_ARGS__) {         \
-        return unsupported(instance, #name); \
-    }
+#define RTAMT_UNSUPPORTED(name, ...) \
+    RTAMT_FMI Status name(__VA_ARGS__) { return unsupported(instance, #name); }
 RTAMT_UNSUPPORTED(fmi3EnterEventMode, Pointer instance)
 RTAMT_UNSUPPORTED(fmi3EnterStepMode, Pointer instance)
 RTAMT_UNSUPPORTED(fmi3EnterConfigurationMode, Pointer instance)

@@ -22,11 +22,16 @@ std::vector<double> starts(const std::vector<Named>& variables) {
 
 const char* text_of(Phase phase) {
     switch (phase) {
-        case Phase::instantiated: return "before initialization";
-        case Phase::initializing: return "in initialization";
-        case Phase::stepping: return "after initialization";
-        case Phase::terminated: return "after terminate";
-        case Phase::lost: break;
+        case Phase::instantiated:
+            return "before initialization";
+        case Phase::initializing:
+            return "in initialization";
+        case Phase::stepping:
+            return "after initialization";
+        case Phase::terminated:
+            return "after terminate";
+        case Phase::lost:
+            break;
     }
     return "after a step in which memory ran out";
 }
@@ -217,7 +222,8 @@ Instance::Restored Instance::restored(std::string_view state) const {
     made.now.fields(in);
     // Until initialization ends an engine has the constants of the start.
     const bool started = made.now.phase > Phase::initializing;
-    made.engine = make_engine(program_, started ? made.now.parameters : starts(program_.parameters));
+    made.engine =
+        make_engine(program_, started ? made.now.parameters : starts(program_.parameters));
     made.engine->fields(in);
     in.require(in.unread() == 0);
     return made;

@@ -1,16 +1,39 @@
 // One instance of a unit: its variables, its time and its engine, without any interface of C.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "fmu/engine.hpp"
+#include "core/snapshot.hpp"
 #include "fmu/program.hpp"
 
 namespace rtamt::fmu {
+
+// The machines of a unit, and what they find in a step.
+class Engine {
+public:
+    virtual ~Engine() = default;
+
+    // Takes in the values of the inputs on [time, time + size), of which samples are taken at these
+    // many times. Throws Refusal, and changes nothing, if they are refused.
+    virtual void step(const double* inputs, double time, std::size_t samples) = 0;
+
+    virtual double robustness() const = 0;
+    virtual double lower() const = 0;
+    virtual double upper() const = 0;
+    virtual double formula(std::size_t index) const = 0;
+    int verdict() const { return verdict_of(lower(), upper()); }
+
+    // Reading is done by a new engine, of which nothing is left if it throws.
+    virtual void fields(Snapshot& s) = 0;
+};
+
+// The engine of a program whose parameters have these values. Throws Refusal if there is none.
+std::unique_ptr<Engine> make_engine(const Program& program, const std::vector<double>& parameters);
 
 // The value references of a unit's own variables; the other variables begin at kFirst.
 // rtamt/export/description.py lists them.
@@ -37,7 +60,8 @@ public:
     Instance& operator=(const Instance&) = delete;
 
     double real(Reference reference) const {
-        if (now_.phase == Phase::lost) [[unlikely]] refuse_lost();
+        if (now_.phase == Phase::lost) [[unlikely]]
+            refuse_lost();
         if (reference == kRobustness) return engine_->robustness();
         if (reference == kLower) return engine_->lower();
         if (reference == kUpper) return engine_->upper();

@@ -180,6 +180,9 @@ private:
     }
 
     void row(const std::string& kind, Line& line) {
+        EpisodeProgram* const episode = !program_.regions.empty()    ? &program_.regions.back()
+                                        : !program_.episodes.empty() ? &program_.episodes.back()
+                                                                     : nullptr;
         if (kind == "episodes" && program_.readings == 0) {
             program_.readings = line.index();
         } else if (kind == "episode") {
@@ -187,107 +190,86 @@ private:
         } else if (kind == "monitor" && !program_.monitor) {
             program_.monitor.emplace().terms = line.index();
         } else if (kind == "regions") {
-            RegionEpisode& episode = program_.regions.emplace_back();
-            episode.reach = line.number<dense::Time>();
+            program_.regions.emplace_back().reach = line.number<dense::Time>();
         } else if (kind == "dense" && !program_.dense) {
             program_.dense.emplace().terms = line.index();
-        } else if (kind == "sample-row" && program_.monitor) {
-            sample_row(program_.monitor->rows, line);
-        } else if (kind == "sample-row" && !program_.episodes.empty()) {
-            sample_row(program_.episodes.back().terms, line);
-        } else if (kind == "sample-row" && !program_.regions.empty()) {
-            sample_row(program_.regions.back().terms, line);
+        } else if (kind == "sample-row" && (program_.monitor || episode)) {
+            sample_row(program_.monitor ? program_.monitor->rows : episode->terms, line);
         } else if (kind == "region-row" && !program_.regions.empty()) {
-            region_row(line);
-        } else if (kind == "initial" && !program_.regions.empty()) {
-            program_.regions.back().initial = line.indices();
-        } else if (kind == "streams" && !program_.regions.empty()) {
-            program_.regions.back().streams = line.indices();
-        } else if (kind == "unknowns" && !program_.regions.empty()) {
-            program_.regions.back().unknowns = line.indices();
+            episode->formulas.push_back(formula_row(line));
         } else if (kind == "formula-row" && !program_.episodes.empty()) {
-            formula_row(line);
-        } else if (kind == "initial" && !program_.episodes.empty()) {
-            program_.episodes.back().initial = line.indices();
-        } else if (kind == "streams" && !program_.episodes.empty()) {
-            program_.episodes.back().streams = line.indices();
+            const FormulaRow row = formula_row(line);
+            const std::int64_t lo = row.lo.value_or(-kMaxBound), hi = row.hi.value_or(kMaxBound);
+            const bool one_way = (row.hi && hi <= 0) || (row.lo && lo >= 0);
+            if (row.kind == "WINDOW" &&
+                !(one_way && -kMaxBound <= lo && lo <= hi && hi <= kMaxBound))
+                line.refuse("a window in samples");
+            program_.episodes.back().formulas.push_back(row);
+        } else if (kind == "initial" && episode) {
+            episode->initial = line.indices();
+        } else if (kind == "streams" && episode) {
+            episode->streams = line.indices();
+        } else if (kind == "unknowns" && !program_.regions.empty()) {
+            episode->unknowns = line.indices();
         } else if (kind == "observed" && program_.monitor) {
             const std::size_t slot = line.index();
             program_.monitor->observed.push_back({slot, line.number<std::int64_t>()});
         } else if (kind == "observed" && program_.dense) {
             program_.dense->observed.push_back(line.index());
         } else if (kind == "dense-row" && program_.dense) {
-            dense_row(line);
+            dense_row(program_.dense->rows, line);
         } else {
             line.refuse("a record that fits here", kind);
         }
     }
 
-    void sample_row(Rows<DiscreteRow>& rows, Line& line) {
-        DiscreteRow row{};
-        row.slot = line.index();
+    // Reads the fields that every row has.
+    template <class Row>
+    static void begin_row(Row& row, Line& line) {
         row.kind = line.name();
         row.name = line.name();
         row.a = line.index();
         row.b = line.index();
+    }
+    template <class Row>
+    static void require_fit(const Row& row, const Line& line, bool in_place = true) {
+        if (!in_place || !fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
+    }
+
+    void sample_row(Rows<DiscreteRow>& rows, Line& line) {
+        DiscreteRow row{};
+        row.slot = line.index();
+        begin_row(row, line);
         rows.values.push_back(line.value(program_));
         row.value = rows.values.back().literal;
         row.length = line.number<std::size_t>();
         row.start = line.number<std::int64_t>();
-        const bool in_place = program_.monitor || row.slot == rows.rows.size();
-        if (!in_place || !fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
+        require_fit(row, line, program_.monitor || row.slot == rows.rows.size());
         if (std::uint64_t{row.length} > std::uint64_t{kMaxBound} * 2 || row.start < 0 ||
             row.start > 2 * kMaxBound)
             line.refuse("a window in samples");
         rows.rows.push_back(std::move(row));
     }
 
-    void formula_row(Line& line) {
-        episode::FormulaRow row{};
-        row.kind = line.name();
-        row.name = line.name();
-        row.a = line.index();
-        row.b = line.index();
+    static FormulaRow formula_row(Line& line) {
+        FormulaRow row{};
+        begin_row(row, line);
         row.lo = line.bound();
         row.hi = line.bound();
         row.guard = line.flag();
         row.endless = line.flag();
-        if (!fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
-        const std::int64_t lo = row.lo.value_or(-kMaxBound);
-        const std::int64_t hi = row.hi.value_or(kMaxBound);
-        const bool one_way = (row.hi && hi <= 0) || (row.lo && lo >= 0);
-        if (row.kind == "WINDOW" &&
-            !(one_way && -kMaxBound <= lo && lo <= hi && hi <= kMaxBound))
-            line.refuse("a window in samples");
-        program_.episodes.back().formulas.push_back(std::move(row));
+        require_fit(row, line);
+        return row;
     }
 
-    void region_row(Line& line) {
-        dense::RegionRow row{};
-        row.kind = line.name();
-        row.name = line.name();
-        row.a = line.index();
-        row.b = line.index();
-        row.lo = line.bound();
-        row.hi = line.bound();
-        row.guard = line.flag();
-        row.endless = line.flag();
-        if (!fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
-        program_.regions.back().rows.push_back(std::move(row));
-    }
-
-    void dense_row(Line& line) {
+    void dense_row(Rows<DenseRow>& rows, Line& line) {
         DenseRow row{};
-        row.kind = line.name();
-        row.name = line.name();
-        row.a = line.index();
-        row.b = line.index();
-        Rows<DenseRow>& rows = program_.dense->rows;
+        begin_row(row, line);
         rows.values.push_back(line.value(program_));
         row.value = rows.values.back().literal;
         row.lo = line.bound();
         row.hi = line.bound();
-        if (!fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
+        require_fit(row, line);
         rows.rows.push_back(std::move(row));
     }
 

@@ -58,11 +58,14 @@ struct Rows {
     }
 };
 
+// A program of an episode over samples, or over the regions of dense time.
 struct EpisodeProgram {
     Rows<DiscreteRow> terms;
-    std::vector<episode::FormulaRow> formulas;
+    std::vector<FormulaRow> formulas;
     std::vector<std::size_t> initial;
     std::vector<std::size_t> streams;
+    std::vector<std::size_t> unknowns;  // these two of regions alone
+    dense::Time reach = 0;
 };
 
 struct MonitorProgram {
@@ -77,16 +80,6 @@ struct NamedFormula {
     std::string name;
     std::optional<std::size_t> episode;
     std::size_t observed;
-};
-
-// A program over the regions of dense time.
-struct RegionEpisode {
-    Rows<DiscreteRow> terms;
-    std::vector<dense::RegionRow> rows;
-    std::vector<std::size_t> initial;
-    std::vector<std::size_t> streams;
-    std::vector<std::size_t> unknowns;
-    dense::Time reach = 0;
 };
 
 struct DenseProgram {
@@ -108,7 +101,7 @@ struct Program {
     std::vector<EpisodeProgram> episodes;
     std::optional<MonitorProgram> monitor;
     std::optional<Clock> clock;  // over dense time: counts ticks in a second
-    std::vector<RegionEpisode> regions;
+    std::vector<EpisodeProgram> regions;
     std::optional<DenseProgram> dense;
     std::uint64_t fingerprint = 0;
 

@@ -97,13 +97,13 @@ Status guarded(void* pointer, const char* name, Call call) noexcept {
     }
 }
 
-// Asks for a value for every reference.
-template <class T, class Get>
+// Asks for a value for every reference, by a method of the instance.
+template <class T, class Value>
 Status get_each(void* pointer, const char* name, const Reference* references, std::size_t n,
-                T* values, std::size_t size, Get get) noexcept {
+                T* values, std::size_t size, Value (Instance::*get)(Reference) const) noexcept {
     return guarded(pointer, name, [=](Unit& unit) {
         require_arrays(references, n, values, size);
-        for (std::size_t i = 0; i < n; ++i) values[i] = get(unit.instance, references[i]);
+        for (std::size_t i = 0; i < n; ++i) values[i] = (unit.instance.*get)(references[i]);
         return kOk;
     });
 }

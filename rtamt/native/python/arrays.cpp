@@ -48,8 +48,7 @@ Arrays::Arrays(std::size_t variables, std::size_t observed, const nb::sequence& 
             sources_.push_back(in_.back().data<double>());
         }
     }
-    if (sources_.size() != variables)
-        throw nb::value_error("expected a column for every variable");
+    if (sources_.size() != variables) throw nb::value_error("expected a column for every variable");
     for (std::size_t i = 0; i < observed; ++i) {
         const nb::object array = nb::module_::import_("numpy").attr("empty")(n);
         out_.emplace_back(array, n, PyBUF_ND | PyBUF_WRITABLE);

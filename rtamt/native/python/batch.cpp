@@ -1,10 +1,14 @@
-// The batches as Python classes. The definition is rtamt/machines/batch.py.
+// The batches as Python classes. The definitions are rtamt/machines/batch.py and
+// rtamt/machines/clocks.py.
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/string.h>
 
 #include <algorithm>
+#include <string>
 #include <utility>
 #include <vector>
 
+#include "batch/clocks.hpp"
 #include "batch/variants.hpp"
 #include "python/arrays.hpp"
 #include "python/encoding.hpp"
@@ -57,8 +61,9 @@ Held<Table> table_of(const Object<B>& object, nb::handle values) {
 
 nb::object finished(const EpisodeObject& object) {
     static const NewArray array("bool");
-    return array.make<bool>(object.machine.num(),
-                                  [&](std::size_t entry) { return object.machine.finished()[entry] != 0; });
+    return array.make<bool>(object.machine.num(), [&](std::size_t entry) {
+        return object.machine.finished()[entry] != 0;
+    });
 }
 
 nb::object unknown(const EpisodeObject& object) {
@@ -200,7 +205,7 @@ nb::class_<Object<B>> batch_class(nb::module_& m, const char* name, const char* 
     auto made = machine_class<Object<B>>(m, name, doc);
     made.def_prop_ro("samples", samples<B>, "The number of samples of every entry since its reset.")
         .def_prop_ro("inputs", inputs<B>, "The last sample of every entry; 0 before the first.")
-        .def("reset", reset_entries<B>, nb::arg("mask").none() = nb::none(),
+        .def("reset", reset_entries<B>, "mask"_a.none() = nb::none(),
              "Return the entries that the mask chooses to the state before their first sample.");
     return made;
 }
@@ -219,9 +224,80 @@ void construct_episode(EpisodeObject* self, const nb::sequence& terms, const nb:
                        const nb::sequence& neutral) {
     new (self) EpisodeObject{
         BatchVariants({discrete_rows(terms), nb::len(variables), formula_rows(formulas),
-                      registers_of(initial), registers_of(streams)},
-                     registers_of(neutral), num),
+                       registers_of(initial), registers_of(streams)},
+                      registers_of(neutral), num),
         std::move(reader)};
+}
+
+using ClocksObject = Object<ClockBatch>;
+
+template <class Named>
+Named one_of(nb::handle name, std::initializer_list<const char*> names) {
+    int place = 0;
+    for (const char* each : names) {
+        if (nb::cast<std::string>(name) == each) return static_cast<Named>(place);
+        ++place;
+    }
+    throw nb::value_error("expected a row of rtamt.machines.clocks.OperatorClock");
+}
+
+ClockRow row_of(nb::handle row, std::size_t parts) {
+    const auto count = [](nb::handle number) { return nb::cast<std::int64_t>(number); };
+    ClockRow made{};
+    made.kind = one_of<ClockRow::Kind>(row.attr("kind"), {"oldest", "newest", "last"});
+    made.event =
+        one_of<ClockRow::Event>(row.attr("event"), {"holds", "fails", "until", "unless", "since"});
+    made.begin = count(row.attr("begin"));
+    made.end = row.attr("end").is_none() ? -1 : count(row.attr("end"));
+    made.late = count(row.attr("late"));
+    made.asked = row.attr("asked").is_none() ? -1 : count(row.attr("asked"));
+    made.first = nb::cast<bool>(row.attr("first"));
+    for (nb::handle operand : row.attr("operands"))
+        made.operands.push_back(
+            {nb::cast<std::size_t>(operand[0]), nb::cast<std::size_t>(operand[1])});
+    bool known = made.asked < static_cast<std::int64_t>(parts);
+    for (const auto& operand : made.operands) known = known && operand.part < parts;
+    if (!known) throw nb::value_error("expected clocks of the parts that are fed");
+    return made;
+}
+
+void construct(ClocksObject* self, const nb::sequence& rows, std::size_t parts, std::size_t num) {
+    std::vector<ClockRow> made;
+    for (nb::handle row : rows) made.push_back(row_of(row, parts));
+    new (self) ClocksObject{ClockBatch(std::move(made), parts, num), nb::none()};
+}
+
+// A mask for as long as its array is held.
+const std::uint8_t* mask_of(const ClocksObject& object, nb::handle mask) {
+    if (mask.is_none()) return nullptr;
+    const auto num = static_cast<Py_ssize_t>(object.machine.num());
+    const std::uint8_t* found = Numpy::instance().mask(mask.ptr(), num);
+    if (found == nullptr) throw nb::value_error("expected a mask of one boolean for each entry");
+    return found;
+}
+
+void feed(ClocksObject& object, nb::handle values, nb::handle mask) {
+    require_idle(object);
+    ClockBatch& batch = object.machine;
+    const std::size_t n = batch.parts() * batch.num();
+    const void* parts = Numpy::instance().elements<double>(values.ptr(), n);
+    if (parts == nullptr && n > 0) throw nb::value_error("expected a contiguous row of each part");
+    batch.feed(static_cast<const double*>(parts), mask_of(object, mask));
+}
+
+void reset_clocks(ClocksObject& object, nb::handle mask) {
+    require_idle(object);
+    object.machine.reset(mask_of(object, mask));
+}
+
+template <auto write, auto rows>
+nb::object table(const ClocksObject& object) {
+    static const NewArray array("float64");
+    const ClockBatch& batch = object.machine;
+    double* out = nullptr;
+    const nb::object made = array.unfilled<double>((batch.*rows)() * batch.num(), out);
+    (batch.*write)(out);
+    return made.attr("reshape")((batch.*rows)(), batch.num());
 }
 
 }  // namespace
@@ -229,38 +305,24 @@ void construct_episode(EpisodeObject* self, const nb::sequence& terms, const nb:
 void bind_batches(nb::module_& m) {
     batch_class<DiscreteBatch>(
         m, "DiscreteBatch",
-        "Runs a program in many entries, as rtamt.machines.protocols.DiscreteBatch says.\n\n"
-        "Args:\n"
-        "    rows: The program, as rtamt.program.encoding encodes it.\n"
-        "    terms: The number of rows that are arithmetic over the sample.\n"
-        "    variables: Names of the inputs.\n"
-        "    result: Register that update returns.\n"
-        "    latency: Samples by which the result is late.\n"
-        "    num: The number of entries.\n"
-        "    reader: Reads the rare forms of arrays, and raises all errors.")
-        .def("__init__", construct_discrete, nb::arg("rows"), nb::arg("terms"),
-             nb::arg("variables"), nb::arg("result"), nb::arg("latency"), nb::arg("num"),
-             nb::arg("reader"))
-        .def("update", update_discrete, nb::arg("values").none(),
-             nb::arg("mask").none() = nb::none(),
+        "Runs a program in many entries, as rtamt.machines.protocols.DiscreteBatch says.")
+        .def("__init__", construct_discrete, "rows"_a, "terms"_a, "variables"_a, "result"_a,
+             "latency"_a, "num"_a, "reader"_a)
+        .def("update", update_discrete, "values"_a.none(), "mask"_a.none() = nb::none(),
              "Take in a sample in each entry that the mask chooses; return the results of all.")
-        .def("update", update_by_name<Object<DiscreteBatch>>, nb::arg("args"), nb::arg("named"));
+        .def("update", update_by_name<Object<DiscreteBatch>>, "args"_a, "named"_a);
 
     batch_class<BatchVariants>(
         m, "EpisodeBatch",
-        "Bounds the robustness of many episodes, as rtamt.machines.protocols.EpisodeBatch says.\n\n"
-        "Args:\n"
-        "    terms, formulas, initial, streams, variables, neutral: As for EpisodeMachine.\n"
-        "    num: The number of entries.\n"
-        "    reader: Reads the rare forms of arrays, and raises all errors.")
-        .def("__init__", construct_episode, nb::arg("terms"), nb::arg("formulas"),
-             nb::arg("initial"), nb::arg("streams"), nb::arg("variables"), nb::arg("num"),
-             nb::arg("reader"), nb::arg("neutral") = nb::tuple())
-        .def("update", update_episodes, nb::arg("values").none(),
-             nb::arg("mask").none() = nb::none(), nb::arg("upper").none() = nb::none(),
-             "Take in a sample in each entry that the mask chooses, known or between the values and\n"
+        "Bounds the robustness of many episodes, as rtamt.machines.protocols.EpisodeBatch says.")
+        .def("__init__", construct_episode, "terms"_a, "formulas"_a, "initial"_a, "streams"_a,
+             "variables"_a, "num"_a, "reader"_a, "neutral"_a = nb::tuple())
+        .def("update", update_episodes, "values"_a.none(), "mask"_a.none() = nb::none(),
+             "upper"_a.none() = nb::none(),
+             "Take in a sample in each entry that the mask chooses, known or between the values "
+             "and\n"
              "the upper ones; return the results of all.")
-        .def("update", update_by_name<EpisodeObject>, nb::arg("args"), nb::arg("named"))
+        .def("update", update_by_name<EpisodeObject>, "args"_a, "named"_a)
         .def_prop_ro("robustness", of_entries<&BatchVariants::results>,
                      "The robustness if the episodes ended now.")
         .def_prop_ro("lower", of_entries<&BatchVariants::lower>,
@@ -271,10 +333,23 @@ void bind_batches(nb::module_& m) {
                      "1 if the sign bit of lower is clear, -1 if that of upper is set, else 0.")
         .def_prop_ro("finished", finished, "Whether the episodes have ended.")
         .def_prop_ro("unknown", unknown, "Which values of the last samples are not known.")
-        .def("finish", finish, nb::arg("mask").none() = nb::none(),
-             nb::arg("end") = "complete",
+        .def("finish", finish, "mask"_a.none() = nb::none(), "end"_a = "complete",
              "End the episodes that the mask chooses, make their bounds those of this reading;\n"
              "return the robustness of all.");
+    machine_class<ClocksObject>(
+        m, "ClockBatch",
+        "Counts clocks of temporal operators, as rtamt.machines.protocols.ClockBatch says.")
+        .def("__init__", construct, "rows"_a, "parts"_a, "num"_a)
+        .def("feed", feed, "values"_a, "mask"_a.none() = nb::none(),
+             "Take in a sample in each entry that the mask chooses: a row of each part.")
+        .def("reset", reset_clocks, "mask"_a.none() = nb::none(),
+             "Return the entries that the mask chooses to the state before their first sample.")
+        .def_prop_ro("samples", samples<ClockBatch>,
+                     "The number of samples of every entry since its reset.")
+        .def_prop_ro("fractions", table<&ClockBatch::write_fractions, &ClockBatch::size>,
+                     "A row for each clock: from 0 to 1 in each entry.")
+        .def_prop_ro("margins", table<&ClockBatch::write_margins, &ClockBatch::operands>,
+                     "A row for each operand of each clock: its newest known value, 0 before it.");
 }
 
 }  // namespace rtamt

@@ -1,5 +1,7 @@
-// Functions of Python on whole columns: terms, their ranges, and folds of pairs.
+// Functions of Python on whole columns: terms, their ranges, folds of pairs, and judgements of many
+// traces.
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/string.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -7,7 +9,8 @@
 #include <vector>
 
 #include "dense/terms.hpp"
-#include "discrete/ranges.hpp"
+#include "discrete/machine.hpp"
+#include "episode/traces.hpp"
 #include "python/arrays.hpp"
 #include "python/encoding.hpp"
 #include "python/object.hpp"
@@ -24,9 +27,9 @@ nb::tuple term_columns(const nb::sequence& rows, const nb::sequence& columns) {
     return nb::make_tuple(arrays.made(), fine);
 }
 
-nb::tuple term_ranges(const nb::sequence& rows, std::size_t variables,
-                      const nb::sequence& observed, const nb::object& reader,
-                      const nb::sequence& lower, const nb::sequence& upper, std::size_t n) {
+nb::tuple term_ranges(const nb::sequence& rows, std::size_t variables, const nb::sequence& observed,
+                      const nb::object& reader, const nb::sequence& lower,
+                      const nb::sequence& upper, std::size_t n) {
     TermRanges ranges(discrete_rows(rows), variables);
     const std::vector<std::size_t> wanted = registers_of(observed);
     for (const std::size_t slot : wanted)
@@ -107,21 +110,124 @@ nb::tuple negative_runs(const nb::object& signs, const nb::object& values) {
     return made;
 }
 
+// The traces of a call: views that stay while other threads of Python run.
+class TraceViews {
+public:
+    TraceViews(std::size_t variables, const nb::sequence& columns, const nb::object& begins,
+               const nb::object& lengths)
+        : count_(nb::len(lengths)),
+          begins_(begins, count_, PyBUF_ND),
+          lengths_(lengths, count_, PyBUF_ND) {
+        const std::size_t n = nb::len(columns) == 0 ? 0 : nb::len(nb::object(columns[0]));
+        for (nb::handle column : columns) {
+            views_.emplace_back(nb::borrow(column), n, PyBUF_ND);
+            sources_.push_back(views_.back().data<double>());
+        }
+        if (sources_.size() != variables)
+            throw nb::value_error("expected a column for every variable");
+        const auto* begin = begins_.data<std::int64_t>();
+        const auto* length = lengths_.data<std::int64_t>();
+        const auto size = static_cast<std::int64_t>(n);
+        for (std::size_t i = 0; i < count_; ++i)
+            if (length[i] < 0 || begin[i] < 0 ||
+                (variables > 0 && (begin[i] > size || length[i] > size - begin[i])))
+                throw nb::value_error("expected traces inside the columns");
+    }
+    episode::Traces traces() const {
+        return {sources_.data(), begins_.data<std::int64_t>(), lengths_.data<std::int64_t>(),
+                count_};
+    }
+
+private:
+    std::size_t count_;
+    ArrayView begins_;
+    ArrayView lengths_;
+    std::vector<ArrayView> views_;
+    std::vector<const double*> sources_;
+};
+
+nb::tuple judge_traces(const nb::sequence& terms, const nb::sequence& formulas,
+                       const nb::sequence& initial, const nb::sequence& streams,
+                       std::size_t variables, const nb::sequence& columns, const nb::object& begins,
+                       const nb::object& lengths, const std::string& end, std::size_t threads) {
+    static const NewArray numbers("float64"), integers("int64"), flags("bool");
+    const End mode = end_of(end);
+    const episode::Program program{discrete_rows(terms), variables, formula_rows(formulas),
+                                   registers_of(initial), registers_of(streams)};
+    const TraceViews views(variables, columns, begins, lengths);
+    const episode::Traces traces = views.traces();
+    episode::Outcomes out{};
+    const nb::object robustness = numbers.unfilled<double>(traces.count, out.robustness);
+    const nb::object complete = numbers.unfilled<double>(traces.count, out.complete);
+    const nb::object lower = numbers.unfilled<double>(traces.count, out.lower);
+    const nb::object upper = numbers.unfilled<double>(traces.count, out.upper);
+    const nb::object decided = integers.unfilled<std::int64_t>(traces.count, out.decided);
+    const nb::object refused = flags.unfilled<bool>(traces.count, out.refused);
+    {
+        const nb::gil_scoped_release others;
+        episode::judge(program, traces, mode, threads, out);
+    }
+    return nb::make_tuple(robustness, complete, lower, upper, decided, refused);
+}
+
+nb::tuple count_failures(const nb::sequence& rows, std::size_t terms, std::size_t variables,
+                         std::size_t result, const nb::sequence& columns, const nb::object& begins,
+                         const nb::object& lengths, const nb::object& class_of,
+                         const nb::object& ends, const nb::object& first, const nb::object& last,
+                         std::size_t threads) {
+    static const NewArray integers("int64");
+    const std::vector<DiscreteRow> encoded = discrete_rows(rows);
+    const TraceViews views(variables, columns, begins, lengths);
+    const episode::Traces traces = views.traces();
+    const ArrayView classes(class_of, traces.count, PyBUF_ND);
+    const ArrayView run_ends(ends, nb::len(ends), PyBUF_ND);
+    const ArrayView firsts(first, nb::len(first), PyBUF_ND);
+    const ArrayView lasts(last, nb::len(first), PyBUF_ND);
+    const episode::Runs runs{run_ends.data<std::int64_t>(), firsts.data<std::int64_t>(),
+                             lasts.data<std::int64_t>(), classes.data<std::int64_t>()};
+    const auto known = static_cast<std::int64_t>(nb::len(ends)) - 1;
+    for (std::size_t i = 0; i < traces.count; ++i)
+        if (runs.class_of[i] < 0 || runs.class_of[i] >= known)
+            throw nb::value_error("expected runs for each trace");
+    for (std::int64_t c = 0; c < known; ++c)
+        if (runs.ends[c] < 0 || runs.ends[c] > runs.ends[c + 1] ||
+            runs.ends[c + 1] > static_cast<std::int64_t>(nb::len(first)))
+            throw nb::value_error("expected runs in order");
+    for (std::size_t i = 0; i < nb::len(first); ++i)
+        if (runs.first[i] < 0) throw nb::value_error("expected runs of samples");
+    episode::Failures out{};
+    const nb::object samples = integers.unfilled<std::int64_t>(traces.count, out.samples);
+    const nb::object starts = integers.unfilled<std::int64_t>(traces.count, out.starts);
+    const nb::object earliest = integers.unfilled<std::int64_t>(traces.count, out.first);
+    {
+        const nb::gil_scoped_release others;
+        episode::count_failures(encoded, terms, variables, result, traces, runs, threads, out);
+    }
+    return nb::make_tuple(samples, starts, earliest);
+}
+
 }  // namespace
 
 void bind_columns(nb::module_& m) {
-    m.def("term_columns", term_columns, nb::arg("rows"), nb::arg("columns"),
+    m.def("term_columns", term_columns, "rows"_a, "columns"_a,
           "Return a column for each term from one for each variable, and the number of samples\n"
           "before the first at which a term is nan; see rtamt.machines.terms.term_columns.");
-    m.def("term_ranges", term_ranges, nb::arg("rows"), nb::arg("variables"), nb::arg("observed"),
-          nb::arg("reader"), nb::arg("lower"), nb::arg("upper"), nb::arg("n"),
+    m.def("term_ranges", term_ranges, "rows"_a, "variables"_a, "observed"_a, "reader"_a, "lower"_a,
+          "upper"_a, "n"_a,
           "Return the least and the greatest values of observed terms at n samples, as\n"
           "rtamt.machines.terms.term_ranges says.");
-    m.def("fold_pairs", fold_pairs, nb::arg("p"), nb::arg("q"), nb::arg("before"),
-          nb::arg("is_max"), nb::arg("backwards"),
+    m.def("fold_pairs", fold_pairs, "p"_a, "q"_a, "before"_a, "is_max"_a, "backwards"_a,
           "Return max(q, min(p, before)) of each pair, as rtamt.machines.walk.FoldPairs says.");
-    m.def("negative_runs", negative_runs, nb::arg("signs"), nb::arg("values"),
+    m.def("negative_runs", negative_runs, "signs"_a, "values"_a,
           "Return the runs of negative integers, as rtamt.machines.segments.FindRuns says.");
+    m.def("judge_traces", judge_traces, "terms"_a, "formulas"_a, "initial"_a, "streams"_a,
+          "variables"_a, "columns"_a, "begins"_a, "lengths"_a, "end"_a, "threads"_a,
+          "Judge each of many traces, as rtamt.machines.native.judge_traces says.");
+    m.def("count_failures", count_failures, "rows"_a, "terms"_a, "variables"_a, "result"_a,
+          "columns"_a, "begins"_a, "lengths"_a, "class_of"_a, "ends"_a, "first"_a, "last"_a,
+          "threads"_a,
+          "Count the samples at which a program fails, as rtamt.machines.native.count_failures\n"
+          "says.");
 }
 
 }  // namespace rtamt

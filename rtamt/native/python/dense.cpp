@@ -1,4 +1,4 @@
-// The machines over dense time as Python classes.
+// The machines over dense time, their registers over regions, and signs, as Python classes.
 #include <nanobind/nanobind.h>
 
 #include <tuple>
@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "dense/episode.hpp"
+#include "dense/signs.hpp"
+#include "python/arrays.hpp"
 #include "python/encoding.hpp"
 #include "python/events.hpp"
 
@@ -54,8 +56,10 @@ template <class T, class Take>
 PyObject* take_events(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* kwnames,
                       Take take) {
     return call<T>(self, [=](T& object) {
-        if (object.running) [[unlikely]] require_idle(object);
-        if (object.machine.finished()) [[unlikely]] refuse(object.reader, "refuse_update");
+        if (object.running) [[unlikely]]
+            require_idle(object);
+        if (object.machine.finished()) [[unlikely]]
+            refuse(object.reader, "refuse_update");
         const Dating dating = read_events(object, args, n, kwnames);
         take(object, dating);
         object.machine.set_dating(dating);
@@ -81,10 +85,10 @@ nb::class_<T> event_class(nb::module_& m, const char* name, const char* doc, PyM
 }
 
 PyObject* update(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
-    return take_events<DenseObject>(
-        self, args, n, kwnames, [](DenseObject& object, Dating dating) {
-            if (!object.machine.take()) [[unlikely]] refuse_nan(object, dating);
-        });
+    return take_events<DenseObject>(self, args, n, kwnames, [](DenseObject& object, Dating dating) {
+        if (!object.machine.take()) [[unlikely]]
+            refuse_nan(object, dating);
+    });
 }
 
 void end(DenseObject& object) {
@@ -158,7 +162,7 @@ RegionProgram region_program(nb::handle encoded) {
     const auto terms = nb::cast<nb::sequence>(encoded[0]);
     const auto regions = nb::cast<nb::tuple>(encoded[1]);
     const auto part = [&](std::size_t i) { return nb::cast<nb::sequence>(regions[i]); };
-    return {dense_terms(terms), region_rows(part(2)), registers_of(part(3)), registers_of(part(4)),
+    return {dense_terms(terms), formula_rows(part(2)), registers_of(part(3)), registers_of(part(4)),
             registers_of(part(5))};
 }
 
@@ -180,24 +184,22 @@ void construct(EpisodeObject* self, const nb::sequence& readings, const nb::tupl
 
 void refuse_other(const EpisodeObject& object, Taken taken, Dating dating) {
     if (taken == Taken::no_number) refuse_nan(object, dating);
-    if (taken == Taken::too_long)
-        refuse(object.reader, "refuse_length", object.machine.too_long());
+    if (taken == Taken::too_long) refuse(object.reader, "refuse_length", object.machine.too_long());
 }
 
 PyObject* update(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
-    return take_events<EpisodeObject>(
-        self, args, n, kwnames, [](EpisodeObject& object, Dating dating) {
-            refuse_other(object, object.machine.take(), dating);
-        });
+    return take_events<EpisodeObject>(self, args, n, kwnames,
+                                      [](EpisodeObject& object, Dating dating) {
+                                          refuse_other(object, object.machine.take(), dating);
+                                      });
 }
 
 void run(EpisodeObject& object, const nb::sequence& given, bool decided) {
     require_idle(object);
     DenseEpisodeMachine& machine = object.machine;
     const Trace trace(object, given);
-    const Taken taken = run_long(object, trace.longest(), [&] {
-        return machine.run(trace.events.data(), decided);
-    });
+    const Taken taken = run_long(object, trace.longest(),
+                                 [&] { return machine.run(trace.events.data(), decided); });
     refuse_other(object, taken, machine.dating());
     if (machine.settled() == dense::kBefore) refuse_end(object);
 }
@@ -240,78 +242,179 @@ PyMethodDef methods[] = {
 
 }  // namespace bounds
 
+using dense::Regions;
+
+struct RegionsObject : Object<Regions> {};
+
+void construct_regions(RegionsObject* self, std::size_t terms, const nb::sequence& constants,
+                       const nb::sequence& rows, const nb::sequence& initial,
+                       const nb::sequence& streams, const nb::sequence& unknowns) {
+    new (self) RegionsObject{
+        {Regions(terms, region_constants(constants), formula_rows(rows), registers_of(initial),
+                 registers_of(streams), registers_of(unknowns)),
+         nb::none()}};
+}
+
+void advance(RegionsObject& object, const nb::object& positions, const nb::sequence& terms,
+             dense::Time t) {
+    const std::size_t n = nb::len(positions);
+    const ArrayView view(positions, n, PyBUF_ND);
+    const auto* places = view.data<dense::Time>();
+    std::vector<ArrayView> columns;
+    std::vector<const double*> sources;
+    for (nb::handle column : terms) {
+        columns.emplace_back(nb::borrow(column), n, PyBUF_ND);
+        sources.push_back(columns.back().data<double>());
+    }
+    if (columns.size() != object.machine.terms())
+        throw nb::value_error("expected a column for every term");
+    const dense::Time last = object.machine.last();
+    bool rises = true;
+    for (std::size_t i = 0; i < n; ++i) rises &= places[i] > (i == 0 ? last : places[i - 1]);
+    if (!rises || (n > 0 && places[n - 1] > t))
+        throw nb::value_error("expected new positions that increase");
+    if (t <= last || t % 2 != 0 || (last < 0 && (n == 0 || places[0] != 0)))
+        throw nb::value_error("expected a later instant, and the terms at the first");
+    object.machine.advance(places, sources.data(), n, t);
+}
+
+nb::tuple look(RegionsObject& object, std::size_t worlds) {
+    if (worlds == 0 || worlds > Regions::worlds) throw nb::value_error("expected 1 to 5 worlds");
+    const Regions::Values values = object.machine.look(worlds);
+    nb::list list;
+    for (std::size_t world = 0; world < worlds; ++world) list.append(values[world]);
+    return nb::tuple(list);
+}
+
+using dense::Signs;
+
+void construct_signs(Signs* self, const nb::sequence& terms, const nb::sequence& rows,
+                     std::size_t result, const std::tuple<double, Time, Time>& clock,
+                     const nb::object& reader, const nb::sequence& given, Time begin, Time last,
+                     const std::string& end, bool numbers) {
+    if (begin > last || !dense::counts(begin) || !dense::counts(last))
+        throw nb::value_error("expected a trace");
+    Signs made(dense_terms(terms), nb::len(given), formula_rows(rows), result, end_of(end),
+               numbers);
+    CountedEvents events;
+    if (!events.count(given, clock_of(clock))) {
+        nb::list before;
+        for (std::size_t v = 0; v < nb::len(given); ++v) before.append(-kInfinity);
+        events.take(nb::object(reader.attr("counted")(given, before, nb::none())[0]));
+    }
+    bool fine;
+    {
+        const nb::gil_scoped_release others;
+        fine = made.read(events.events.data(), begin, last);
+    }
+    if (!fine) throw nb::value_error("a term is no number");
+    new (self) Signs(std::move(made));
+}
+
+Signs::Spans spans_of(const nb::sequence& given) {
+    Signs::Spans spans;
+    for (nb::handle each : given) {
+        const nb::object last = each[1];  // a whole number, or inf
+        const bool endless = PyFloat_Check(last.ptr());
+        spans.emplace_back(nb::cast<Time>(each[0]), endless ? dense::kAfter : nb::cast<Time>(last));
+    }
+    return spans;
+}
+
+nb::tuple fails_at(Signs& signs, const nb::sequence& instants) {
+    const Signs::Count count = signs.fails_at(spans_of(instants));
+    nb::object first = nb::none();
+    if (count.first >= 0) first = nb::int_(count.first);
+    return nb::make_tuple(count.ticks, count.occasions, first);
+}
+
+bool holds_at(Signs& signs, const nb::sequence& instants) {
+    return signs.holds_at(spans_of(instants));
+}
+
+nb::tuple result_in(Signs& signs, std::size_t world) {
+    static const NewArray times("int64"), numbers("float64");
+    if (world >= Regions::worlds) throw nb::value_error("expected a world, 0 to 4");
+    const dense::RunsView runs = signs.result(world).view();
+    return nb::make_tuple(
+        times.make<Time>(runs.size(), [&](std::size_t i) { return runs.start(i); }),
+        numbers.make<double>(runs.size(), [&](std::size_t i) { return runs.at(i)->q; }));
+}
+
 }  // namespace
 
 void bind_dense(nb::module_& m) {
-    m.def("ticks", ticks_of, nb::arg("clock"), nb::arg("times"),
+    m.def("ticks", ticks_of, "clock"_a, "times"_a,
           "Return the nearest ticks of an array of doubles, None if Python should count them;\n"
           "rtamt.program.encoding.EncodedDense describes the clock.");
     event_class<DenseObject>(
         m, "DenseMachine",
-        "Runs a program over dense time, as rtamt.machines.protocols.DenseMachine says.\n\n"
-        "Args:\n"
-        "    rows: The program, as rtamt.program.encoding encodes it.\n"
-        "    terms: The number of rows that are arithmetic over the present values.\n"
-        "    variables: Names of the inputs.\n"
-        "    result: Register that update returns.\n"
-        "    clock: Ticks in a unit of time, as a double and as a quotient of two numbers.\n"
-        "    declared: The value of each variable before its first event; nan if there is none.\n"
-        "    observed: Registers that values lists.\n"
-        "    reader: Reads the rare forms of events, and raises all errors.",
-        methods, "The time before which the result is known; when finished, the end.")
-        .def("__init__", construct, nb::arg("rows"), nb::arg("terms"), nb::arg("variables"),
-             nb::arg("result"), nb::arg("clock"), nb::arg("declared"), nb::arg("observed"),
-             nb::arg("reader"))
-        .def_prop_ro("values",
-                     when_idle<DenseObject>([](auto& o) {
+        "Runs a program over dense time, as rtamt.machines.protocols.DenseMachine says.", methods,
+        "The time before which the result is known; when finished, the end.")
+        .def("__init__", construct, "rows"_a, "terms"_a, "variables"_a, "result"_a, "clock"_a,
+             "declared"_a, "observed"_a, "reader"_a)
+        .def_prop_ro("values", when_idle<DenseObject>([](auto& o) {
                          const std::vector<double> values = o.machine.values();
                          return list_of(values.data(), values.size());
                      }),
                      "The last known value of every observed register; nan before the first.")
         .def("finish", finish, "End the trace; return the rest of the result.")
-        .def("run", run, nb::arg("given"),
-             "Take in a whole trace, with times as they were given; return the times and values of\n"
-             "the result. The machine is of no use after that.");
-}
-
-void bind_dense_episode(nb::module_& m) {
+        .def(
+            "run", run, "given"_a,
+            "Take in a whole trace, with times as they were given; return the times and values of\n"
+            "the result. The machine is of no use after that.");
     using Machine = DenseEpisodeMachine;
     using Self = bounds::EpisodeObject;
-    event_class<Self>(
-        m, "DenseEpisodeMachine",
-        "Bounds the robustness of a trace in dense time, as\n"
-        "rtamt.machines.protocols.DenseEpisodeMachine says.\n\n"
-        "Args:\n"
-        "    readings: A program, or with neutral predicates two; each a pair of its terms and of\n"
-        "        its regions, as rtamt.program.encoding encodes them.\n"
-        "    variables: Names of the inputs.\n"
-        "    clock: Ticks in a unit of time, as a double and as a quotient of two numbers.\n"
-        "    declared: The value of each variable before its first event; nan if there is none.\n"
-        "    reach: By how many ticks formulas look away.\n"
-        "    reader: Reads the rare forms of events, and raises all errors.",
-        bounds::methods, "The last time at which all variables are known.")
-        .def("__init__", bounds::construct, nb::arg("readings"), nb::arg("variables"), nb::arg("clock"),
-             nb::arg("declared"), nb::arg("reach"), nb::arg("reader"))
+    event_class<Self>(m, "DenseEpisodeMachine",
+                      "Bounds the robustness of a trace in dense time, as\n"
+                      "rtamt.machines.protocols.DenseEpisodeMachine says.",
+                      bounds::methods, "The last time at which all variables are known.")
+        .def("__init__", bounds::construct, "readings"_a, "variables"_a, "clock"_a, "declared"_a,
+             "reach"_a, "reader"_a)
         .def_prop_ro("robustness", bounds::get<&Machine::result>,
                      "The robustness if the trace ended now; nan before it begins.")
         .def_prop_ro("lower", bounds::get<&Machine::lower>,
                      "The least robustness over all continuations and ends.")
         .def_prop_ro("upper", bounds::get<&Machine::upper>,
                      "The greatest robustness over all continuations and ends.")
-        .def_prop_ro("span",
-                     when_idle<Self>([](auto& o) {
+        .def_prop_ro("span", when_idle<Self>([](auto& o) {
                          return nb::make_tuple(o.machine.begin(), o.machine.settled());
                      }),
                      "The first and the last tick of the trace, which has begun.")
         .def_prop_ro("decided_at", bounds::decided_at,
                      "The first time such that the trace up to it decides the verdict, or None.")
-        .def("finish", bounds::finish, nb::arg("end") = "complete",
+        .def("finish", bounds::finish, "end"_a = "complete",
              "End the trace, make the bounds those of this reading; return its robustness.")
-        .def("run", bounds::run, nb::arg("given"), nb::kw_only(), nb::arg("decided") = false,
+        .def("run", bounds::run, "given"_a, nb::kw_only(), "decided"_a = false,
              "Take in a whole trace, with times as they were given.")
         .def("complete", bounds::complete,
              "Return the robustness if the trace is all there is, with neutral predicates -0.0\n"
              "and 0.0.");
+    machine_class<RegionsObject>(m, "DenseRegions",
+                                 "The registers of a program over the regions of dense time, as\n"
+                                 "rtamt.machines.dense.episode.Regions.")
+        .def("__init__", construct_regions, "terms"_a, "constants"_a, "rows"_a, "initial"_a,
+             "streams"_a, "unknowns"_a)
+        .def_prop_ro(
+            "t", [](const RegionsObject& o) { return o.machine.last(); },
+            "The last position that was seen; -1 before there is one.")
+        .def("advance", advance, "positions"_a, "terms"_a, "t"_a,
+             "Take in positions and columns of the terms there; all positions up to t have been "
+             "seen.")
+        .def("look", look, "worlds"_a, "Return the robustness in the first worlds.")
+        .def("reset", reset<RegionsObject>, "Return to the state before the first position.");
+    nb::class_<Signs>(m, "DenseSigns",
+                      "Where a formula fails or holds for certain on a whole trace, as\n"
+                      "rtamt.machines.dense.episode.PythonDenseSigns.")
+        .def("__init__", construct_signs, "terms"_a, "rows"_a, "result"_a, "clock"_a, "reader"_a,
+             "given"_a, "begin"_a, "last"_a, "end"_a, "numbers"_a = false)
+        .def("fails_at", fails_at, "instants"_a,
+             "Return the ticks, the occasions and the first position at which it fails.")
+        .def("holds_at", holds_at, "instants"_a,
+             "Return whether it holds at all of some positions.")
+        .def("result", result_in, "world"_a,
+             "Return the starts of the runs of the result in a world, and its values: numbers, or\n"
+             "signs as infinite numbers. The last run lasts for ever.");
 }
 
 }  // namespace rtamt

@@ -65,23 +65,14 @@ PyMethodDef methods[] = {sample_update<DiscreteObject>(), {nullptr, nullptr, 0, 
 void bind_discrete(nb::module_& m) {
     sample_class<DiscreteObject>(
         m, "DiscreteMachine",
-        "Runs a program on samples, as rtamt.machines.protocols.DiscreteMachine says.\n\n"
-        "Args:\n"
-        "    rows: The program, as rtamt.program.encoding encodes it.\n"
-        "    terms: The number of rows that are arithmetic over the sample.\n"
-        "    variables: Names of the inputs.\n"
-        "    result: Register that update returns.\n"
-        "    observed: Pairs of a register and its latency: the result, then what run returns.\n"
-        "    reader: Reads the rare forms of arguments, and raises all errors.",
-        methods)
-        .def("__init__", construct, nb::arg("rows"), nb::arg("terms"), nb::arg("variables"),
-             nb::arg("result"), nb::arg("observed"), nb::arg("reader"))
+        "Runs a program on samples, as rtamt.machines.protocols.DiscreteMachine says.", methods)
+        .def("__init__", construct, "rows"_a, "terms"_a, "variables"_a, "result"_a, "observed"_a,
+             "reader"_a)
         .def_prop_ro("registers", when_idle<DiscreteObject>(registers),
                      "The value of every register.")
-        .def("run", run, nb::arg("columns"), nb::arg("n"),
+        .def("run", run, "columns"_a, "n"_a,
              "Take in n samples, or none if one is refused; return the observed registers.")
-        .def("evaluate", evaluate, nb::arg("columns"), nb::arg("n"), nb::kw_only(),
-             nb::arg("backwards") = false,
+        .def("evaluate", evaluate, "columns"_a, "n"_a, nb::kw_only(), "backwards"_a = false,
              "Return the observed registers at the times of a whole trace of n samples.");
 }
 

@@ -31,22 +31,16 @@ std::vector<DiscreteRow> discrete_rows(const nb::sequence& encoded) {
                    double, std::size_t, std::int64_t>(encoded);
 }
 
-std::vector<episode::FormulaRow> formula_rows(const nb::sequence& encoded) {
-    using Bound = std::optional<episode::Time>;
-    return rows_of<episode::FormulaRow, const char*, const char*, std::size_t, std::size_t, Bound,
-                   Bound, bool, bool>(encoded);
+std::vector<FormulaRow> formula_rows(const nb::sequence& encoded) {
+    using Bound = std::optional<std::int64_t>;
+    return rows_of<FormulaRow, const char*, const char*, std::size_t, std::size_t, Bound, Bound,
+                   bool, bool>(encoded);
 }
 
 std::vector<DenseRow> dense_rows(const nb::sequence& encoded) {
     using Bound = std::optional<dense::Time>;
     return rows_of<DenseRow, const char*, const char*, std::size_t, std::size_t, double, Bound,
                    Bound>(encoded);
-}
-
-std::vector<dense::RegionRow> region_rows(const nb::sequence& encoded) {
-    using Bound = std::optional<dense::Time>;
-    return rows_of<dense::RegionRow, const char*, const char*, std::size_t, std::size_t, Bound,
-                   Bound, bool, bool>(encoded);
 }
 
 std::vector<dense::RegionConstant> region_constants(const nb::sequence& encoded) {

@@ -18,9 +18,8 @@ namespace rtamt {
 namespace nb = nanobind;
 
 std::vector<DiscreteRow> discrete_rows(const nb::sequence& encoded);
-std::vector<episode::FormulaRow> formula_rows(const nb::sequence& encoded);
 std::vector<DenseRow> dense_rows(const nb::sequence& encoded);
-std::vector<dense::RegionRow> region_rows(const nb::sequence& encoded);
+std::vector<FormulaRow> formula_rows(const nb::sequence& encoded);
 std::vector<dense::RegionConstant> region_constants(const nb::sequence& encoded);
 std::vector<std::size_t> registers_of(const nb::sequence& numbers);
 

@@ -1,6 +1,11 @@
-// The episode machine, and monitor sets of several that take in the same samples, as Python classes.
+// The episode machine, and monitor sets of several that take in the same samples, as Python
+// classes.
 #include <nanobind/nanobind.h>
+#include <structmember.h>
 
+#include <array>
+#include <cstring>
+#include <deque>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -8,10 +13,108 @@
 #include "core/order.hpp"
 #include "episode/variants.hpp"
 #include "python/encoding.hpp"
-#include "python/readout.hpp"
 #include "python/samples.hpp"
 
 namespace rtamt {
+
+namespace nb = nanobind;
+
+// A slot of a Python class, by the descriptor that reads and writes it.
+inline const PyMemberDef& slot_of(nb::handle descriptor) {
+    if (!PyObject_TypeCheck(descriptor.ptr(), &PyMemberDescr_Type))
+        throw nb::type_error("expected a slot of a class");
+    const PyMemberDef& slot = *reinterpret_cast<PyMemberDescrObject*>(descriptor.ptr())->d_member;
+    if (slot.type != T_OBJECT_EX || slot.flags & READONLY)
+        throw nb::type_error("expected a slot that can be written");
+    return slot;
+}
+
+// A descriptor that reads a slot of a class, and does not write it.
+inline nb::object read_only(nb::handle descriptor) {
+    static std::deque<PyMemberDef> made;  // a descriptor refers to its definition for ever
+    made.push_back(slot_of(descriptor));
+    made.back().flags |= READONLY;
+    nb::object reader = nb::steal(PyDescr_NewMember(PyDescr_TYPE(descriptor.ptr()), &made.back()));
+    if (!reader.is_valid()) nb::raise_python_error();
+    return reader;
+}
+
+// Keeps the attributes robustness, lower, upper and verdict of a monitor up to date while the
+// monitor lives: Python reads a slot without a call. The machine may outlive the monitor, so the
+// reference to it is weak.
+class Readout {
+public:
+    // Takes the slots of the monitor's class, and the verdicts violated, undecided and satisfied.
+    template <class M>
+    void attach(const M& machine, nb::handle monitor, const nb::sequence& slots,
+                const nb::sequence& verdicts) {
+        Readout made;
+        if (nb::len(slots) != made.places_.size() || nb::len(verdicts) != made.verdicts_.size())
+            throw nb::value_error("expected 4 slots and 3 verdicts");
+        for (std::size_t i = 0; i < made.places_.size(); ++i) {
+            const nb::object slot = slots[i];
+            made.places_[i] = slot_of(slot).offset;
+            if (!PyObject_TypeCheck(monitor.ptr(), PyDescr_TYPE(slot.ptr())))
+                throw nb::type_error("expected slots of the monitor's class");
+        }
+        for (std::size_t i = 0; i < made.verdicts_.size(); ++i) made.verdicts_[i] = verdicts[i];
+        made.monitor_ = nb::steal(PyWeakref_NewRef(monitor.ptr(), nullptr));
+        if (!made.monitor_.is_valid()) nb::raise_python_error();
+        const std::array<double, 3> numbers = numbers_of(machine);
+        for (std::size_t i = 0; i < numbers.size(); ++i)
+            if (!made.write(monitor.ptr(), i, numbers[i])) nb::raise_python_error();
+        made.write_verdict(monitor.ptr(), machine);
+        *this = std::move(made);
+    }
+
+    // Writes what has changed. Returns a new reference to the robustness, or null with an error.
+    template <class M>
+    PyObject* show(const M& machine) {
+        PyObject* const monitor =
+            monitor_.is_valid() ? PyWeakref_GET_OBJECT(monitor_.ptr()) : Py_None;
+        if (monitor == Py_None) [[unlikely]]
+            return PyFloat_FromDouble(machine.result());
+        const std::array<double, 3> numbers = numbers_of(machine);
+        if (std::memcmp(&shown_, &numbers, sizeof numbers) != 0) {
+            for (std::size_t i = 0; i < numbers.size(); ++i)
+                if (!is_shown(i, numbers[i]) && !write(monitor, i, numbers[i])) return nullptr;
+            write_verdict(monitor, machine);
+        }
+        return Py_NewRef(at(monitor, 0));
+    }
+
+private:
+    // The numbers in the order of their slots.
+    template <class M>
+    static std::array<double, 3> numbers_of(const M& machine) {
+        return {machine.result(), machine.lower(), machine.upper()};
+    }
+    PyObject*& at(PyObject* monitor, std::size_t i) const {
+        return *reinterpret_cast<PyObject**>(reinterpret_cast<char*>(monitor) + places_[i]);
+    }
+    // Whether a slot has a number, bit for bit.
+    bool is_shown(std::size_t i, double number) const {
+        return std::memcmp(&shown_[i], &number, sizeof number) == 0;
+    }
+    bool write(PyObject* monitor, std::size_t i, double number) {
+        PyObject* const made = PyFloat_FromDouble(number);
+        if (made == nullptr) return false;
+        Py_XSETREF(at(monitor, i), made);
+        shown_[i] = number;
+        return true;
+    }
+    template <class M>
+    void write_verdict(PyObject* monitor, const M& machine) {
+        const nb::object& verdict = verdicts_[static_cast<std::size_t>(1 + machine.verdict())];
+        Py_XSETREF(at(monitor, places_.size() - 1), Py_NewRef(verdict.ptr()));
+    }
+
+    nb::object monitor_;  // a weak reference; null: there is none
+    std::array<Py_ssize_t, 4> places_{};
+    std::array<nb::object, 3> verdicts_;
+    std::array<double, 3> shown_{};
+};
+
 namespace {
 
 struct EpisodeObject : NamedObject<EpisodeVariants> {
@@ -20,8 +123,8 @@ struct EpisodeObject : NamedObject<EpisodeVariants> {
 };
 
 void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequence& formulas,
-               const nb::sequence& initial, const nb::sequence& streams,
-               const nb::tuple& variables, nb::object reader, const nb::sequence& neutral) {
+               const nb::sequence& initial, const nb::sequence& streams, const nb::tuple& variables,
+               nb::object reader, const nb::sequence& neutral) {
     const nb::object policy = nb::getattr(reader, "nan", nb::none());
     const bool nan_is_unknown = policy.equal(nb::str("unknown"));
     Arguments names(variables);
@@ -85,8 +188,8 @@ namespace monitor_set {
 struct Source {
     enum class Kind { element, held, called };
     Kind kind;
-    nb::object what;       // the key of an element, the array that holds the number, or a function
-    Py_ssize_t index = -1; // of an element or in the array; -1: the key is none
+    nb::object what;        // the key of an element, the array that holds the number, or a function
+    Py_ssize_t index = -1;  // of an element or in the array; -1: the key is none
 };
 
 struct Part {
@@ -163,20 +266,23 @@ double float_of(const nb::object& given) {
     return PyFloat_AS_DOUBLE(made.ptr());
 }
 
-double read(const EpisodeMonitorSet& monitor_set, const Source& source, PyObject* const* args, Py_ssize_t n) {
+double read(const EpisodeMonitorSet& monitor_set, const Source& source, PyObject* const* args,
+            Py_ssize_t n) {
     double number;
     switch (source.kind) {
-    case Source::Kind::element:
-        if (n == 0) throw std::runtime_error("expected what elements are read from");
-        if (monitor_set.numpy.element(args[0], source.index, number)) [[likely]] return number;
-        return float_of(nb::steal(PyObject_GetItem(args[0], source.what.ptr())));
-    case Source::Kind::held:
-        if (monitor_set.numpy.element(source.what.ptr(), source.index, number)) [[likely]] return number;
-        throw std::runtime_error("an array has lost the element that is read");
-    default:
-        const auto count = static_cast<std::size_t>(n);
-        return float_of(
-            nb::steal(PyObject_Vectorcall(source.what.ptr(), args, count, nullptr)));
+        case Source::Kind::element:
+            if (n == 0) throw std::runtime_error("expected what elements are read from");
+            if (monitor_set.numpy.element(args[0], source.index, number)) [[likely]]
+                return number;
+            return float_of(nb::steal(PyObject_GetItem(args[0], source.what.ptr())));
+        case Source::Kind::held:
+            if (monitor_set.numpy.element(source.what.ptr(), source.index, number)) [[likely]]
+                return number;
+            throw std::runtime_error("an array has lost the element that is read");
+        default:
+            const auto count = static_cast<std::size_t>(n);
+            return float_of(
+                nb::steal(PyObject_Vectorcall(source.what.ptr(), args, count, nullptr)));
     }
 }
 
@@ -233,24 +339,23 @@ PyObject* shown(const EpisodeMonitorSet& monitor_set, const Numbers& found) {
 
 // Reads a sample, and has all machines take it in.
 Numbers take(EpisodeMonitorSet& monitor_set, PyObject* const* args, Py_ssize_t n) {
-    if (monitor_set.feeding) refuse(nb::module_::import_("rtamt.machines.native"), "refuse_running");
-    struct Feeding {
-        explicit Feeding(bool& flag) : flag(flag) { flag = true; }
-        ~Feeding() { flag = false; }
-        bool& flag;
-    } feeding(monitor_set.feeding);
+    if (monitor_set.feeding)
+        refuse(nb::module_::import_("rtamt.machines.native"), "refuse_running");
+    const WhileSet feeding(monitor_set.feeding);
     for (std::size_t i = 0; i < monitor_set.sources.size(); ++i)
         monitor_set.sample[i] = read(monitor_set, monitor_set.sources[i], args, n);
     for (Part& part : monitor_set.parts) feed(part, monitor_set.sample.data());
     const Numbers found = least(monitor_set);
     if (found.decided != 0 && !monitor_set.decided.is_none()) monitor_set.decided(found.decided);
-    if (!monitor_set.seen.is_none()) monitor_set.seen(list_of(monitor_set.sample.data(), monitor_set.sample.size()));
+    if (!monitor_set.seen.is_none())
+        monitor_set.seen(list_of(monitor_set.sample.data(), monitor_set.sample.size()));
     return found;
 }
 
 PyObject* feed_all(PyObject* self, PyObject* const* args, Py_ssize_t n) {
-    return call<EpisodeMonitorSet>(
-        self, [=](EpisodeMonitorSet& monitor_set) { return shown(monitor_set, take(monitor_set, args, n)); });
+    return call<EpisodeMonitorSet>(self, [=](EpisodeMonitorSet& monitor_set) {
+        return shown(monitor_set, take(monitor_set, args, n));
+    });
 }
 
 PyObject* take_all(PyObject* self, PyObject* const* args, Py_ssize_t n) {
@@ -261,8 +366,9 @@ PyObject* take_all(PyObject* self, PyObject* const* args, Py_ssize_t n) {
 }
 
 PyObject* look(PyObject* self, PyObject*) {
-    return call<EpisodeMonitorSet>(self,
-                              [](EpisodeMonitorSet& monitor_set) { return shown(monitor_set, least(monitor_set)); });
+    return call<EpisodeMonitorSet>(self, [](EpisodeMonitorSet& monitor_set) {
+        return shown(monitor_set, least(monitor_set));
+    });
 }
 
 int traverse_monitor_set(PyObject* self, visitproc visit, void* arg) {
@@ -304,44 +410,35 @@ PyMethodDef methods[] = {
 void bind_episode(nb::module_& m) {
     sample_class<EpisodeObject>(
         m, "EpisodeMachine",
-        "Bounds the robustness of an episode, as rtamt.machines.protocols.EpisodeMachine says.\n\n"
-        "Args:\n"
-        "    terms: The first rows of the program, as rtamt.program.encoding encodes them.\n"
-        "    formulas: The other rows.\n"
-        "    initial: Registers that are read at time 0 alone, the result last.\n"
-        "    streams: Registers that are read at all times.\n"
-        "    variables: Names of the inputs.\n"
-        "    reader: Reads the rare forms of arguments, and raises all errors.\n"
-        "    neutral: Terms that are neutral predicates.",
+        "Bounds the robustness of an episode, as rtamt.machines.protocols.EpisodeMachine says.",
         methods)
-        .def("__init__", construct, nb::arg("terms"), nb::arg("formulas"), nb::arg("initial"),
-             nb::arg("streams"), nb::arg("variables"), nb::arg("reader"),
-             nb::arg("neutral") = nb::tuple())
+        .def("__init__", construct, "terms"_a, "formulas"_a, "initial"_a, "streams"_a,
+             "variables"_a, "reader"_a, "neutral"_a = nb::tuple())
         .def_prop_ro("robustness", get<&EpisodeVariants::result>,
                      "The robustness if the episode ended now.")
         .def_prop_ro("lower", get<&EpisodeVariants::lower>,
                      "The least robustness over all continuations.")
         .def_prop_ro("upper", get<&EpisodeVariants::upper>,
                      "The greatest robustness over all continuations.")
-        .def_prop_ro("finished", [](const EpisodeObject& o) { return o.machine.finished(); },
-                     "Whether the episode has ended.")
-        .def("judge", judge, nb::arg("columns"), nb::arg("n"), nb::arg("end"),
-             "Reset the machine and judge a trace; return its robustness, the robustness if it is\n"
-             "complete, the bounds, and the first sample that decided the verdict or None; None if\n"
-             "a value or a term is nan.")
-        .def("finish", finish, nb::arg("end") = "complete",
+        .def_prop_ro(
+            "finished", [](const EpisodeObject& o) { return o.machine.finished(); },
+            "Whether the episode has ended.")
+        .def(
+            "judge", judge, "columns"_a, "n"_a, "end"_a,
+            "Reset the machine and judge a trace; return its robustness, the robustness if it is\n"
+            "complete, the bounds, and the first sample that decided the verdict or None; None if\n"
+            "a value or a term is nan.")
+        .def("finish", finish, "end"_a = "complete",
              "End the episode, make the bounds those of this reading; return its robustness.")
-        .def("show_in", show_in, nb::arg("monitor"), nb::arg("slots"), nb::arg("verdicts"),
+        .def("show_in", show_in, "monitor"_a, "slots"_a, "verdicts"_a,
              "Keep slots of a monitor at robustness, lower, upper and verdict while it lives.");
-    m.def("read_only", read_only, nb::arg("slot"),
+    m.def("read_only", read_only, "slot"_a,
           "Return a descriptor that reads a slot of a class, and does not write it.");
-}
-
-void bind_episode_monitor_set(nb::module_& m) {
-    PyType_Slot slots[] = {{Py_tp_traverse, reinterpret_cast<void*>(monitor_set::traverse_monitor_set)},
-                           {Py_tp_clear, reinterpret_cast<void*>(monitor_set::clear_monitor_set)},
-                           {Py_tp_methods, monitor_set::methods},
-                           {0, nullptr}};
+    PyType_Slot slots[] = {
+        {Py_tp_traverse, reinterpret_cast<void*>(monitor_set::traverse_monitor_set)},
+        {Py_tp_clear, reinterpret_cast<void*>(monitor_set::clear_monitor_set)},
+        {Py_tp_methods, monitor_set::methods},
+        {0, nullptr}};
     nb::class_<monitor_set::EpisodeMonitorSet>(
         m, "EpisodeMonitorSet", nb::type_slots(slots),
         "Has several episode machines take in the same samples.\n\n"
@@ -354,8 +451,8 @@ void bind_episode_monitor_set(nb::module_& m) {
         "        it is 0; or None.\n"
         "    seen: Called after that with the numbers of the sample; or None.\n"
         "    number: The class of the numbers that feed and look return: float or numpy.float64.")
-        .def("__init__", monitor_set::construct, nb::arg("machines"), nb::arg("places"), nb::arg("reads"),
-             nb::arg("decided").none(), nb::arg("seen").none(), nb::arg("number"));
+        .def("__init__", monitor_set::construct, "machines"_a, "places"_a, "reads"_a,
+             "decided"_a.none(), "seen"_a.none(), "number"_a);
 }
 
 }  // namespace rtamt

@@ -45,8 +45,7 @@ bool Forms::pairs(PyObject* events, const Clock& clock, dense::Pending& out) con
             return false;
         PyObject** pair = PySequence_Fast_ITEMS(item);
         double time;
-        if (!numpy_.number(pair[0], time) || !numpy_.number(pair[1], out.values[i]))
-            return false;
+        if (!numpy_.number(pair[0], time) || !numpy_.number(pair[1], out.values[i])) return false;
         // The double of a large integer may be another number.
         if (!PyFloat_CheckExact(pair[0]) && !(std::abs(time) < 0x1p53)) return false;
         if (!clock.count(time, out.times[i])) return false;
@@ -90,8 +89,7 @@ Dating dating_of(nb::handle dated) {
 
 nb::list times_of(const dense::Sampler& sampler, Time (dense::Sampler::*time)(std::size_t) const) {
     nb::list times;
-    for (std::size_t v = 0; v < sampler.variables(); ++v)
-        times.append(tick_of((sampler.*time)(v)));
+    for (std::size_t v = 0; v < sampler.variables(); ++v) times.append(tick_of((sampler.*time)(v)));
     return times;
 }
 

@@ -1,5 +1,5 @@
-// Reads events: the frequent forms, which run no code of a caller, here; the others, and all errors,
-// are left to rtamt.inputs.event_reader.EventReader.
+// Reads events: the frequent forms, which run no code of a caller, here; the others, and all
+// errors, are left to rtamt.inputs.event_reader.EventReader.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -14,7 +14,6 @@
 #include "dense/clock.hpp"
 #include "dense/machine.hpp"
 #include "python/arrays.hpp"
-#include "python/numpy.hpp"
 #include "python/object.hpp"
 
 namespace rtamt {
@@ -119,9 +118,7 @@ class EventViews {
 public:
     explicit EventViews(nb::handle pair);
 
-    dense::Events events() const {
-        return {times_.data<Time>(), values_.data<double>(), size_};
-    }
+    dense::Events events() const { return {times_.data<Time>(), values_.data<double>(), size_}; }
 
 private:
     std::size_t size_;
@@ -153,8 +150,7 @@ Dating read_events_slowly(EventObject<M>& object, PyObject* events) {
 
 // Reads the arguments of an update into pending(). Returns what times are then.
 template <class M>
-Dating read_events(EventObject<M>& object, PyObject* const* args, Py_ssize_t n,
-                   PyObject* kwnames) {
+Dating read_events(EventObject<M>& object, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
     nb::object events;
     if (n == 1 && !kwnames) [[likely]] {
         events = nb::borrow(args[0]);

@@ -9,16 +9,10 @@ NB_MODULE(_native, m) {
     m.doc() = "The machines of rtamt in C++.";
     bind_discrete(m);
     bind_episode(m);
-    bind_episode_monitor_set(m);
     bind_dense(m);
-    bind_dense_episode(m);
     bind_batches(m);
     bind_verdict_logs(m);
-    bind_clocks(m);
     bind_columns(m);
-    bind_regions(m);
-    bind_signs(m);
-    bind_traces(m);
 
     nb::dict functions;
     nb::dict folds;

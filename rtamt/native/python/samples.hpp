@@ -21,7 +21,8 @@ inline nb::list sample_between(const double* lower, const double* upper, std::si
     nb::list sample = list_of(lower, n);
     for (std::size_t i = 0; i < n; ++i)
         if (!same(lower[i], upper[i]))
-            sample[i] = nb::module_::import_("rtamt.inputs.between").attr("Between")(lower[i], upper[i]);
+            sample[i] =
+                nb::module_::import_("rtamt.inputs.between").attr("Between")(lower[i], upper[i]);
     return sample;
 }
 
@@ -92,7 +93,8 @@ void take_slowly(NamedObject<M>& object, PyObject* const* args, Py_ssize_t n, Py
     require_idle(object);
     // What the reader converts may run code of a caller.
     if constexpr (requires { machine.finished(); }) {
-        if (machine.finished()) [[unlikely]] refuse_state("refuse_update");
+        if (machine.finished()) [[unlikely]]
+            refuse_state("refuse_update");
     }
     if (nb::len(values) != machine.variables())
         throw std::runtime_error("the reader gave another number of values");
@@ -119,7 +121,8 @@ inline bool read_at_once(Arguments& arguments, PyObject* const* args, Py_ssize_t
 template <class T>
 void take_pending(T& object, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
     auto& machine = object.machine;
-    if (machine.take()) [[likely]] return;
+    if (machine.take()) [[likely]]
+        return;
     if constexpr (requires { object.nan_is_unknown; }) {
         if (object.nan_is_unknown && take_unknown(object)) return;
     }
@@ -131,9 +134,11 @@ void take_pending(T& object, PyObject* const* args, Py_ssize_t n, PyObject* kwna
 
 template <class T>
 void require_open(const T& object) {
-    if (object.running) [[unlikely]] require_idle(object);
+    if (object.running) [[unlikely]]
+        require_idle(object);
     if constexpr (requires { object.machine.finished(); }) {
-        if (object.machine.finished()) [[unlikely]] refuse_state("refuse_update");
+        if (object.machine.finished()) [[unlikely]]
+            refuse_state("refuse_update");
     }
 }
 
@@ -159,7 +164,8 @@ PyMethodDef sample_update() {
 
 // Adds a class with what machines on samples have to a module.
 template <class T>
-nb::class_<T> sample_class(nb::module_& m, const char* name, const char* doc, PyMethodDef* methods) {
+nb::class_<T> sample_class(nb::module_& m, const char* name, const char* doc,
+                           PyMethodDef* methods) {
     auto made = machine_class<T>(m, name, doc, methods);
     made.def_prop_ro("samples", when_idle<T>([](auto& object) { return object.machine.samples(); }),
                      "The number of samples since the reset.")

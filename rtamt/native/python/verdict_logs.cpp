@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "core/widest.hpp"
 #include "batch/variants.hpp"
+#include "core/columns.hpp"
 #include "python/arrays.hpp"
 #include "python/encoding.hpp"
 #include "python/object.hpp"
@@ -44,11 +44,6 @@ const std::uint8_t* mask_of(nb::handle mask, std::size_t num) {
     return elements_of<std::uint8_t>(mask, num);
 }
 
-nb::object new_doubles(std::size_t n, double*& out) {
-    static const NewArray array("float64");
-    return array.unfilled<double>(n, out);
-}
-
 // The least of the values and of what is there before; -0.0 stands for a value that is `over`.
 RTAMT_LOOP void fold_least(const double* values, const std::uint8_t* over, bool first, double* out,
                            std::size_t num) {
@@ -72,7 +67,8 @@ nb::object least(const nb::tuple& objects, const std::string& name, nb::handle f
     double* out = nullptr;
     const std::uint8_t* ended =
         failed.is_none() ? nullptr : elements_of<std::uint8_t>(failed, batches.size() * num);
-    nb::object array = new_doubles(num, out);
+    static const NewArray doubles("float64");
+    nb::object array = doubles.unfilled<double>(num, out);
     for (std::size_t k = 0; k < batches.size(); ++k) {
         const BatchVariants& batch = batches[k]->machine;
         const double* values = name == "robustness" ? batch.results()
@@ -91,7 +87,8 @@ RTAMT_LOOP void find_both(const std::uint8_t* flags, const std::uint8_t* mask, s
     if (mask == nullptr)
         for (std::size_t entry = 0; entry < num; ++entry) any |= flags[entry];
     else
-        for (std::size_t entry = 0; entry < num; ++entry) any |= mask[entry] != 0 ? flags[entry] : 0;
+        for (std::size_t entry = 0; entry < num; ++entry)
+            any |= mask[entry] != 0 ? flags[entry] : 0;
     *found = any != 0;
 }
 
@@ -161,8 +158,8 @@ int verdict_in(const BatchVariants& batch, std::size_t entry, bool failed) {
 }
 
 // Writes the verdicts that are new, in entries of the mask, into the verdict log.
-void note(const nb::tuple& objects, nb::handle mask, nb::handle settled_at, nb::handle violated, nb::handle failed,
-          nb::handle first, nb::handle violated_at) {
+void note(const nb::tuple& objects, nb::handle mask, nb::handle settled_at, nb::handle violated,
+          nb::handle failed, nb::handle first, nb::handle violated_at) {
     const Batches batches = batches_of(objects);
     const std::size_t num = batches.front()->machine.num();
     auto* decided = elements_of<std::int64_t>(settled_at, batches.size() * num);
@@ -233,12 +230,8 @@ template <class T>
 nb::object grid(const char* dtype, std::size_t rows, std::size_t columns, T*& elements) {
     static PyObject* const empty = permanent(nb::module_::import_("numpy").attr("empty"));
     static PyObject* const type = rtamt::dtype(dtype);  // one for each T
-    const nb::object shape = nb::make_tuple(rows, columns);
-    PyObject* arguments[] = {shape.ptr(), type};
-    PyObject* made = PyObject_Vectorcall(empty, arguments, 2, nullptr);
-    if (made == nullptr) nb::raise_python_error();
-    nb::object array = nb::steal(made);
-    elements = static_cast<T*>(Numpy::instance().begin(made));
+    const nb::object array = new_array(empty, nb::make_tuple(rows, columns), type);
+    elements = static_cast<T*>(Numpy::instance().begin(array.ptr()));
     if (elements == nullptr) throw nb::value_error("expected arrays of numpy");
     return array;
 }
@@ -298,12 +291,9 @@ struct Spread {
         static PyObject* const empty = permanent(nb::module_::import_("numpy").attr("empty"));
         const nb::object shape =
             like.single ? nb::object(nb::int_(num)) : nb::object(nb::make_tuple(like.count, num));
-        PyObject* arguments[] = {shape.ptr(), dtype};
         const bool objects = dtype == like.dtype && Numpy::instance().are_objects(like);
-        PyObject* made = PyObject_Vectorcall(objects ? empty : zeros, arguments, 2, nullptr);
-        if (made == nullptr) nb::raise_python_error();
-        array = nb::steal(made);
-        elements = Numpy::instance().begin(made);
+        array = new_array(objects ? empty : zeros, shape, dtype);
+        elements = Numpy::instance().begin(array.ptr());
     }
 };
 
@@ -409,24 +399,23 @@ void reset_all(const nb::tuple& objects, nb::handle mask) {
 }  // namespace
 
 void bind_verdict_logs(nb::module_& m) {
-    m.def("feed_batches", feed, nb::arg("batches"), nb::arg("columns"), nb::arg("table"),
-          nb::arg("mask").none(),
-          "Feed every batch its columns of a table; return the first that has to read them itself.");
-    m.def("least_of_batches", least, nb::arg("batches"), nb::arg("name"), nb::arg("failed").none(),
+    m.def(
+        "feed_batches", feed, "batches"_a, "columns"_a, "table"_a, "mask"_a.none(),
+        "Feed every batch its columns of a table; return the first that has to read them itself.");
+    m.def("least_of_batches", least, "batches"_a, "name"_a, "failed"_a.none(),
           "The least robustness, or bound, over the batches, of every entry.");
-    m.def("finish_batches", finish, nb::arg("batches"), nb::arg("mask").none(), nb::arg("end"),
+    m.def("finish_batches", finish, "batches"_a, "mask"_a.none(), "end"_a,
           "End the episodes of the entries; false, and nothing is done, if one has no sample.");
-    m.def("note_verdicts", note, nb::arg("batches"), nb::arg("mask").none(), nb::arg("settled_at"), nb::arg("violated"),
-          nb::arg("failed"), nb::arg("first"), nb::arg("violated_at"),
-          "Write the verdicts that are new into a log.");
-    m.def("forget_verdicts", forget, nb::arg("mask").none(), nb::arg("specs"), nb::arg("num"),
-          nb::arg("settled_at"), nb::arg("violated"), nb::arg("failed"), nb::arg("first"),
-          nb::arg("violated_at"), "Forget the entries of the mask in a log.");
-    m.def("outcomes_of_batches", outcomes, nb::arg("batches"), nb::arg("entries"), nb::arg("failed"),
-          nb::arg("settled_at"), "The outcomes of these entries.");
-    m.def("spread_entries", spread, nb::arg("columns"), nb::arg("entries"), nb::arg("num"),
+    m.def("note_verdicts", note, "batches"_a, "mask"_a.none(), "settled_at"_a, "violated"_a,
+          "failed"_a, "first"_a, "violated_at"_a, "Write the verdicts that are new into a log.");
+    m.def("forget_verdicts", forget, "mask"_a.none(), "specs"_a, "num"_a, "settled_at"_a,
+          "violated"_a, "failed"_a, "first"_a, "violated_at"_a,
+          "Forget the entries of the mask in a log.");
+    m.def("outcomes_of_batches", outcomes, "batches"_a, "entries"_a, "failed"_a, "settled_at"_a,
+          "The outcomes of these entries.");
+    m.def("spread_entries", spread, "columns"_a, "entries"_a, "num"_a,
           "Write arrays of all entries into dictionaries; return how many columns were written.");
-    m.def("reset_batches", reset_all, nb::arg("batches"), nb::arg("mask").none(),
+    m.def("reset_batches", reset_all, "batches"_a, "mask"_a.none(),
           "Forget the entries of the mask.");
 }
 

@@ -221,8 +221,8 @@ def test_an_operator_folds_by_a_row_of_the_table() -> None:
     with pytest.raises(AssertionError) as refused:
         builder.window("mean", 0, 3, 0)
     assert str(refused.value) == (
-        "'mean' is no lattice fold: expected min, max, until, release, since, trigger; for others "
-        "see 'What a fold must be' in rtamt/program/algebra.py"
+        "'mean' is not a lattice fold: expected min, max, until, release, since, trigger; for "
+        "others see the laws in rtamt/program/algebra.py"
     )
 
 

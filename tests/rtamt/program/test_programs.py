@@ -48,14 +48,14 @@ def changed(register: int, instruction: Any) -> Program:  # noqa: ANN401
             replace(PROGRAM, latencies=(7, *PROGRAM.latencies[1:])),
             "register 0 has not latency 0",
         ),
-        (changed(0, Load("z")), "register 0 loads what is no variable"),
-        (changed(0, Map("neg", (0,))), "register 0 reads what is not written"),
+        (changed(0, Load("z")), "register 0 loads an unknown variable"),
+        (changed(0, Map("neg", (0,))), "register 0 reads a register that is not written"),
         (changed(TERMS - 1, Map("sub", (0,))), f"register {TERMS - 1} has wrong arity"),
         (
             changed(TERMS - 1, Window("min", 0, 1, (0,))),
             f"register {TERMS - 1} is a window among the terms",
         ),
-        (changed(COUNT - 1, Const(1.0)), f"register {COUNT - 1} is an input behind the terms"),
+        (changed(COUNT - 1, Const(1.0)), f"register {COUNT - 1} is an input after the terms"),
         *(
             (changed(LAST_WINDOW, window), f"register {LAST_WINDOW} {message}")
             for window, message in (
@@ -77,9 +77,9 @@ def test_a_program_that_contradicts_itself_is_a_bug(broken: Program, message: st
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        (lambda: PROGRAM.formula(0), "register 0 is an input behind the terms"),
-        (lambda: PROGRAM.window(COUNT - 1), f"register {COUNT - 1} is no window"),
-        (lambda: PROGRAM.start(COUNT - 1), f"register {COUNT - 1} is no bounded window"),
+        (lambda: PROGRAM.formula(0), "register 0 is an input after the terms"),
+        (lambda: PROGRAM.window(COUNT - 1), f"register {COUNT - 1} is not a window"),
+        (lambda: PROGRAM.start(COUNT - 1), f"register {COUNT - 1} is not a bounded window"),
         (
             lambda: PROGRAM.term(LAST_WINDOW),
             f"register {LAST_WINDOW} is a window among the terms",
