@@ -203,10 +203,9 @@ nb::object of_entries(const EpisodeObject& object) {
 template <class B>
 nb::class_<Object<B>> batch_class(nb::module_& m, const char* name, const char* doc) {
     auto made = machine_class<Object<B>>(m, name, doc);
-    made.def_prop_ro("samples", samples<B>, "The number of samples of every entry since its reset.")
-        .def_prop_ro("inputs", inputs<B>, "The last sample of every entry; 0 before the first.")
-        .def("reset", reset_entries<B>, "mask"_a.none() = nb::none(),
-             "Return the entries that the mask chooses to the state before their first sample.");
+    made.def_prop_ro("samples", samples<B>)
+        .def_prop_ro("inputs", inputs<B>)
+        .def("reset", reset_entries<B>, "mask"_a.none() = nb::none());
     return made;
 }
 
@@ -308,8 +307,7 @@ void bind_batches(nb::module_& m) {
         "Runs a program in many entries, as rtamt.machines.protocols.DiscreteBatch says.")
         .def("__init__", construct_discrete, "rows"_a, "terms"_a, "variables"_a, "result"_a,
              "latency"_a, "num"_a, "reader"_a)
-        .def("update", update_discrete, "values"_a.none(), "mask"_a.none() = nb::none(),
-             "Take in a sample in each entry that the mask chooses; return the results of all.")
+        .def("update", update_discrete, "values"_a.none(), "mask"_a.none() = nb::none())
         .def("update", update_by_name<Object<DiscreteBatch>>, "args"_a, "named"_a);
 
     batch_class<BatchVariants>(
@@ -318,38 +316,24 @@ void bind_batches(nb::module_& m) {
         .def("__init__", construct_episode, "terms"_a, "formulas"_a, "initial"_a, "streams"_a,
              "variables"_a, "num"_a, "reader"_a, "neutral"_a = nb::tuple())
         .def("update", update_episodes, "values"_a.none(), "mask"_a.none() = nb::none(),
-             "upper"_a.none() = nb::none(),
-             "Take in a sample in each entry that the mask chooses, known or between the values "
-             "and\n"
-             "the upper ones; return the results of all.")
+             "upper"_a.none() = nb::none())
         .def("update", update_by_name<EpisodeObject>, "args"_a, "named"_a)
-        .def_prop_ro("robustness", of_entries<&BatchVariants::results>,
-                     "The robustness if the episodes ended now.")
-        .def_prop_ro("lower", of_entries<&BatchVariants::lower>,
-                     "The least robustness over all continuations.")
-        .def_prop_ro("upper", of_entries<&BatchVariants::upper>,
-                     "The greatest robustness over all continuations.")
-        .def_prop_ro("verdict", verdicts,
-                     "1 if the sign bit of lower is clear, -1 if that of upper is set, else 0.")
-        .def_prop_ro("finished", finished, "Whether the episodes have ended.")
-        .def_prop_ro("unknown", unknown, "Which values of the last samples are not known.")
-        .def("finish", finish, "mask"_a.none() = nb::none(), "end"_a = "complete",
-             "End the episodes that the mask chooses, make their bounds those of this reading;\n"
-             "return the robustness of all.");
+        .def_prop_ro("robustness", of_entries<&BatchVariants::results>)
+        .def_prop_ro("lower", of_entries<&BatchVariants::lower>)
+        .def_prop_ro("upper", of_entries<&BatchVariants::upper>)
+        .def_prop_ro("verdict", verdicts)
+        .def_prop_ro("finished", finished)
+        .def_prop_ro("unknown", unknown)
+        .def("finish", finish, "mask"_a.none() = nb::none(), "end"_a = "complete");
     machine_class<ClocksObject>(
         m, "ClockBatch",
         "Counts clocks of temporal operators, as rtamt.machines.protocols.ClockBatch says.")
         .def("__init__", construct, "rows"_a, "parts"_a, "num"_a)
-        .def("feed", feed, "values"_a, "mask"_a.none() = nb::none(),
-             "Take in a sample in each entry that the mask chooses: a row of each part.")
-        .def("reset", reset_clocks, "mask"_a.none() = nb::none(),
-             "Return the entries that the mask chooses to the state before their first sample.")
-        .def_prop_ro("samples", samples<ClockBatch>,
-                     "The number of samples of every entry since its reset.")
-        .def_prop_ro("fractions", table<&ClockBatch::write_fractions, &ClockBatch::size>,
-                     "A row for each clock: from 0 to 1 in each entry.")
-        .def_prop_ro("margins", table<&ClockBatch::write_margins, &ClockBatch::operands>,
-                     "A row for each operand of each clock: its newest known value, 0 before it.");
+        .def("feed", feed, "values"_a, "mask"_a.none() = nb::none())
+        .def("reset", reset_clocks, "mask"_a.none() = nb::none())
+        .def_prop_ro("samples", samples<ClockBatch>)
+        .def_prop_ro("fractions", table<&ClockBatch::write_fractions, &ClockBatch::size>)
+        .def_prop_ro("margins", table<&ClockBatch::write_margins, &ClockBatch::operands>);
 }
 
 }  // namespace rtamt

@@ -72,15 +72,13 @@ PyObject* take_events(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObj
 
 // Adds a class with what machines on events have to a module.
 template <class T>
-nb::class_<T> event_class(nb::module_& m, const char* name, const char* doc, PyMethodDef* methods,
-                          const char* settled) {
+nb::class_<T> event_class(nb::module_& m, const char* name, const char* doc, PyMethodDef* methods) {
     auto made = machine_class<T>(m, name, doc, methods);
     made.def_prop_ro("settled",
-                     when_idle<T>([](auto& o) { return time_of(o, o.machine.settled()); }), settled)
-        .def_prop_ro("finished", when_idle<T>([](auto& o) { return o.machine.finished(); }),
-                     "Whether the trace has ended.")
-        .def("retire", retire<T>, "Refuse each further update: the monitor has another machine.")
-        .def("reset", reset<T>, "Return to the state before the first event.");
+                     when_idle<T>([](auto& o) { return time_of(o, o.machine.settled()); }))
+        .def_prop_ro("finished", when_idle<T>([](auto& o) { return o.machine.finished(); }))
+        .def("retire", retire<T>)
+        .def("reset", reset<T>);
     return made;
 }
 
@@ -349,72 +347,50 @@ void bind_dense(nb::module_& m) {
           "rtamt.program.encoding.EncodedDense describes the clock.");
     event_class<DenseObject>(
         m, "DenseMachine",
-        "Runs a program over dense time, as rtamt.machines.protocols.DenseMachine says.", methods,
-        "The time before which the result is known; when finished, the end.")
+        "Runs a program over dense time, as rtamt.machines.protocols.DenseMachine says.", methods)
         .def("__init__", construct, "rows"_a, "terms"_a, "variables"_a, "result"_a, "clock"_a,
              "declared"_a, "observed"_a, "reader"_a)
         .def_prop_ro("values", when_idle<DenseObject>([](auto& o) {
                          const std::vector<double> values = o.machine.values();
                          return list_of(values.data(), values.size());
-                     }),
-                     "The last known value of every observed register; nan before the first.")
-        .def("finish", finish, "End the trace; return the rest of the result.")
-        .def(
-            "run", run, "given"_a,
-            "Take in a whole trace, with times as they were given; return the times and values of\n"
-            "the result. The machine is of no use after that.");
+                     }))
+        .def("finish", finish)
+        .def("run", run, "given"_a);
     using Machine = DenseEpisodeMachine;
     using Self = bounds::EpisodeObject;
     event_class<Self>(m, "DenseEpisodeMachine",
                       "Bounds the robustness of a trace in dense time, as\n"
                       "rtamt.machines.protocols.DenseEpisodeMachine says.",
-                      bounds::methods, "The last time at which all variables are known.")
+                      bounds::methods)
         .def("__init__", bounds::construct, "readings"_a, "variables"_a, "clock"_a, "declared"_a,
              "reach"_a, "reader"_a)
-        .def_prop_ro("robustness", bounds::get<&Machine::result>,
-                     "The robustness if the trace ended now; nan before it begins.")
-        .def_prop_ro("lower", bounds::get<&Machine::lower>,
-                     "The least robustness over all continuations and ends.")
-        .def_prop_ro("upper", bounds::get<&Machine::upper>,
-                     "The greatest robustness over all continuations and ends.")
+        .def_prop_ro("robustness", bounds::get<&Machine::result>)
+        .def_prop_ro("lower", bounds::get<&Machine::lower>)
+        .def_prop_ro("upper", bounds::get<&Machine::upper>)
         .def_prop_ro("span", when_idle<Self>([](auto& o) {
                          return nb::make_tuple(o.machine.begin(), o.machine.settled());
-                     }),
-                     "The first and the last tick of the trace, which has begun.")
-        .def_prop_ro("decided_at", bounds::decided_at,
-                     "The first time such that the trace up to it decides the verdict, or None.")
-        .def("finish", bounds::finish, "end"_a = "complete",
-             "End the trace, make the bounds those of this reading; return its robustness.")
-        .def("run", bounds::run, "given"_a, nb::kw_only(), "decided"_a = false,
-             "Take in a whole trace, with times as they were given.")
-        .def("complete", bounds::complete,
-             "Return the robustness if the trace is all there is, with neutral predicates -0.0\n"
-             "and 0.0.");
+                     }))
+        .def_prop_ro("decided_at", bounds::decided_at)
+        .def("finish", bounds::finish, "end"_a = "complete")
+        .def("run", bounds::run, "given"_a, nb::kw_only(), "decided"_a = false)
+        .def("complete", bounds::complete);
     machine_class<RegionsObject>(m, "DenseRegions",
                                  "The registers of a program over the regions of dense time, as\n"
                                  "rtamt.machines.dense.episode.Regions.")
         .def("__init__", construct_regions, "terms"_a, "constants"_a, "rows"_a, "initial"_a,
              "streams"_a, "unknowns"_a)
-        .def_prop_ro(
-            "t", [](const RegionsObject& o) { return o.machine.last(); },
-            "The last position that was seen; -1 before there is one.")
-        .def("advance", advance, "positions"_a, "terms"_a, "t"_a,
-             "Take in positions and columns of the terms there; all positions up to t have been "
-             "seen.")
-        .def("look", look, "worlds"_a, "Return the robustness in the first worlds.")
-        .def("reset", reset<RegionsObject>, "Return to the state before the first position.");
+        .def_prop_ro("t", [](const RegionsObject& o) { return o.machine.last(); })
+        .def("advance", advance, "positions"_a, "terms"_a, "t"_a)
+        .def("look", look, "worlds"_a)
+        .def("reset", reset<RegionsObject>);
     nb::class_<Signs>(m, "DenseSigns",
                       "Where a formula fails or holds for certain on a whole trace, as\n"
                       "rtamt.machines.dense.episode.PythonDenseSigns.")
         .def("__init__", construct_signs, "terms"_a, "rows"_a, "result"_a, "clock"_a, "reader"_a,
              "given"_a, "begin"_a, "last"_a, "end"_a, "numbers"_a = false)
-        .def("fails_at", fails_at, "instants"_a,
-             "Return the ticks, the occasions and the first position at which it fails.")
-        .def("holds_at", holds_at, "instants"_a,
-             "Return whether it holds at all of some positions.")
-        .def("result", result_in, "world"_a,
-             "Return the starts of the runs of the result in a world, and its values: numbers, or\n"
-             "signs as infinite numbers. The last run lasts for ever.");
+        .def("fails_at", fails_at, "instants"_a)
+        .def("holds_at", holds_at, "instants"_a)
+        .def("result", result_in, "world"_a);
 }
 
 }  // namespace rtamt

@@ -68,12 +68,9 @@ void bind_discrete(nb::module_& m) {
         "Runs a program on samples, as rtamt.machines.protocols.DiscreteMachine says.", methods)
         .def("__init__", construct, "rows"_a, "terms"_a, "variables"_a, "result"_a, "observed"_a,
              "reader"_a)
-        .def_prop_ro("registers", when_idle<DiscreteObject>(registers),
-                     "The value of every register.")
-        .def("run", run, "columns"_a, "n"_a,
-             "Take in n samples, or none if one is refused; return the observed registers.")
-        .def("evaluate", evaluate, "columns"_a, "n"_a, nb::kw_only(), "backwards"_a = false,
-             "Return the observed registers at the times of a whole trace of n samples.");
+        .def_prop_ro("registers", when_idle<DiscreteObject>(registers))
+        .def("run", run, "columns"_a, "n"_a)
+        .def("evaluate", evaluate, "columns"_a, "n"_a, nb::kw_only(), "backwards"_a = false);
 }
 
 }  // namespace rtamt

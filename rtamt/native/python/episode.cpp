@@ -414,24 +414,13 @@ void bind_episode(nb::module_& m) {
         methods)
         .def("__init__", construct, "terms"_a, "formulas"_a, "initial"_a, "streams"_a,
              "variables"_a, "reader"_a, "neutral"_a = nb::tuple())
-        .def_prop_ro("robustness", get<&EpisodeVariants::result>,
-                     "The robustness if the episode ended now.")
-        .def_prop_ro("lower", get<&EpisodeVariants::lower>,
-                     "The least robustness over all continuations.")
-        .def_prop_ro("upper", get<&EpisodeVariants::upper>,
-                     "The greatest robustness over all continuations.")
-        .def_prop_ro(
-            "finished", [](const EpisodeObject& o) { return o.machine.finished(); },
-            "Whether the episode has ended.")
-        .def(
-            "judge", judge, "columns"_a, "n"_a, "end"_a,
-            "Reset the machine and judge a trace; return its robustness, the robustness if it is\n"
-            "complete, the bounds, and the first sample that decided the verdict or None; None if\n"
-            "a value or a term is nan.")
-        .def("finish", finish, "end"_a = "complete",
-             "End the episode, make the bounds those of this reading; return its robustness.")
-        .def("show_in", show_in, "monitor"_a, "slots"_a, "verdicts"_a,
-             "Keep slots of a monitor at robustness, lower, upper and verdict while it lives.");
+        .def_prop_ro("robustness", get<&EpisodeVariants::result>)
+        .def_prop_ro("lower", get<&EpisodeVariants::lower>)
+        .def_prop_ro("upper", get<&EpisodeVariants::upper>)
+        .def_prop_ro("finished", [](const EpisodeObject& o) { return o.machine.finished(); })
+        .def("judge", judge, "columns"_a, "n"_a, "end"_a)
+        .def("finish", finish, "end"_a = "complete")
+        .def("show_in", show_in, "monitor"_a, "slots"_a, "verdicts"_a);
     m.def("read_only", read_only, "slot"_a,
           "Return a descriptor that reads a slot of a class, and does not write it.");
     PyType_Slot slots[] = {

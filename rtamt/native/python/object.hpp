@@ -314,12 +314,7 @@ nb::class_<T> machine_class(nb::module_& m, const char* name, const char* doc,
     if (methods != nullptr) slots.push_back({Py_tp_methods, methods});
     slots.push_back({0, nullptr});
     nb::class_<T> made(m, name, nb::type_slots(slots.data()), doc);
-    made.def("state", state<T>, "Return a snapshot, which begins with a mark of the program.")
-        .def("restore", restore<T>, nb::arg("state").none(),
-             "Continue from where a snapshot was taken.\n\n"
-             "Raises:\n"
-             "    ValueError: If a machine of another program gave it, or it is damaged; then\n"
-             "        nothing changes.");
+    made.def("state", state<T>).def("restore", restore<T>, nb::arg("state").none());
     return made;
 }
 

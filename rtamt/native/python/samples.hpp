@@ -21,8 +21,8 @@ inline nb::list sample_between(const double* lower, const double* upper, std::si
     nb::list sample = list_of(lower, n);
     for (std::size_t i = 0; i < n; ++i)
         if (!same(lower[i], upper[i]))
-            sample[i] =
-                nb::module_::import_("rtamt.inputs.between").attr("Between")(lower[i], upper[i]);
+            sample[i] = nb::module_::import_("rtamt.inputs.between")
+                            .attr("UncertainValue")(lower[i], upper[i]);
     return sample;
 }
 
@@ -167,12 +167,10 @@ template <class T>
 nb::class_<T> sample_class(nb::module_& m, const char* name, const char* doc,
                            PyMethodDef* methods) {
     auto made = machine_class<T>(m, name, doc, methods);
-    made.def_prop_ro("samples", when_idle<T>([](auto& object) { return object.machine.samples(); }),
-                     "The number of samples since the reset.")
-        .def_prop_ro("inputs", when_idle<T>([](auto& object) { return inputs(object); }),
-                     "The last sample; empty before the first.")
-        .def("retire", retire<T>, "Refuse each further update: the monitor has another machine.")
-        .def("reset", reset<T>, "Return to the state before the first sample.");
+    made.def_prop_ro("samples", when_idle<T>([](auto& object) { return object.machine.samples(); }))
+        .def_prop_ro("inputs", when_idle<T>([](auto& object) { return inputs(object); }))
+        .def("retire", retire<T>)
+        .def("reset", reset<T>);
     return made;
 }
 
