@@ -101,11 +101,7 @@ def read_episode(
 ) -> RecordedEpisode:
     """Return an episode of a dataset; raise an error if its parts do not fit together.
 
-    Args:
-        source: Minari's ``EpisodeData`` or ``EpisodeBuffer``, or a mapping with the same names.
-        number: Its number in the dataset.
-        metadata: ``seed`` and ``options`` of the reset from the dataset; None if the episode has
-            them.
+    ``metadata`` has ``seed`` and ``options`` of the reset, unless the episode has them.
     """
     if isinstance(source, Mapping):
         known, missing = source, [name for name in _FIELDS if name not in source]
@@ -212,11 +208,7 @@ def space_of(tree: Any) -> spaces.Space[Any]:  # noqa: ANN401 - of observations 
 
 
 class SignalReader:
-    """Reads the signals of episodes; ``signals`` are in the order of the columns.
-
-    Raises:
-        InputError: If a selector does not fit the spaces.
-    """
+    """Reads the signals of episodes; ``signals`` are in the order of the columns."""
 
     def __init__(
         self,
@@ -344,12 +336,7 @@ def is_dataset(value: object) -> bool:
 
 
 def episodes_of(dataset: Any) -> Iterator[RecordedEpisode]:  # noqa: ANN401 - Minari is not typed
-    """Yield the episodes of a dataset, or of any iterable.
-
-    Raises:
-        InputTypeError: If it is not an iterable of episodes.
-        InputError: If an episode is incomplete.
-    """
+    """Yield the episodes of a dataset, or of any iterable."""
     if is_dataset(dataset):
         metadata = dataset.storage.get_episode_metadata(dataset.episode_indices)
         for episode, reset in zip(dataset.iterate_episodes(), metadata, strict=True):
@@ -401,14 +388,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - of an option
 class Store:
     """A new dataset, which exists after the first call of `add`.
 
-    Args:
-        dataset_id: Its name.
-        source: The dataset to copy metadata from, or None.
-        description: The options of its making, for the metadata.
-
-    Raises:
-        ModuleNotFoundError: If Minari is not installed; names the extra.
-        InputError: If the name is taken or invalid.
+    It copies metadata from ``source``; the metadata ``rtamt`` is the ``description``.
     """
 
     def __init__(self, dataset_id: str, source: Any, description: dict[str, Any]) -> None:  # noqa: ANN401

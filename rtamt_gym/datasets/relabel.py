@@ -126,8 +126,7 @@ class JudgedTape:
     """The results of the wrappers for every sample of a tape, and for the ends of its episodes.
 
     Attributes:
-        columns: By key of the infos, a value for every row, 0 if it is missing; nested as the
-            infos.
+        columns: For each key of the infos, a value for every row, 0 if it is missing.
         rewards: The shaped rewards of every row.
         outcomes: The outcomes of each episode, by its last row.
         violations: The specification that was violated first and the sample, by the same row.

@@ -169,11 +169,7 @@ class ViewerOutput:
         )
 
     def deliver(self, lines: int) -> None:
-        """Pass on the content of the stream; detach the viewer if too much data waits.
-
-        Args:
-            lines: The number of verdicts in it.
-        """
+        """Pass on the content of the stream; detach the viewer if too much data waits."""
         block = self._bytes.read(flush=True)
         if self.detached or not block:
             return
@@ -251,11 +247,7 @@ def checked_port(port: int) -> int:
 
 
 class Packer:
-    """Makes columns of the samples of tracks, and sends them to outputs.
-
-    Args:
-        outputs: The outputs.
-    """
+    """Makes columns of the samples of tracks, and sends them to outputs."""
 
     def __init__(self, outputs: Sequence[FileOutput | ViewerOutput]) -> None:
         self._outputs = outputs

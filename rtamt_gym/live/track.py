@@ -52,7 +52,7 @@ class Track:
     Appending to a deque needs no lock, so a sample never waits for the thread that sends.
 
     Args:
-        prefix: The entity above all others of the track; empty without one.
+        prefix: The entity above all others of the track; may be empty.
         signals: The names of the values of a sample.
         requirements: The names of the requirements.
         period: Seconds between samples; None if they have no time.
@@ -60,12 +60,9 @@ class Track:
 
     Attributes:
         rows: Sample, time, episode, the values, then the curves of each requirement.
-        lines: The lines of the log.
-        frames: The pictures.
         sample_count: The number of samples so far, over all episodes.
         samples: The number of samples of the episode so far.
         episode: The number of the episode, from 1; 0 before the first.
-        has_pictures: Whether it takes pictures.
     """
 
     def __init__(
@@ -98,9 +95,7 @@ class Track:
     def draw(self, render: Callable[[], Any] | None, every: int) -> None:
         """Take a picture of every ``every``-th sample of an episode, the first included.
 
-        Args:
-            render: Returns a picture of shape (height, width, 3); None: the caller takes pictures.
-            every: The number of samples between pictures.
+        ``render`` returns a picture of shape (height, width, 3); None: the caller takes pictures.
         """
         self.has_pictures = True
         self._render, self._every = render, every
@@ -111,11 +106,7 @@ class Track:
         self._running = False
 
     def sample(self, values: Sequence[float]) -> None:
-        """Take a sample, after the monitors took it.
-
-        Args:
-            values: The values of the signals.
-        """
+        """Take the values of a sample, after the update of the monitors."""
         if not self._running:
             self._start()
         curves: list[float] = []
@@ -143,7 +134,7 @@ class Track:
             values: The values of the signals.
             curves: Robustness, lower and upper bound of each requirement.
             verdicts: The verdict of each requirement; None: the caller logs them.
-            place: Its number and its time. Default: one period after the previous sample.
+            place: Number and time of the sample. Default: one period after the previous sample.
         """
         if not self._running:
             self._start()
@@ -156,21 +147,12 @@ class Track:
         self.samples += 1
 
     def end(self, states: Mapping[str, Mapping[str, Any]]) -> None:
-        """End the episode: the newest sample gets the robustness and bounds after the end.
-
-        Args:
-            states: ``{"robustness", "lower", "upper", "verdict"}`` of each requirement.
-        """
+        """End the episode: the newest sample gets the states after the end, by requirement."""
         curves = [float(states[name][curve]) for name in self.requirements for curve in CURVES]
         self.finish(curves, [Verdict[states[name]["verdict"]] for name in self.requirements])
 
     def finish(self, curves: Sequence[float], verdicts: Sequence[Verdict]) -> None:
-        """End the episode, as `end` does.
-
-        Args:
-            curves: Robustness, lower and upper bound of each requirement.
-            verdicts: The verdict of each requirement.
-        """
+        """End the episode as `end` does, with curves and verdicts as for `add`."""
         newest = self._newest
         if newest is None:
             return
@@ -196,14 +178,7 @@ class Track:
         self._newest = (*newest[:start], *curves, *newest[start + 3 :])
 
     def log(self, name: str, verdict: Verdict, text: str, place: TrackPlace | None = None) -> None:
-        """Add a line to the log.
-
-        Args:
-            name: The requirement.
-            verdict: The verdict.
-            text: The line.
-            place: Sample, time and episode. Default: the newest sample.
-        """
+        """Add a line about a requirement to the log, by default at the newest sample."""
         self.lines.append(VerdictLine(place or self._place, name, verdict, text))
 
     def _commit(self) -> None:

@@ -109,13 +109,7 @@ class RerunView:
         period: float | None,
         prefix: str = "",
     ) -> Track:
-        """Return the track of a trace; the track of an earlier trace with the same names goes on.
-
-        Args:
-            signals: The names of the signals.
-            requirements: The names of the requirements.
-            period: Seconds between samples; None if they have no time.
-            prefix: The entity above all others of the trace.
+        """Return the track of a trace; the track of an earlier trace with equal names continues.
 
         Raises:
             InputError: If the view has a track of other names.

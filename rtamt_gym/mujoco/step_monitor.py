@@ -530,12 +530,7 @@ class StepClock:
 
 
 def renderer(model: Any, data: Any) -> Callable[[], Any]:
-    """Return a function that renders the simulation now, as an array of shape (height, width, 3).
-
-    Args:
-        model: A ``mujoco.MjModel``.
-        data: A ``mujoco.MjData`` of the model.
-    """
+    """Return a function that renders the simulation as an array of shape (height, width, 3)."""
     size = model.vis.global_
     scene = mujoco.Renderer(
         model, height=min(_HEIGHT, size.offheight), width=min(_WIDTH, size.offwidth)
@@ -554,12 +549,7 @@ def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> 
 
     A process has one callback: the callback that was set before is called first, and is set again
     at the end. An exception of ``offer`` does not pass through MuJoCo: the first one ends the
-    offers, and is raised at the end of the context.
-
-    Args:
-        data: The simulation; others are ignored.
-        offer: Called for the states of the simulation, including trial states.
-        last: Called at the end, after the last step.
+    offers, and is raised at the end of the context. ``last`` is called after the last step.
     """
     before = mujoco.get_mjcb_control()
     controller = _called_from_python(before)

@@ -205,9 +205,7 @@ def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
 def locked(path: Path, activity: str = "the campaign") -> IO[str]:
     """Lock a folder; the system releases the lock however the process ends.
 
-    Args:
-        path: The folder.
-        activity: The activity of another process that holds the lock, for the error.
+    The error about another process names the ``activity``.
     """
     name = path / "lock"
     try:

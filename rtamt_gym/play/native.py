@@ -54,7 +54,7 @@ class NativeRollouts:
     Attributes:
         size: The maximum number of runs in a batch.
         steps: The number of steps of a run that is not stopped.
-        end: Why such a run is over.
+        end: How a run ends that is not stopped.
     """
 
     def __init__(

@@ -296,15 +296,9 @@ class Runner:
         return simulation.run
 
     def check(self, case: CaseLike) -> None:
-        """Raise before the first simulation the errors that every simulation would raise.
+        """Raise the errors of every simulation, before the first simulation.
 
-        A case may change the period, so an error without a case must also occur with one.
-
-        Args:
-            case: The first case.
-
-        Raises:
-            RtamtError: If a signal, a period or an evaluation option does not fit.
+        The first case may change the period, so an error without a case must also occur with it.
         """
         if self._rollouts is None and self._ready is None:
             with no_exit(self.name):

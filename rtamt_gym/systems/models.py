@@ -276,17 +276,9 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
     folder, if it exists. Both files hold pickled Python objects, which can do anything when they
     are loaded.
 
-    Args:
-        text: The path of the file, with the algorithm in front if the file does not contain it: its
-            name, or ``module.Class``.
-        env: The environment; the model must have its observations and actions.
-
-    Returns:
-        A function that makes the policy of an episode.
-
     Raises:
         InputError: If the file is not a model, its algorithm is unknown, it or the ``VecNormalize``
-            cannot be loaded, or it was trained in other spaces.
+            cannot be loaded, or it was trained in other spaces than the environment has.
         OSError: If the file cannot be opened.
     """
     # A path may start with the letter of a drive.

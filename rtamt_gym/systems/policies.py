@@ -36,11 +36,6 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, option: str = "--policy") ->
     | ``module:function`` | a function from observation to action |
     | ``module:Class`` | a class of these functions, constructed for each episode |
 
-    Args:
-        text: The name.
-        env: The environment.
-        option: The name of the option in errors.
-
     Raises:
         InputError: If the text does not name a policy, it cannot be loaded, or it does not fit the
             environment; from the policy, if it raises or returns something else than an action.

@@ -125,13 +125,7 @@ def whole_steps(duration: Fraction, step: Fraction, name: str, step_name: str) -
 def step_limit(
     duration: float | None, period: Fraction | None, system: str, *, endless: bool = False
 ) -> int | None:
-    """Return the number of steps of a run of ``duration``; None without an end.
-
-    Args:
-        duration: Seconds, ``math.inf`` or None.
-        period: Seconds between samples; None if it is unknown.
-        system: The name of the system, for errors.
-        endless: Whether the system may never end by itself.
+    """Return the number of steps of a run of ``duration`` seconds; None without an end.
 
     Raises:
         InputError: If an endless system has no duration; if the duration could count seconds or

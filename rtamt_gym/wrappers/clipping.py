@@ -139,15 +139,7 @@ class ClipWatch(_Watch):
 
 
 class ObservedWatch(_Watch):
-    """Counts the samples of the first episodes where the clip flattens the observation.
-
-    Args:
-        observe: The argument of the wrapper.
-        names: The names of the specifications.
-        weights: A factor for the robustness of each specification.
-        bound: The clip of their robustness.
-        num: The number of environments.
-    """
+    """Counts the samples of the first episodes where the clip flattens the observation."""
 
     def __init__(
         self, observe: str, names: Sequence[str], weights: Sequence[float], bound: float, num: int

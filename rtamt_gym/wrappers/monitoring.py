@@ -128,11 +128,7 @@ class Monitoring(Observing):
         sources: Mapping[str, Source] = SOURCES,
         agents: Collection[str] = (),
     ) -> dict[str, Specification]:
-        """Check the options, parse specifications and signals, and find the period.
-
-        Returns:
-            The specifications.
-        """
+        """Check the options, find the period, and return the parsed specifications."""
         _refuse_monitored(env)
         check_choice("on_satisfaction", options["on_satisfaction"], get_args(OnSatisfaction))
         check_choice("cost", options["cost"], (None, *get_args(Cost)))
@@ -523,13 +519,7 @@ def refuse_monitored(monitor: str, where: str = "") -> NoReturn:
 
 
 def check_pictures(env: Any, name: str, *, lists: bool = True) -> None:
-    """Raise an `InputError` if an environment does not render pictures.
-
-    Args:
-        env: The environment.
-        name: The name of the wrapper that needs them, for the message.
-        lists: Whether lists of pictures are allowed.
-    """
+    """Raise an `InputError`, for the wrapper ``name``, if an environment renders no pictures."""
     if env.render_mode != "rgb_array" and not (lists and env.render_mode == "rgb_array_list"):
         raise InputError(
             f"{name} needs pictures, got render_mode={env.render_mode!r} of {env}; make it with "

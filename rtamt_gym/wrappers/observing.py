@@ -69,18 +69,8 @@ class Observing:
     ) -> None:
         """Check ``observe`` and ``clip``, and make the observation spaces.
 
-        Args:
-            env: The environment inside the wrapper.
-            observe: The argument of the wrapper.
-            clip: The argument of the wrapper: the bound of the appended numbers.
-            monitors: The monitors of each specification: ``(robustness source, judge)``.
-            track: Makes the monitors track pending obligations.
-            weights: A factor of the robustness of each specification; None: 1.
-            whole_episode: Whether every view shows the robustness of the whole episode.
-
-        Raises:
-            InputError: If an argument is wrong, if nothing can be appended, or if a wrapper inside
-                appends the state already.
+        ``track`` makes the monitors track pending obligations; ``whole_episode`` shows the
+        robustness of the whole episode in every view.
         """
         check_choice("observe", observe, (None, *get_args(Observe)))
         bound = check_number("clip", clip)
@@ -300,10 +290,6 @@ class StateFeatures:
 def time_left(sample: Numeric, horizon: int | None) -> Numeric:
     """Return ``1 - sample / horizon``, 0 from the horizon on; 1 without a horizon.
 
-    Args:
-        sample: The number of the newest sample; the reset has sample 0.
-        horizon: The number of samples after the first that the robustness depends on.
-
     Example:
         >>> time_left(0, 4), time_left(3, 4), time_left(9, 4), time_left(9, None)
         (1.0, 0.25, 0.0, 1.0)
@@ -320,9 +306,6 @@ def appended_space(
     """Return the space of observations with features; ``observe`` is the argument, for messages.
 
     A ``Box`` of one dimension grows, and holds floats; a ``Dict`` gets one more key.
-
-    Raises:
-        InputError: If the space is neither, or the ``Dict`` has the key.
     """
     match space:
         case spaces.Dict() if KEY not in space.spaces:

@@ -174,12 +174,7 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
 
 
 def monitor_inside(env: gym.Env[Any, Any], name: str) -> StlMonitor[Any, Any]:
-    """Return the monitor inside of an environment, for the wrapper of this name.
-
-    Raises:
-        InputTypeError: If it is not a single environment of Gymnasium.
-        InputError: If the environment has no monitor.
-    """
+    """Return the monitor inside an environment, or raise an error of the wrapper ``name``."""
     if isinstance(env, VectorEnv):
         raise InputTypeError(
             f"expected one environment for {name}, got {env}; wrap each one: "
@@ -233,14 +228,10 @@ _CLEAR = 5
 
 
 class Gauge(NamedTuple):
-    """The state of a specification.
+    """The state of a specification, if the episode ended now.
 
     Attributes:
-        robustness: The robustness, if the episode ended now.
-        lower: Its lower bound.
-        upper: Its upper bound.
-        verdict: ``"VIOLATED"``, ``"UNDECIDED"`` or ``"SATISFIED"``.
-        scale: The robustness at the right end of the bar; its negative at the left end.
+        scale: The robustness at the right end of the bar; its negative is at the left end.
         by_end: Whether the end alone violates it.
     """
 
@@ -258,14 +249,7 @@ class Gauge(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """The state of all monitors at one sample.
-
-    Attributes:
-        sample: Its number in the episode.
-        time: Its time, as a text.
-        gauges: The state of every specification.
-        values: The value of every signal.
-    """
+    """The state of all monitors and the value of every signal at one sample of an episode."""
 
     sample: int
     time: str
@@ -274,15 +258,7 @@ class Sight(NamedTuple):
 
 
 class OverlayPanel:
-    """Draws panels on frames of one size, in pixels.
-
-    Args:
-        specs: The names of the specifications.
-        signals: The names of the signals.
-        width: The width of the frames.
-        height: The height of the frames.
-        place: Where the panel is.
-    """
+    """Draws panels on frames of one size, in pixels."""
 
     def __init__(
         self,

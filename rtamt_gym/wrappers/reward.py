@@ -100,13 +100,9 @@ class Rewarding(Observing):
         return episodes
 
     def _begin(self, entries: Entries | None = None) -> None:
-        """Follow a change of constants, and refuse episodes with an unknown start.
+        """Apply a change of constants; raise InputError for starts with unknown values.
 
-        Args:
-            entries: The mask of environments with a starting episode. Default: all.
-
-        Raises:
-            InputError: If a specification reads an unknown value of the sample of a reset.
+        ``entries`` is the mask of environments with a starting episode; None: all.
         """
         monitor = self._monitor
         if self._followed != monitor.constant_changes:
@@ -165,17 +161,9 @@ def find_or_make(
 ) -> tuple[Any, _M]:
     """Return the environment inside its monitor, and the monitor: its own, or a new one.
 
-    Args:
-        kind: `StlMonitor`, `VectorStlMonitor` or `ParallelStlMonitor`.
-        env: The environment.
-        specs: The argument of a new monitor; None if the environment has a monitor.
-        signals: The argument of a new monitor; None if the environment has a monitor, or its own
-            ``signals``.
-        options: The other arguments of a new monitor.
-
     Raises:
-        InputError: If the environment has no monitor and the arguments describe none, or if it has
-            one and the arguments describe another.
+        InputError: If there is no monitor and the arguments do not describe one, or there is a
+            monitor and the arguments describe another.
     """
     phrase = f"{'a' if kind.__name__.startswith('V') else 'an'} {kind.__name__}"
     required = {"specs": specs, "signals": signals}

@@ -25,10 +25,6 @@ from rtamt_gym.signals.sources import STEP
 class Inside:
     """Reads the signals of an environment after every step of its simulation.
 
-    Attributes:
-        reads: The functions that read the signals, without observation, reward and info.
-        env: The environment that is stepped.
-
     Raises:
         InputError: If the simulation of the environment cannot be followed, or if a signal reads
             observation, reward or info.
@@ -48,15 +44,7 @@ class Inside:
         self.reads = [signal.bind(env) for signal in signals]
 
     def step(self, action: Any, take: Take) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Step the environment, and call ``take`` after every step of its simulation.
-
-        Args:
-            action: The action of the step.
-            take: A function of the arguments of a `Read`.
-
-        Raises:
-            StateError: If the simulation was not stepped.
-        """
+        """Step the environment, and call ``take``, a `Read`, after every step of its simulation."""
         undo = self._follow(take, action)
         try:
             result = self.env.step(action)
@@ -74,14 +62,7 @@ class Inside:
 class SubSteps:
     """Updates a monitor set after every step of the simulation that an environment makes.
 
-    Args:
-        env: The environment.
-        signals: The signals.
-        monitor_set: The monitors.
-        keep: Called with the values of every sample after all monitors took it.
-
-    Raises:
-        InputError: As `Inside` does.
+    ``keep`` is called with the values of every sample after the update.
     """
 
     def __init__(
@@ -106,12 +87,7 @@ class SubSteps:
         return self._feed_first(None, None, None, {})
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Step the environment, and take a sample after every step of its simulation.
-
-        Raises:
-            StateError: If the simulation was not stepped.
-            InputError: If a signal is nan or cannot be read.
-        """
+        """Step the environment, and take a sample after every step of its simulation."""
         if self._moving is not None and self._moving.home() is not self._home:
             self._home, self._take = self._moving.home(), self._make_take()
         return self.inside.step(action, self._take)

@@ -386,12 +386,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             self._live.reset(self._table, self._monitor_set, entries)
 
     def _update(self, begun: Entries | None, resets: Entries | None) -> None:
-        """Update the monitors with the samples of a step.
-
-        Args:
-            begun: The environments that the step has reset before; None: none.
-            resets: The environments that the step has reset after these samples; None: none.
-        """
+        """Update the monitors with the samples of a step; the masks are those of `VectorTracks`."""
         if begun is not None:
             self._monitor_set.reset(begun)
         self._monitor_set.feed(self._table)
@@ -528,19 +523,7 @@ def _some(entries: Entries) -> Entries | None:
 
 
 class VectorTracks:
-    """The tracks of the environments that a view shows.
-
-    Args:
-        live: The view.
-        signals: The names of the columns of the tables.
-        requirements: The names of the requirements.
-        period: Seconds between samples; None if they have no time.
-        num: The number of environments.
-        render: Returns a picture of each environment.
-
-    Raises:
-        InputError: If the view shows an environment that does not exist.
-    """
+    """The tracks of the environments that a view shows; ``render`` returns a picture of each."""
 
     def __init__(
         self,
@@ -588,12 +571,8 @@ class VectorTracks:
     ) -> None:
         """Take a sample of every environment.
 
-        Args:
-            table: The values of the signals.
-            monitor_set: The monitors.
-            begun: The environments that the step has reset before; None: none.
-            resets: The environments that the step has reset after the samples, and that render
-                other samples; None: none.
+        The step has reset the environments ``begun`` before the samples, and ``resets`` after
+        them, which render other samples.
         """
         for index, track in self._tracks.items():
             if begun is not None and begun[index]:
