@@ -286,7 +286,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Play the episodes and print the results; return 1 or 3 if a target is not met."""
     from rtamt_gym.evaluation.evaluate import evaluate_policy
-    from rtamt_gym.evaluation.repeating import UnrepeatedSeedWarning
+    from rtamt_gym.evaluation.replays import UnrepeatedSeedWarning
     from rtamt_gym.evaluation.sequential import stopping_of
     from rtamt_gym.evaluation.tables import show
     from rtamt_gym.judging.specs import own_requirements

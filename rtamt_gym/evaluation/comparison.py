@@ -15,10 +15,9 @@ from rtamt.language import RequirementId
 from rtamt.renamed import OldName
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
-from rtamt_gym.evaluation.compared import LEVEL, Compared, compared_of
 from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.evaluation.paired import Effect, effect_of, holm
-from rtamt_gym.evaluation.repeating import refuse_unrepeated
+from rtamt_gym.evaluation.paired import LEVEL, Compared, Effect, compared_of, effect_of, holm
+from rtamt_gym.evaluation.replays import refuse_unrepeated
 from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.play.runner import Requirements
 from rtamt_gym.results.codec import document, plain, read_as, read_fields, save
@@ -43,7 +42,7 @@ if TYPE_CHECKING:  # it is optional
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """Two policies under the same requirements, on the same seeds; `compare` makes it.
+    """Two policies under the same requirements, on the same seeds; `compare` returns it.
 
     ``print`` shows a table and the significant differences. All differences are B minus A.
 
@@ -51,10 +50,10 @@ class Comparison:
         system: The name of the environment.
         a: The name of policy A.
         b: The name of policy B.
-        seeds: The seeds that both have episodes of.
+        seeds: The seeds of episodes of both policies.
         requirements: The comparison for every requirement, by name.
         success: The comparison for all requirements at once, with a p-value that is not adjusted.
-        returns: How far the returns are apart, the sums of the environment's own rewards; None
+        returns: The difference of the returns, the sums of the environment's own rewards; None
             without rewards.
         notes: Remarks on the pairs, each a sentence.
         ids: The ids of requirements with an id, by name.
@@ -79,7 +78,7 @@ class Comparison:
 
     @property
     def results(self) -> tuple[Compared, ...]:
-        """The comparison for every requirement, and of several for all at once."""
+        """The comparison for every requirement; for several, also for all at once."""
         every = tuple(self.requirements.values())
         return every if len(every) == 1 else (*every, self.success)
 
@@ -96,7 +95,7 @@ class Comparison:
         return pd.DataFrame([_cells(result) for result in self.results], index=names)
 
     def to_json(self) -> str:
-        """Strict JSON that holds all of the comparison; infinities are ``"inf"`` and ``"-inf"``."""
+        """Return the comparison as strict JSON; infinities are ``"inf"`` and ``"-inf"``."""
         return _written(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -109,7 +108,7 @@ class Comparison:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Comparison:
-        """Read a file that `save` has written.
+        """Read a file that `save` wrote.
 
         Raises:
             InputError: If the file does not hold a comparison.
@@ -118,7 +117,7 @@ class Comparison:
 
     @staticmethod
     def from_saved(kept: Mapping[str, Any]) -> Comparison:
-        """Return the comparison that a result of the kind ``"comparison"`` holds, read as JSON."""
+        """Return the comparison from the JSON of a result of the kind ``"comparison"``."""
         return _comparison_of(kept)
 
     def __repr__(self) -> str:
@@ -159,10 +158,10 @@ def compare(
         names: The names of A and B, two different texts. Default: the names of the policies; if
             they are equal, followed by ``(A)`` and ``(B)``.
         accept_changed: Whether to compare evaluations although the environment, its source, rtamt
-            or the simulator has changed between them, which is an error otherwise; a note states
-            the change. Policies may differ.
+            or the simulator changed between them; a note states the change. Otherwise, a change is
+            an error. Policies may differ.
         **options: Further arguments of `evaluate_policy`, for both policies, such as
-            ``episodes=200``; all but ``until_width=`` and ``target=``, which would stop each policy
+            ``episodes=200``, except ``until_width=`` and ``target=``, which would stop each policy
             at another episode.
 
     Returns:
@@ -171,30 +170,29 @@ def compare(
 
     Raises:
         InputError: If two evaluations cannot be paired, because their systems, periods, time
-            limits, requirements or environments differ, their episodes were read differently, they
-            have no seed
-            in common, their seeds do not repeat episodes, or the names are not two; or as
+            limits, requirements, environments or evaluation options differ, they have no seed in
+            common, or their seeds do not repeat episodes; if the names are not two; or as
             `evaluate_policy` does.
         InputTypeError: If they are neither two evaluations nor two policies with an environment.
     """
     own = {"env": env, "specs": specs, "signals": signals}
     arguments = {name: value for name, value in own.items() if value is not None} | options
     _check_arguments(a, b, arguments)
-    named = None if names is None else _two_names(names)
+    two_names = None if names is None else _two_names(names)
     if env is not None:
         from rtamt_gym.evaluation.evaluate import check_repeats, evaluate_policy
 
         check_repeats(env, options.get("seed", 0))
         a, b = (evaluate_policy(policy, env, specs, signals, **options) for policy in (a, b))
     changes = _changes(a, b, accept_changed=accept_changed)
-    return _paired(a, b, named or _told_apart(a.policy, b.policy), changes)
+    return _paired(a, b, two_names or _distinct_names(a.policy, b.policy), changes)
 
 
 def _changes(a: Evaluation, b: Evaluation, *, accept_changed: bool) -> list[str]:
-    """Return notes on an environment that has changed between two evaluations.
+    """Return notes on changes of the environment between two evaluations.
 
     Raises:
-        InputError: If it has, and that is not accepted.
+        InputError: If it changed, and changes are not accepted.
     """
     of_a, of_b = (item.record.provenance.fingerprint for item in (a, b))
     if of_a is None or of_b is None:
@@ -202,7 +200,7 @@ def _changes(a: Evaluation, b: Evaluation, *, accept_changed: bool) -> list[str]
         return [f"no hashes of {names}: a change of the environment cannot be seen"]
     without = {*of_a.policy, *of_b.policy}
     every = of_a.changes(of_b, without=without)
-    # An environment may be made in two ways: by its id, or by a function that has a file.
+    # An environment may come from an id in one evaluation and from a function in the other.
     changes = of_a.common(of_b).changes(of_b.common(of_a), without=without)
     if changes and not accept_changed:
         raise ChangedModelError(
@@ -226,28 +224,28 @@ def _two_names(names: object) -> tuple[str, str]:
     return result[0], result[1]
 
 
-def _told_apart(a: str, b: str) -> tuple[str, str]:
+def _distinct_names(a: str, b: str) -> tuple[str, str]:
     return (a, b) if a != b else (f"{a} (A)", f"{b} (B)")
 
 
-def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
-    """Raise InputTypeError for other arguments than two evaluations or two policies with env."""
+def _check_arguments(a: object, b: object, others: Mapping[str, object]) -> None:
+    """Raise InputTypeError unless A and B are two evaluations, or two policies with `env`."""
     evaluations = sum(isinstance(item, Evaluation) for item in (a, b))
     if evaluations == 2:
-        if given:
+        if others:
             raise InputError(
-                f"two evaluations have run already, got further arguments: {', '.join(given)}; "
+                f"two evaluations have run already, got further arguments: {', '.join(others)}; "
                 "leave them out"
             )
-    elif evaluations or "env" not in given:
+    elif evaluations or "env" not in others:
         raise InputTypeError(
             "expected two evaluations, or two policies and an environment, as in compare(old, new, "
             f"'CartPole-v1', ...), got {type(a).__name__} and {type(b).__name__} "
-            f"{'with' if 'env' in given else 'without'} an environment; Evaluation.load reads a "
+            f"{'with' if 'env' in others else 'without'} an environment; Evaluation.load reads a "
             "file"
         )
     for name in ("until_width", "target"):
-        if given.get(name) is not None:
+        if others.get(name) is not None:
             raise InputError(
                 f"{name}= would stop each policy at another episode; pass the same episodes= for "
                 "both"
@@ -257,7 +255,7 @@ def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
 def _paired(
     a: Evaluation, b: Evaluation, names: tuple[str, str], changes: Sequence[str]
 ) -> Comparison:
-    """Compare two evaluations under these names of the policies."""
+    """Compare two evaluations; `names` are the names of the policies."""
     _check_alike(a, b)
     places = [{row.seed: index for index, row in enumerate(item.record)} for item in (a, b)]
     seeds = [seed for seed in places[0] if seed is not None and seed in places[1]]
@@ -295,16 +293,16 @@ def _paired(
 
 
 def _check_alike(a: Evaluation, b: Evaluation) -> None:
-    """Refuse evaluations of other systems, periods or requirements, or that read otherwise."""
+    """Raise InputError if systems, periods, limits, requirements or options differ."""
     for phrase, one, two in (
         ("system", a.system, b.system),
         ("period", a.period, b.period),
-        # One that is not known may be the same.
+        # An unknown limit may be the same.
         ("time limit", *((a.limit, b.limit) if None not in (a.limit, b.limit) else (None, None))),
     ):
         if one != two:
             raise InputError(f"cannot compare: the {phrase} is {one} of A and {two} of B")
-    # A policy that draws numbers of its own still meets the same start of the environment.
+    # Episodes of a policy that draws random numbers still have the same start.
     if any(item.repeats is False and not item.differing for item in (a, b)):
         refuse_unrepeated(a.system)
     texts_a, texts_b = a.record.requirements, b.record.requirements
@@ -343,8 +341,8 @@ def _differences(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[s
             yield f"the signal {name}", one[name], two[name]
 
 
-def _seeds(of: Evaluation) -> str:
-    seeds = [row.seed for row in of.record if row.seed is not None]
+def _seeds(evaluation: Evaluation) -> str:
+    seeds = [row.seed for row in evaluation.record if row.seed is not None]
     return f"the seeds {min(seeds)} to {max(seeds)}" if seeds else "no seeds"
 
 
@@ -364,7 +362,7 @@ def _effect(pairs: Sequence[tuple[float, float]]) -> Effect | None:
 def _notes(
     a: Evaluation, b: Evaluation, rows: Sequence[tuple[Trial, Trial]], requirements: int
 ) -> Iterator[str]:
-    """Return remarks on the pairs."""
+    """Yield remarks on the pairs."""
     for name, evaluation, side in (("A", a, 0), ("B", b, 1)):
         if left := len(evaluation.record) - len(rows):
             yield (
@@ -378,10 +376,10 @@ def _notes(
                 f"satisfied; the first with seed {failed[0].seed}: {error}"
             )
         if ended := sum(_by_end(pair[side]) for pair in rows):
-            was, its = ("is", "its") if ended == 1 else ("are", "their")
+            verb, pronoun = ("is", "its") if ended == 1 else ("are", "their")
             yield (
-                f"{counted(ended, 'episode')} of {name} {was} violated {BY_END}, although "
-                f"the samples satisfy the requirement: {its} robustness covers only the samples"
+                f"{counted(ended, 'episode')} of {name} {verb} violated {BY_END}, although "
+                f"the samples satisfy the requirement: {pronoun} robustness covers only the samples"
             )
         if (reuse := evaluation.record.provenance.reuse) is not None:
             yield from (f"{name}: {mixture.line('episode')}" for mixture in reuse.mixtures)
@@ -447,7 +445,7 @@ def _written(comparison: Comparison) -> str:
 
 
 def _comparison_of(kept: Mapping[str, Any]) -> Comparison:
-    """Read the result that `_written` has made."""
+    """Read the result of `_written`."""
     requirements = [read_fields(Compared, item) for item in kept["compared"]]
     return Comparison(
         kept["system"],

@@ -1,4 +1,4 @@
-"""`evaluate_policy`: plays episodes of a policy and counts how many satisfy each requirement."""
+"""`evaluate_policy`: play episodes of a policy and count how many satisfy each requirement."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_count, check_whole
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.evaluation.frames import Filming, Frame, replay_difference
-from rtamt_gym.evaluation.repeating import (
+from rtamt_gym.evaluation.replays import (
+    Filming,
+    Frame,
     refuse_unrepeated,
     repeats,
+    replay_difference,
     tell_unrepeated,
     warn_of_difference,
 )
@@ -98,8 +100,8 @@ def evaluate_policy(
         signals: As for `simulate`.
         episodes: The number of episodes; with ``until_width`` or ``target``, the maximum.
         seed: The seed of the first episode.
-        n_envs: The number of episodes side by side in a process. A network may round otherwise in
-            a batch, which can change single verdicts of a chaotic simulation.
+        n_envs: The number of episodes side by side in a process. A network may round differently
+            in a batch, which can change single verdicts of a chaotic simulation.
         n_jobs: The number of processes; -1: one for each core. Default: this process.
         backend: ``"dask"`` or ``"ray"`` for a cluster. Default: this machine.
         timeout: The maximum time of an episode in seconds; a longer one fails. Default: no limit.
@@ -137,36 +139,36 @@ def evaluate_policy(
         >>> result.requirements["spec"]
         <spec: 0 of 5 episodes satisfy it, 5 violated>
     """
-    judged = checked_options(reading, evaluate_policy, "episodes")
+    options = checked_options(reading, evaluate_policy, "episodes")
     check_count(Argument("episodes"), episodes)
     check_count(Argument("n_envs"), n_envs)
     check_choice("interval", interval, get_args(IntervalKind))
     check_name_of_policy(name)
     check_whole(Argument("keep"), keep)
     check_whole(Argument("seed"), seed)
-    env, made = _made(env, n_envs)
-    kind = VectorEpisodes if isinstance(made, VectorEnv) else partial(Episodes, n_envs=n_envs)
+    env, instance = _environment(env, n_envs)
+    kind = VectorEpisodes if isinstance(instance, VectorEnv) else partial(Episodes, n_envs=n_envs)
     runner: Episodes | VectorEpisodes = kind(
         env,
         specs,
-        first=made,
+        first=instance,
         policy=policy,
         signals=signals,
         deterministic=deterministic,
         duration=duration,
         stop=stop,
-        **judged.options(),
+        **options.options(),
     )
     stopping = stopping_of(runner.requirements, until_width, target, alpha, margin, interval)
     rules: dict[str, Any] = {"until_width": until_width, "target": target}
     rules |= {"alpha": alpha, "margin": margin} if target is not None else {}
     rules |= {"interval": interval} if until_width is not None else {}
 
-    def made_of(
-        record: Record, keep: int, planned: int | None = None, *, begun: bool | None = None
+    def evaluation_of(
+        record: Record, keep: int, planned: int | None = None, *, repeated: bool | None = None
     ) -> Evaluation:
         period = seconds_of(runner.period)
-        shown = _worst_runs(runner, period, record, keep)
+        worst = _worst_runs(runner, period, record, keep)
         return Evaluation(
             record,
             runner.name,
@@ -175,20 +177,20 @@ def evaluate_policy(
             runner.duration,
             int(seed),
             None if stopping is None else dict(stopping.decisions),
-            shown.runs,
-            shown.frames,
-            reading_of(runner),
+            worst.runs,
+            worst.frames,
+            written_options(runner),
             interval,
-            False if shown.differing else begun,
+            False if worst.differing else repeated,
             planned,
-            shown.differing,
+            worst.differing,
             runner,
         )
 
     campaign = partial(
         run_campaign,
         runner,
-        [({}, each) for each in range(seed, seed + episodes)],
+        [({}, number) for number in range(seed, seed + episodes)],
         n_jobs=n_jobs,
         backend=backend,
         timeout=timeout,
@@ -201,73 +203,71 @@ def evaluate_policy(
     )
     try:
         record = campaign()
-    except KeyboardInterrupt as pressed:
-        so_far: Any = pressed
-        if len(getattr(pressed, "record", ())):
-            so_far.evaluation = made_of(so_far.record, 0, episodes)
+    except KeyboardInterrupt as error:
+        interrupt: Any = error
+        if len(getattr(error, "record", ())):
+            interrupt.evaluation = evaluation_of(interrupt.record, 0, episodes)
         raise
     tell_failures(record)
     try:
         if runner.unasked:
             _tell_open_end(runner, record)
-        begun = _repeats(runner, record)
-        return made_of(record, 0 if begun is False else keep, begun=begun)
-    except KeyboardInterrupt as pressed:  # all episodes are over; only replays are missing
-        is_integer: Any = pressed
-        is_integer.evaluation = made_of(record, 0)
+        repeated = _repeats(runner, record)
+        return evaluation_of(record, 0 if repeated is False else keep, repeated=repeated)
+    except KeyboardInterrupt as error:  # all episodes are over; only replays are missing
+        interrupted: Any = error
+        interrupted.evaluation = evaluation_of(record, 0)
         raise
 
 
-def _made(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401
-    """The environment, or the function that makes it, and its environments."""
+def _environment(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401
+    """Return the environment or the function that makes it, and an environment."""
     if isinstance(env, str):
         env = make(env)
-    made = env
+    instance = env
     if callable(env) and not isinstance(env, gym.Env | VectorEnv):
         with no_exit("the function that makes the environment"):
-            made = env()
-    if isinstance(made, VectorEnv) and n_envs not in (1, made.num_envs):
+            instance = env()
+    if isinstance(instance, VectorEnv) and n_envs not in (1, instance.num_envs):
         raise InputError(
             Argument("n_envs"),
-            f" comes from the vector environment, which has {made.num_envs}, got {n_envs}",
+            f" comes from the vector environment, which has {instance.num_envs}, got {n_envs}",
         )
-    if not isinstance(made, gym.Env | VectorEnv):
+    if not isinstance(instance, gym.Env | VectorEnv):
         raise InputTypeError(
             "expected the id of an environment, a function that makes one, an environment or a "
-            f"vector environment, got {made!r}"
+            f"vector environment, got {instance!r}"
         )
-    return env, made
+    return env, instance
 
 
 def check_repeats(env: Any, seed: Any) -> None:  # noqa: ANN401 - as `evaluate_policy` takes them
     """Raise InputError if two resets of the environment with one seed differ.
 
-    It makes the environment, if that is an id or a function, resets it twice and closes it.
-
-    Raises:
-        InputError: If they do; or as `evaluate_policy` does.
+    If ``env`` is an id or a function, the environment is closed again.
     """
-    _, made = _made(env, 1 if not isinstance(env, VectorEnv) else env.num_envs)
+    _, instance = _environment(env, 1 if not isinstance(env, VectorEnv) else env.num_envs)
     try:
-        is_integer = isinstance(seed, int | np.integer)  # else `evaluate_policy` refuses it
-        if is_integer and repeats(made, int(seed)) is False:
-            refuse_unrepeated(made.spec.id if made.spec else type(made.unwrapped).__name__)
+        is_integer = isinstance(seed, int | np.integer)  # otherwise, `evaluate_policy` refuses it
+        if is_integer and repeats(instance, int(seed)) is False:
+            spec = instance.spec
+            refuse_unrepeated(spec.id if spec else type(instance.unwrapped).__name__)
     finally:
-        if made is not env:
-            made.close()
+        if instance is not env:
+            instance.close()
 
 
 def _repeats(runner: Episodes | VectorEpisodes, record: Record) -> bool | None:
-    """Return whether the seed of a good episode repeats its start; warn otherwise.
+    """Return whether the seed of an episode that did not fail repeats its start; warn otherwise.
 
-    It is asked at the end, in this process, where the worst episodes are played again too: an
-    environment that hangs or crashes with a seed has failed with it by then.
+    The check runs after all episodes, because an environment that hangs or crashes with a seed has
+    failed with it by then.
     """
     seeds = [row.seed for row in record if not row.error and row.seed is not None]
-    begun = repeats(runner.system, seeds[0])
-    if begun is False:
+    repeated = repeats(runner.system, seeds[0])
+    if repeated is False:
         tell_unrepeated(runner.name, seeds[0])
-    return begun
+    return repeated
 
 
 def _tell_open_end(runner: Runner, record: Record) -> None:
@@ -324,7 +324,7 @@ def _worst_runs(
 ) -> _WorstRuns:
     """Play the worst episodes of each requirement again in full.
 
-    Warns once if the replay of an episode differs from the record, and leaves out all that do.
+    Replays that differ from the record are left out, with one warning.
     """
     filming = Filming(runner, period)
     runs: dict[int, Run] = {}
@@ -344,7 +344,7 @@ def _worst_runs(
             try:
                 run, pictures = filming.play(row)
                 differs = replay_difference(runner, row, run)
-            except Exception as error:  # noqa: BLE001 - what was found without it stays
+            except Exception as error:  # noqa: BLE001 - the evaluation is complete without it
                 failed[number] = error
                 continue
             if differs:
@@ -368,10 +368,10 @@ def _worst_runs(
     return _WorstRuns(result, frames, tuple(differing))
 
 
-def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
-    """How a runner reads and judges episodes, as JSON can write it.
+def written_options(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
+    """Return the evaluation options of a runner for JSON.
 
-    It has the source of each variable of the requirements; None stands for a function.
+    ``"signals"`` has the source of each variable of the requirements; None for a function.
     """
     result = runner.evaluation_options.written()
     monitor = runner.monitor

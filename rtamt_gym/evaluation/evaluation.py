@@ -1,4 +1,4 @@
-"""`Evaluation`: how often a policy has satisfied each requirement, and how sure that is."""
+"""`Evaluation`: how often a policy satisfies each requirement, with intervals."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from rtamt import InputError, StateError
 from rtamt.renamed import OldName
 from rtamt_gym import markup
 from rtamt_gym.checks.names import listing
-from rtamt_gym.evaluation.frames import Frame, played, replay_difference
-from rtamt_gym.evaluation.repeating import (
+from rtamt_gym.evaluation.replays import (
     HOW_TO_REPEAT,
     HOW_TO_REPLAY,
+    Frame,
+    played,
+    replay_difference,
     warn_of_difference,
 )
 from rtamt_gym.play.record import Record
@@ -52,7 +54,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Evaluation:
-    """How a policy has done under requirements; `evaluate_policy` makes it.
+    """How often a policy satisfies requirements; `evaluate_policy` returns it.
 
     Attributes:
         record: A row for every episode: its seed, the outcome of every requirement, its end, its
@@ -61,12 +63,12 @@ class Evaluation:
         policy: The name of the policy.
         period: Seconds between samples, or None.
         limit: The time limit of an episode in seconds (steps without a period), or None.
-        seed: The seed of the first episode; each further one has one more.
+        seed: The seed of the first episode; episode i has ``seed + i``.
         decision: The decisions of sequential stopping by requirement; None without it.
         worst_runs: By requirement, its worst episodes played again in full, the worst first.
-        frames: Pictures of the worst episodes, by their seed: of an environment with
-            ``render_mode="rgb_array"`` about 12 to 24, evenly spread, at the end, and where the
-            episode had violated a requirement; they are at most 320 pixels wide and high.
+        frames: Pictures of the worst episodes, by their seed, for an environment with
+            ``render_mode="rgb_array"``: about 12 to 24, evenly spread, at the end, and where the
+            episode violated a requirement; at most 320 pixels wide and high.
         evaluation_options: The evaluation options of `evaluate_policy` by name, and under
             ``"signals"`` the source of each variable, None for a function. None if unknown, as in a
             file of an older version.
@@ -74,7 +76,7 @@ class Evaluation:
         repeats: Whether a seed repeats an episode. False if two resets with one seed differed, or
             if a worst episode had another robustness in its replay (`differing`). None if this was
             not checked, as in a file of an older version.
-        interrupted: The maximum number of episodes, if Ctrl-C ended it; otherwise None.
+        interrupted: The maximum number of episodes if Ctrl-C ended the evaluation; otherwise None.
         differing: The seeds of the worst episodes whose replay differed from the record. They are
             not in `worst_runs`.
     """
@@ -126,8 +128,8 @@ class Evaluation:
     def reported(self) -> tuple[int, int] | None:
         """The number of successes that the environment itself reports, and of its reports.
 
-        It reports in ``is_success`` of the info at the end of an episode; None without reports, and
-        for a vector environment.
+        The reports are ``is_success`` in the info at the end of an episode; None without reports,
+        and for a vector environment.
         """
         result = [row.reported for row in self.record if row.reported is not None]
         return (sum(result), len(result)) if result else None
@@ -138,13 +140,13 @@ class Evaluation:
         return len(self.record)
 
     def replay(self, seed: int) -> Run:
-        """Play an episode again, in full, and keep every sample.
+        """Play an episode again, in full, and record every sample.
 
         Args:
             seed: The seed of the episode.
 
         Raises:
-            InputError: If the evaluation has no such episode.
+            InputError: If the evaluation does not have this episode.
             StateError: If the evaluation was loaded and the episode is not in `worst_runs`, or if a
                 seed does not repeat an episode.
             RtamtError: As `rtamt_gym.simulate` does.
@@ -185,18 +187,18 @@ class Evaluation:
         return run
 
     def to_frame(self) -> pd.DataFrame:
-        """A data frame of pandas: a row for every episode, the columns as in `Record.columns`.
+        """Return a data frame of pandas: a row for every episode, columns as in `Record.columns`.
 
         Needs the extra ``pandas``.
         """
         return self.record.to_frame().rename_axis("episode")
 
     def statistics(self) -> pd.DataFrame:
-        """A data frame of pandas: a row for each requirement, as `Record.statistics`."""
+        """Return a data frame of pandas: a row for each requirement, as `Record.statistics`."""
         return self.record.statistics(self.interval)
 
     def to_json(self) -> str:
-        """Strict JSON that holds all of the evaluation; infinities are ``"inf"`` and ``"-inf"``.
+        """Return the evaluation as strict JSON; infinities are ``"inf"`` and ``"-inf"``.
 
         It contains the worst runs with their samples, explanations and pictures.
         """
@@ -212,7 +214,7 @@ class Evaluation:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Evaluation:
-        """Read a file that `save` has written.
+        """Read a file that `save` wrote.
 
         Raises:
             InputError: If the file does not hold an evaluation.
@@ -221,11 +223,11 @@ class Evaluation:
 
     @staticmethod
     def from_saved(kept: Mapping[str, Any]) -> Evaluation:
-        """The evaluation that a result of the kind ``"evaluation"`` holds, read as JSON."""
+        """Return the evaluation from the JSON of a result of the kind ``"evaluation"``."""
         return _evaluation_of(kept)
 
     def __eq__(self, other: object) -> bool:
-        """Whether all is equal but the wall times, and whether episodes can be played again."""
+        """Compare all fields except wall times and the runner."""
         if not isinstance(other, Evaluation):
             return NotImplemented
         return all(getattr(self, name) == getattr(other, name) for name in _COMPARED)
@@ -252,10 +254,10 @@ class Evaluation:
             low, high = result.interval
             rate, interval = f"{result.rate:.1%}", f"{low:.1%} to {high:.1%}"
             texts = result.name, f"{result.satisfied} of {result.counted}", rate, interval
-            drawn = markup.plain("")  # interrupted before the first episode was over
+            bar = markup.plain("")  # interrupted before the end of the first episode
             if result.counted:
-                drawn = markup.bar(result.rate, low, high, f"{rate}, in truth {interval}")
-            rows.append([*map(markup.plain, texts), drawn, markup.code(result.formula)])
+                bar = markup.bar(result.rate, low, high, f"{rate}, in truth {interval}")
+            rows.append([*map(markup.plain, texts), bar, markup.code(result.formula)])
         head = ["", "satisfied", "rate", "95 % interval", "from 0 to 1", "formula"]
         return f"{markup.plain(repr(self)[1:-1])}{markup.table(head, rows)}"
 
@@ -271,14 +273,14 @@ _COMPARED: Final = (
 )
 
 
-_KEPT = ("policy", "period", "limit", "seed", "decision")
-"""The fields of an evaluation that JSON holds as they are."""
+_PLAIN = ("policy", "period", "limit", "seed", "decision")
+"""The fields of an evaluation that JSON contains unchanged."""
 
 
 def _written(evaluation: Evaluation) -> str:
-    """The evaluation as a result of the kind ``"evaluation"``; `_evaluation_of` reads it.
+    """Return an evaluation as a result of the kind ``"evaluation"``; `_evaluation_of` reads it.
 
-    Derived values are included for other programs; ``_evaluation_of`` computes them again.
+    Derived values are for other programs; ``_evaluation_of`` computes them again.
     """
     runs: list[Run] = []
     places: dict[str, list[int]] = {}
@@ -292,7 +294,7 @@ def _written(evaluation: Evaluation) -> str:
     return document(
         "evaluation",
         {
-            **{name: getattr(evaluation, name) for name in _KEPT},
+            **{name: getattr(evaluation, name) for name in _PLAIN},
             "reading": evaluation.evaluation_options,
             "repeats": evaluation.repeats,
             "differing": evaluation.differing,
@@ -309,7 +311,7 @@ def _written(evaluation: Evaluation) -> str:
 
 
 def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
-    """Read the result that `_written` has made."""
+    """Read the result of `_written`."""
     runs = [Run(**run_fields(item)) for item in kept["runs"]]
     frames = {
         item["seed"]: tuple(
@@ -344,10 +346,10 @@ def _kind_of(kept: Mapping[str, Any]) -> IntervalKind:
 
 
 def _run(run: Run) -> dict[str, Any]:
-    """A run in full, with the predicate that decided each robustness."""
+    """Return a run in full, with the predicate that decided each robustness."""
     stored = plain_run(run)
-    for name, course in stored["courses"].items():
-        course["deciding"] = _deciding(run, name)
+    for name, history in stored["courses"].items():
+        history["deciding"] = _deciding(run, name)
     return stored
 
 
@@ -356,9 +358,9 @@ def _frames(frames: Sequence[Frame]) -> list[dict[str, Any]]:
 
 
 def _deciding(run: Run, name: str) -> dict[str, Any] | None:
-    """Return the predicate that decided a robustness, its sample and the values there.
+    """Return the deciding predicate, its sample and its values; None if none decided.
 
-    None: a window that lies outside of the run decided.
+    No predicate decides if a window outside the run does.
     """
     explanation = run.explain(name)
     if explanation.predicate is None:

@@ -35,7 +35,7 @@ def draw(
         ax.set_xlabel("steps of training", fontsize=9)
     for index, (name, method) in enumerate(methods.items()):
         scores = np.sort(np.ravel(method.scores))
-        # Beside each other, so that equal runs are all seen.
+        # Runs next to each other, so that equal runs stay visible.
         across = index + np.linspace(-0.3, 0.3, len(scores))
         runs.plot(across, scores, ".", color=colours[name], markersize=4)
         low, high = method.mean.interval
@@ -55,7 +55,7 @@ def draw(
 def _band(
     ax: Axes, places: Sequence[float], estimates: Sequence[Estimate], name: str, colour: str
 ) -> None:
-    """Return a curve with the intervals of its points."""
+    """Draw a curve with the intervals of its points."""
     low, high = np.array([estimate.interval for estimate in estimates]).T
     ax.plot(
         places, [estimate.value for estimate in estimates], color=colour, label=name, linewidth=1.6

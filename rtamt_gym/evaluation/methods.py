@@ -1,4 +1,4 @@
-"""`compare_methods`: how methods of learning compare over training seeds."""
+"""`compare_methods`: comparison of learning methods over training seeds."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ from rtamt.renamed import OldName
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
-from rtamt_gym.evaluation.compared import LEVEL
 from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.evaluation.paired import holm
+from rtamt_gym.evaluation.paired import LEVEL, holm
 from rtamt_gym.results.codec import document, read_as, read_fields, save
 from rtamt_gym.results.intervals import check_confidence
 from rtamt_gym.results.method_scores import (
@@ -38,8 +37,8 @@ from rtamt_gym.tables import Terminal, counted, p_text
 Floats = NDArray[np.float64]
 
 MethodRuns = ArrayLike | Sequence[Evaluation] | Mapping[str, "ArrayLike | Sequence[Evaluation]"]
-"""The runs of a method: a score for each training seed, or a curve of scores; of several tasks a
-mapping of such."""
+"""The runs of a method: a score or a curve of scores for each training seed; for several tasks, a
+mapping by task."""
 
 _POINTS: Final = 51
 """The thresholds of performance profiles."""
@@ -47,17 +46,17 @@ _POINTS: Final = 51
 
 @dataclass(frozen=True, repr=False)
 class MethodComparison:
-    """Methods of learning over training seeds; `compare_methods` makes it, and ``print`` shows it.
+    """Learning methods over training seeds; `compare_methods` returns it, and ``print`` shows it.
 
     Attributes:
         methods: The results of each method, by name.
         baseline: The name of the method to compare the others with.
-        tasks: The names of the tasks; one empty text of a single task.
+        tasks: The names of the tasks; one empty text for a single task.
         thresholds: The thresholds of the performance profiles.
         steps: The training steps of the points of curves; empty without curves.
         score: The name of the score.
-        confidence: How often an interval shall cover the truth.
-        resamples: How often the runs were drawn for the intervals.
+        confidence: How often an interval covers the true value.
+        resamples: The number of bootstrap samples for the intervals.
         seed: The seed of the random numbers.
     """
 
@@ -82,9 +81,9 @@ class MethodComparison:
             if name != self.baseline
         )
 
-    def _sentence(self, name: str, found: MethodScores) -> str:
-        adjusted = 1.0 if found.adjusted is None else found.adjusted
-        gap = found.mean.value - self.methods[self.baseline].mean.value
+    def _sentence(self, name: str, scores: MethodScores) -> str:
+        adjusted = 1.0 if scores.adjusted is None else scores.adjusted
+        gap = scores.mean.value - self.methods[self.baseline].mean.value
         if adjusted >= LEVEL:
             return (
                 f"No difference is shown between {name} and {self.baseline} ({p_text(adjusted)})."
@@ -103,7 +102,7 @@ class MethodComparison:
             path: The name of the picture, such as ``methods.png``, ``.svg`` or ``.pdf``.
 
         Raises:
-            InputError: If the name ends otherwise.
+            InputError: If the file does not have the extension of a picture.
         """
         try:
             from rtamt_gym import drawing
@@ -114,9 +113,9 @@ class MethodComparison:
         drawing.save(draw(self.methods, self.steps, self.thresholds, self.score), Path(path))
 
     def to_json(self) -> str:
-        """Strict JSON that holds all of the comparison."""
-        own = {field.name: getattr(self, field.name) for field in fields(self)}
-        return document("methods", own | {"sentence": self.sentence})
+        """Return the comparison as strict JSON."""
+        stored = {field.name: getattr(self, field.name) for field in fields(self)}
+        return document("methods", stored | {"sentence": self.sentence})
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the text of `to_json` into a file.
@@ -128,7 +127,7 @@ class MethodComparison:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> MethodComparison:
-        """Read a file that `save` has written.
+        """Read a file that `save` wrote.
 
         Raises:
             InputError: If the file does not hold a comparison of methods.
@@ -137,7 +136,7 @@ class MethodComparison:
 
     @staticmethod
     def from_saved(kept: Mapping[str, Any]) -> MethodComparison:
-        """Return the comparison that a result of the kind ``"methods"`` holds, read as JSON."""
+        """Return the comparison from the JSON of a result of the kind ``"methods"``."""
         return read_fields(MethodComparison, kept)
 
     def __repr__(self) -> str:
@@ -158,8 +157,8 @@ class MethodComparison:
             else:
                 row += [f"{result.improvement.value:.2f}", p_text(result.adjusted)[2:].lstrip("= ")]
             rows.append(row)
-        of = "" if self.tasks == ("",) else f" over {counted(len(self.tasks), 'task')}"
-        title = f"{self.score}{of}, a run for each training seed"
+        tasks = "" if self.tasks == ("",) else f" over {counted(len(self.tasks), 'task')}"
+        title = f"{self.score}{tasks}, a run for each training seed"
         return "\n".join([title, "", *Terminal().table(rows, "<" + ">" * (len(head) - 1))])
 
 
@@ -175,8 +174,8 @@ def compare_methods(
 ) -> MethodComparison:
     """Compare methods of learning over runs with different training seeds.
 
-    A run is one policy: its many episodes are not independent trials of the training method. So
-    every number here counts runs. The definitions follow Agarwal et al., "Deep Reinforcement
+    A run is one policy: its many episodes are not independent trials of the training method.
+    Therefore every number counts runs. The definitions follow Agarwal et al., "Deep Reinforcement
     Learning at the Edge of the Statistical Precipice" (NeurIPS 2021):
 
     | number | of the scores, runs x tasks |
@@ -188,8 +187,8 @@ def compare_methods(
     | intervals | percentiles of the stratified bootstrap: runs are resampled within each task |
 
     The p-value comes from a two-sided permutation test on the means, within each task. An interval
-    of few runs is too narrow; if all are equal, its width is 0. The interquartile mean hides up to
-    a quarter of failed runs; `MethodScores.quartiles` starts with the minimum.
+    from few runs is too narrow; if all scores are equal, its width is 0. The interquartile mean
+    hides up to a quarter of failed runs; `MethodScores.quartiles` starts with the minimum.
 
     Args:
         runs: The scores of the runs of each method, such as shares of satisfied episodes: a number
@@ -200,8 +199,8 @@ def compare_methods(
         steps: The training steps of the points of curves. The last point of a curve is the score of
             its run.
         score: The name of the score in tables and pictures.
-        confidence: How often an interval shall cover the truth.
-        resamples: How often the runs are drawn for the intervals.
+        confidence: How often an interval covers the true value.
+        resamples: The number of bootstrap samples for the intervals.
         seed: The seed of the random numbers: the same arguments return the same comparison.
 
     Raises:
@@ -225,8 +224,8 @@ def compare_methods(
     points = None if steps is None else tuple(map(float, np.asarray(steps).ravel()))
     scores = _scores(runs, points)
     tasks = _tasks(scores)
-    named = next(iter(scores)) if baseline is None else baseline
-    if named not in scores:
+    reference = next(iter(scores)) if baseline is None else baseline
+    if reference not in scores:
         raise InputError(
             f"expected baseline= as a method ({listing(scores)}), got "
             f"{baseline!r}{nearest(baseline, scores)}"
@@ -241,31 +240,33 @@ def compare_methods(
     thresholds = np.linspace(low, high, _POINTS)
     interval = partial(stratified_bootstrap, confidence=confidence, resamples=resamples, seed=seed)
     chances = {
-        name: permutation_p(value, ends[named], seed=seed)
+        name: permutation_p(value, ends[reference], seed=seed)
         for name, value in ends.items()
-        if name != named
+        if name != reference
     }
     adjusted = holm(chances)
     methods = {}
-    for name, each in ends.items():
-        share = profile(each, thresholds)
+    for name, values in ends.items():
+        share = profile(values, thresholds)
         methods[name] = MethodScores(
-            tuple(tuple(map(float, row)) for row in each),
-            _estimate([each], mean, interval),
-            _estimate([each], interquartile_mean, interval),
-            _estimates(share, interval([each], partial(profile, thresholds=thresholds))),
+            tuple(tuple(map(float, row)) for row in values),
+            _estimate([values], mean, interval),
+            _estimate([values], interquartile_mean, interval),
+            _estimates(share, interval([values], partial(profile, thresholds=thresholds))),
             ()
             if points is None
             else tuple(
                 _estimate([curves[name][..., k]], mean, interval) for k in range(len(points))
             ),
-            None if name == named else _estimate([each, ends[named]], improvement, interval),
+            None
+            if name == reference
+            else _estimate([values, ends[reference]], improvement, interval),
             chances.get(name),
             adjusted.get(name),
         )
     return MethodComparison(
         methods,
-        named,
+        reference,
         tasks,
         tuple(map(float, thresholds)),
         points or (),
@@ -279,8 +280,10 @@ def compare_methods(
 _Bootstrap = Callable[[Sequence[Floats], Callable[..., Any]], tuple[Any, Any]]
 
 
-def _estimate(samples: Sequence[Floats], statistic: Callable[..., Any], of: _Bootstrap) -> Estimate:
-    low, high = of(samples, statistic)
+def _estimate(
+    samples: Sequence[Floats], statistic: Callable[..., Any], interval: _Bootstrap
+) -> Estimate:
+    low, high = interval(samples, statistic)
     return Estimate(float(statistic(*samples)), (float(low), float(high)))
 
 
@@ -312,26 +315,26 @@ def _scores(runs: object, points: tuple[float, ...] | None) -> dict[str, dict[st
     return result
 
 
-def _curves(given: Any, points: tuple[float, ...] | None, of: str) -> Floats:  # noqa: ANN401
+def _curves(runs: Any, points: tuple[float, ...] | None, name: str) -> Floats:  # noqa: ANN401
     """Return the curves of the runs of one method on one task; a score is a curve of one point."""
-    listed = [
+    scores = [
         item.success.rate if isinstance(item, Evaluation) else item
-        for item in (given if isinstance(given, list | tuple) else np.asarray(given))
+        for item in (runs if isinstance(runs, list | tuple) else np.asarray(runs))
     ]
     try:
-        array = np.array(listed, np.float64)
+        array = np.array(scores, np.float64)
     except (TypeError, ValueError) as error:
-        raise InputError(f"expected numbers for each run of {of}, got others: {error}") from error
+        raise InputError(f"expected numbers for each run of {name}, got others: {error}") from error
     if points is None:
         wanted, fits = "a score for each run, shape (runs,)", array.ndim == 1
     else:
         wanted = f"a curve for each run, shape (runs, {len(points)}) as steps= has"
         fits = array.ndim == 2 and array.shape[1] == len(points)
     if not fits or not array.size:
-        raise InputError(f"expected {wanted}, of {of}, got shape {array.shape}")
+        raise InputError(f"expected {wanted}, of {name}, got shape {array.shape}")
     if not np.isfinite(array).all():
         raise InputError(
-            f"expected finite scores of {of}, got nan or inf in run "
+            f"expected finite scores of {name}, got nan or inf in run "
             f"{int(np.argwhere(~np.isfinite(array))[0][0])}; give a failed run a score, such as 0"
         )
     return array.reshape(len(array), -1)
@@ -340,11 +343,11 @@ def _curves(given: Any, points: tuple[float, ...] | None, of: str) -> Floats:  #
 def _tasks(scores: Mapping[str, Mapping[str, Floats]]) -> tuple[str, ...]:
     """Return the names of the tasks, which all methods have, with as many runs in each."""
     (first, tasks), *others = ((name, tuple(of_task)) for name, of_task in scores.items())
-    for name, its in others:
-        if set(its) != set(tasks):
+    for name, other in others:
+        if set(other) != set(tasks):
             raise InputError(
                 f"expected the same tasks of all methods, got {listing(tasks)} of {first!r} and "
-                f"{listing(its)} of {name!r}"
+                f"{listing(other)} of {name!r}"
             )
     for name, of_task in scores.items():
         counts = {task: len(value) for task, value in of_task.items()}

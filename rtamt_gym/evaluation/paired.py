@@ -1,34 +1,38 @@
-"""Two measurements on the same episodes: how far apart they are, and how sure that is."""
+"""Paired statistics: two results on the same episodes, their differences and intervals."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from rtamt_gym.results.intervals import (
+    IntervalKind,
     bootstrap,
     check_confidence,
     differences,
     median,
     median_interval,
+    rate_interval,
     scipy_stats,
 )
+from rtamt_gym.results.statistics import SUCCESS
+from rtamt_gym.tables import counted, p_text, short
 
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """How far two measurements on the same episodes are apart, B less A.
+    """The difference of two measurements on the same episodes, B minus A.
 
     Attributes:
         statistic: ``"mean"``: ``value`` is the mean of the differences; ``"median"``: their median,
             as `quantiles` defines it, if a difference is infinite.
         value: The difference.
-        interval: Its 95 % interval: by the bootstrap for a mean, by ranks for a median.
+        interval: The 95 % interval: by the bootstrap for a mean, by ranks for a median.
         pairs: The measurements of A and B in each episode that has both.
     """
 
@@ -39,18 +43,18 @@ class Effect:
 
 
 def effect_of(first: ArrayLike, second: ArrayLike, *, seed: int = 0) -> Effect | None:
-    """Return how far the second measurements are above the first; None without a pair.
+    """Return the difference of the second and the first measurements; None without a pair.
 
     Two equal infinities have the difference 0. Swapping both sides reverses the sign, up to the
     random numbers of the bootstrap.
 
     Example:
-        >>> found = effect_of([1.0, 2.0, 3.0, 4.0], [2.0, 2.5, 4.0, 4.5])
-        >>> found.statistic, found.value, found.interval
+        >>> effect = effect_of([1.0, 2.0, 3.0, 4.0], [2.0, 2.5, 4.0, 4.5])
+        >>> effect.statistic, effect.value, effect.interval
         ('mean', 0.75, (0.5, 1.0))
         >>> inf = float("inf")
-        >>> found = effect_of([inf, 2.0, 3.0], [inf, inf, 3.0])
-        >>> found.statistic, found.value, found.interval
+        >>> effect = effect_of([inf, 2.0, 3.0], [inf, inf, 3.0])
+        >>> effect.statistic, effect.value, effect.interval
         ('median', 0.0, (-inf, inf))
     """
     gaps = differences(first, second)
@@ -83,14 +87,14 @@ def tango(only_a: int, only_b: int, pairs: int, confidence: float = 0.95) -> tup
 
     It contains every difference that the score test does not reject, like the interval of Wilson
     for one rate (Tango 1998, "Equivalence test and confidence interval for the difference in
-    proportions for the paired-sample design", Statistics in Medicine 17). So its width is above 0
-    even if A and B agree in all episodes, and it lies within -1 and 1.
+    proportions for the paired-sample design", Statistics in Medicine 17). Therefore its width is
+    above 0 even if A and B agree in all episodes, and it lies within -1 and 1.
 
     Args:
         only_a: The number of episodes where only A succeeds.
         only_b: The number of episodes where only B succeeds.
-        pairs: All episodes; of 0 nothing is known, and the interval is (-1, 1).
-        confidence: How often an interval shall cover the difference: between 0 and 1.
+        pairs: The number of all episodes; without episodes, the interval is (-1, 1).
+        confidence: How often an interval covers the difference: between 0 and 1.
 
     Example:
         >>> low, high = tango(only_a=20, only_b=40, pairs=160)
@@ -101,12 +105,11 @@ def tango(only_a: int, only_b: int, pairs: int, confidence: float = 0.95) -> tup
         (-0.037, 0.037)
     """
     check_confidence(confidence)
-    return -_greatest(only_b, only_a, pairs, confidence), _greatest(
-        only_a, only_b, pairs, confidence
-    )
+    low = -_largest(only_b, only_a, pairs, confidence)
+    return low, _largest(only_a, only_b, pairs, confidence)
 
 
-def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
+def _largest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
     """Return the largest difference that the score test does not reject."""
     if only_b == pairs:
         return 1.0
@@ -114,7 +117,7 @@ def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
     from scipy.optimize import brentq
 
     def score(gap: float) -> float:
-        """Change its sign where the test statistic is -z; free of its division by 0."""
+        """Return a number that is 0 where the test statistic is -z, without a division by 0."""
         # the likeliest share of episodes where only A succeeds, if the difference is `gap`
         linear = (2 * pairs + only_a - only_b) * gap - only_a - only_b
         constant = -only_a * gap * (1 - gap)
@@ -129,7 +132,7 @@ def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
 
 
 def holm(chances: Mapping[str, float]) -> dict[str, float]:
-    """P-values of several tests, adjusted by the method of Holm (1979).
+    """Return the p-values of several tests, adjusted by the method of Holm (1979).
 
     If all adjusted results below 0.05 are called differences, the probability of any wrong one is
     at most 0.05.
@@ -139,8 +142,176 @@ def holm(chances: Mapping[str, float]) -> dict[str, float]:
         {'near': 0.03, 'slow': 0.06, 'calm': 0.06}
     """
     adjusted: dict[str, float] = {}
-    least = 0.0
-    for done, name in enumerate(sorted(chances, key=chances.__getitem__)):
-        least = max(least, min(1.0, (len(chances) - done) * chances[name]))
-        adjusted[name] = least
+    largest = 0.0
+    for rank, name in enumerate(sorted(chances, key=chances.__getitem__)):
+        largest = max(largest, min(1.0, (len(chances) - rank) * chances[name]))
+        adjusted[name] = largest
     return {name: adjusted[name] for name in chances}
+
+
+LEVEL: Final = 0.05
+"""A difference of rates is significant if the adjusted p-value is below this."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One requirement in the episodes of two policies, A and B, with the same seeds.
+
+    An episode that failed, or that leaves the requirement undecided, does not satisfy it.
+
+    Attributes:
+        name: The name of the requirement.
+        formula: The text of the requirement.
+        both: The number of seeds with which both satisfy it.
+        only_a: The number of seeds with which only A satisfies it.
+        only_b: The number of seeds with which only B satisfies it.
+        neither: The number of seeds with which neither satisfies it.
+        interval_a: The 95 % interval of the rate of A, of the kind of its evaluation.
+        interval_b: The 95 % interval of the rate of B.
+        interval: The 95 % interval of Tango for the difference, see `tango`.
+        p: The p-value of McNemar's exact test.
+        adjusted: The p-value, adjusted by Holm's method for the number of requirements.
+        robustness: The robustness of B minus the robustness of A, over seeds without a failure;
+            None without such a seed.
+    """
+
+    name: str
+    formula: str
+    both: int
+    only_a: int
+    only_b: int
+    neither: int
+    interval_a: tuple[float, float]
+    interval_b: tuple[float, float]
+    interval: tuple[float, float]
+    p: float
+    adjusted: float
+    robustness: Effect | None
+
+    @property
+    def pairs(self) -> int:
+        """The number of seeds."""
+        return self.both + self.only_a + self.only_b + self.neither
+
+    @property
+    def rate_a(self) -> float:
+        """The share of seeds where A satisfies it."""
+        return (self.both + self.only_a) / self.pairs
+
+    @property
+    def rate_b(self) -> float:
+        """The share of seeds where B satisfies it."""
+        return (self.both + self.only_b) / self.pairs
+
+    @property
+    def difference(self) -> float:
+        """The rate of B minus the rate of A."""
+        return (self.only_b - self.only_a) / self.pairs
+
+    @property
+    def shown(self) -> bool:
+        """Whether the difference of the rates is significant: the adjusted p is below 0.05."""
+        return self.adjusted < LEVEL
+
+    @property
+    def sentence(self) -> str:
+        """The significant differences of rates and robustness, in a sentence."""
+        return self.sentence_of("episode")
+
+    def sentence_of(self, noun: str) -> str:
+        """Return `sentence` with a word for a pair, such as ``"recording"``."""
+        parts = [_rates(self, noun)]
+        if self.robustness is not None:
+            parts.append(effect_sentence(self.robustness, "its robustness"))
+        return " ".join(parts)
+
+
+def compared_of(
+    name: str,
+    formula: str,
+    counts: Mapping[tuple[bool, bool], int],
+    robustness: Effect | None,
+    kinds: tuple[IntervalKind, IntervalKind] = ("exact", "exact"),
+) -> Compared:
+    """Return one requirement from the counts of joint results of A and B, A first.
+
+    The kinds are the interval kinds of both rates.
+    """
+    both, neither = counts[True, True], counts[False, False]
+    only_a, only_b = counts[True, False], counts[False, True]
+    pairs = both + neither + only_a + only_b
+    p = mcnemar(only_a, only_b)
+    return Compared(
+        name,
+        formula,
+        both,
+        only_a,
+        only_b,
+        neither,
+        rate_interval(both + only_a, pairs, kinds[0]),
+        rate_interval(both + only_b, pairs, kinds[1]),
+        tango(only_a, only_b, pairs),
+        p,
+        p,
+        robustness,
+    )
+
+
+def _rates(compared: Compared, noun: str) -> str:
+    name = SUCCESS if compared.name == SUCCESS else f"`{compared.name}`"
+    gap, pairs = compared.difference, compared.pairs
+    low, high = (points(end, pairs) for end in compared.interval)
+    if compared.shown:
+        ends = sorted(abs(end) for end in compared.interval)
+        low, high = (points(end, pairs) for end in ends)
+        return (
+            f"B satisfies {name} in {counted_points(abs(gap), pairs)} "
+            f"{'more' if gap > 0 else 'less'} of the {noun}s "
+            f"(95%: {low} to {high}; {p_text(compared.adjusted)})."
+        )
+    start = f"No difference is shown for {name}:"
+    if compared.only_a == compared.only_b == 0:
+        agree = f"agree in the only {noun}" if pairs == 1 else f"agree in all {pairs} {noun}s"
+        return f"{start} A and B {agree} (95%: {low} to {high} points)."
+    return (
+        f"{start} {counted_points(gap, pairs)}, {low} to {high} (95%; {p_text(compared.adjusted)})."
+    )
+
+
+def effect_sentence(effect: Effect, what: str) -> str:
+    """Return the significant difference of a measurement, such as ``"the return"``, in words."""
+    statistic = "on average" if effect.statistic == "mean" else "in the median"
+    low, high = effect.interval
+    name = what[0].upper() + what[1:]
+    if all(a == b for a, b in effect.pairs):
+        return f"{name} is the same in each pair."
+    if low > 0 or high < 0:
+        ends = sorted(abs(end) for end in effect.interval)
+        return (
+            f"{name} is {short(abs(effect.value))} {'greater' if low > 0 else 'less'} "
+            f"{statistic} (95%: {short(ends[0])} to {short(ends[1])})."
+        )
+    if math.isinf(low) and math.isinf(high):
+        return f"{counted(len(effect.pairs), 'pair')} can say nothing of {what}."
+    return (
+        f"No difference of {what} is shown: {short(effect.value)} {statistic} "
+        f"(95%: {short(low)} to {short(high)})."
+    )
+
+
+def points(share: float, pairs: int) -> str:
+    """Return a difference of rates in percentage points, with tenths for 500 pairs or more.
+
+    Example:
+        >>> points(0.118, 100), points(-0.0043, 2000), points(-0.001, 100)
+        ('12', '-0.4', '0')
+    """
+    digits = 1 if pairs >= 500 else 0
+    rounded = round(100 * share, digits)
+    return f"{rounded + 0.0:.{digits}f}"  # -0.0 becomes 0.0
+
+
+def counted_points(share: float, pairs: int) -> str:
+    """Return `points` with the unit: ``1 point``, ``12 points``."""
+    text = points(share, pairs)
+    return f"{text} {'point' if text in {'1', '-1'} else 'points'}"

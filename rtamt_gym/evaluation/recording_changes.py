@@ -10,8 +10,7 @@ from typing import Any, Literal, Self
 from rtamt import InputError
 from rtamt.language import RequirementId
 from rtamt.monitors import Occurrence
-from rtamt_gym.evaluation.compared import Compared
-from rtamt_gym.evaluation.paired import Effect
+from rtamt_gym.evaluation.paired import Compared, Effect
 from rtamt_gym.results.codec import build, document, plain, read_as, read_fields, save, trials_of
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Word
@@ -70,7 +69,7 @@ class ViolationChange:
     """A violation of A, of B, or of both.
 
     Attributes:
-        status: The result of the comparison.
+        status: The status, such as ``"new"``.
         recording: The name of the recording below its folder.
         requirement: The name of the requirement.
         body: The part of the requirement that is violated.
@@ -202,7 +201,7 @@ class RecordingsComparison:
         return result
 
     def to_json(self) -> str:
-        """Strict JSON that holds all of the comparison."""
+        """Return the comparison as strict JSON."""
         stored = {item.name: getattr(self, item.name) for item in fields(self)}
         del stored["ids"]
         stored["requirements"] = {
@@ -223,12 +222,12 @@ class RecordingsComparison:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> RecordingsComparison:
-        """Read a file that `save` has written."""
+        """Read a file that `save` wrote."""
         return read_as(path, "recordings", RecordingsComparison.from_saved)
 
     @staticmethod
     def from_saved(kept: Mapping[str, Any]) -> RecordingsComparison:
-        """Return the comparison that a result of the kind ``"recordings"`` holds."""
+        """Return the comparison from the JSON of a result of the kind ``"recordings"``."""
         requirements = [read_fields(ChangedRequirement, item) for item in kept["compared"]]
         own = {**kept, "requirements": {}, "changes": [], "ids": {}}
         return replace(

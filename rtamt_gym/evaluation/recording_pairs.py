@@ -1,4 +1,4 @@
-"""Pairs of recordings: the ones of two releases that have the same name below their folders."""
+"""Pairs of recordings of two releases that have the same name below their folders."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from rtamt_gym.recorded.parts import split_name
 from rtamt_gym.tables import shorten
 
 _NAMED = 3
+"""The recordings of a side that an error names."""
 
 _TRIED = 32
-"""The folders of each side that are tried although they lack some recordings: the largest."""
+"""The maximum number of folders without all recordings of their side that are tried."""
 
 _Paths = Mapping[str, tuple[str, ...]]
-"""The folders and the file of each recording, and then its group, by its name."""
+"""The folders, the file and the group of each recording, by name."""
 
 
 class RecordingPairs(NamedTuple):
@@ -109,21 +110,21 @@ def _rivals(sides: Sequence[_Paths], paired: RecordingPairs | None) -> list[Reco
     own = frozenset(paired.pairs.values()) if paired else frozenset()
     if paired and not (paired.only_a or paired.only_b):
         return []
-    least = len(own) + (not any(one == two for one, two in own))
+    minimum = len(own) + (not any(one == two for one, two in own))
     best: list[RecordingPairs] = []
-    for folders in product(*(_folders_of(paths, least) for paths in sides)):
+    for folders in product(*(_folders_of(paths, minimum) for paths in sides)):
         result = _paired(sides, folders)
-        if len(result.pairs) >= least and frozenset(result.pairs.values()) != own:
-            best, least = [result], len(result.pairs) + 1
+        if len(result.pairs) >= minimum and frozenset(result.pairs.values()) != own:
+            best, minimum = [result], len(result.pairs) + 1
     return best
 
 
-def _folders_of(paths: _Paths, least: int) -> list[tuple[str, ...]]:
-    """Return the largest folders with a number of recordings; a file with groups is one."""
+def _folders_of(paths: _Paths, minimum: int) -> list[tuple[str, ...]]:
+    """Return the largest folders with a minimum of recordings; a file with groups is a folder."""
     counts = Counter(
         parts[:depth] for parts in paths.values() for depth in range(len(parts) - (not parts[-1]))
     )
-    return [folder for folder, count in counts.most_common(_TRIED) if count >= least]
+    return [folder for folder, count in counts.most_common(_TRIED) if count >= minimum]
 
 
 def _parts(name: str) -> tuple[str, ...]:
@@ -177,7 +178,7 @@ def _joined(parts: tuple[str, ...]) -> str:
 def _checked(
     paired: RecordingPairs, sides: Sequence[_Paths], other: RecordingPairs | None = None
 ) -> RecordingPairs:
-    """Refuse a result without pairs, and show the folders that have some."""
+    """Return a result with pairs; otherwise raise InputError with a hint at folders."""
     if paired.pairs:
         return paired
     texts = []

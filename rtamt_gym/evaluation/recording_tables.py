@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from rtamt.errors import shown
 from rtamt.monitors import Occurrence
-from rtamt_gym.evaluation.compared import effect_sentence
+from rtamt_gym.evaluation.paired import effect_sentence
 from rtamt_gym.results.span_matching import Status
 from rtamt_gym.results.warnings import VerdictWarning
 from rtamt_gym.tables import counted, number, shorten, table, wrapped
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from rtamt_gym.evaluation.recording_changes import RecordingsComparison, ViolationChange
 
 _NAMED: Final = 3
-"""The recordings that a warning names."""
+"""The number of recordings that a warning names."""
 
 _LISTED: Final = 10
-"""The violations that are listed of each status."""
+"""The number of violations that are listed for each status."""
 
 HEADINGS: Final[dict[Status, str]] = {
     "new": "new in B",

@@ -1,7 +1,6 @@
-"""Comparison of two sets of recordings: which violations are new, gone or moved.
+"""`compare_recordings`: which violations are new, gone or moved between two sets of recordings.
 
-`compare_recordings` makes a `RecordingsComparison` of two results of ``rtamt monitor --json
---occurrences``.
+Its arguments are two results of ``rtamt monitor --json --occurrences``.
 """
 
 from __future__ import annotations
@@ -12,13 +11,12 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, get_args
+from typing import Any, Final, Self, get_args
 
 from rtamt import InputError, Verdict
 from rtamt.errors import Argument, shown
-from rtamt.monitors import BodyOccurrences, Occurrence
-from rtamt_gym.evaluation.compared import LEVEL, compared_of
-from rtamt_gym.evaluation.paired import effect_of, holm
+from rtamt.monitors import BodyOccurrences, Occurrence, RunTable
+from rtamt_gym.evaluation.paired import LEVEL, compared_of, effect_of, holm
 from rtamt_gym.evaluation.recording_changes import (
     ChangedRequirement,
     ComparedTimes,
@@ -28,9 +26,14 @@ from rtamt_gym.evaluation.recording_changes import (
     ViolationChange,
 )
 from rtamt_gym.evaluation.recording_pairs import RecordingPairs, pair_recordings
-from rtamt_gym.evaluation.recording_spans import RequirementClock, recorded_spans
 from rtamt_gym.results.outcome import Outcome
-from rtamt_gym.results.span_matching import SpanMatches, Status, match_spans
+from rtamt_gym.results.span_matching import (
+    RecordedSpans,
+    SpanMatches,
+    Status,
+    TimeSpan,
+    match_spans,
+)
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted
 
@@ -48,7 +51,7 @@ def reading_differences(a: RecordingSet, b: RecordingSet) -> Iterator[str]:
     """Yield each option with which A and B read columns differently, with both values.
 
     A column or a default of a variable that only one side reads counts if a requirement of both
-    has that variable, or if that side has no requirement of its own.
+    sides has the variable, or if all requirements of that side are also on the other side.
     """
     one, two = (side.reading.get("columns") or {} for side in (a, b))
     for key in dict.fromkeys([*one, *two]):
@@ -140,12 +143,12 @@ def compare_recordings(
     pairs = pair_recordings(
         [row.name for row in a.matrix.rows], [row.name for row in b.matrix.rows], folders
     )
-    rows_a, rows_b = ({row.name: row for row in each.matrix.rows} for each in (a, b))
+    rows_a, rows_b = ({row.name: row for row in side.matrix.rows} for side in (a, b))
     rows = {name: (rows_a[one], rows_b[two]) for name, (one, two) in pairs.pairs.items()}
     labels = {name: name or os.path.basename(pairs.pairs[name][1]) for name in rows}  # noqa: PTH119 - a name of a trace
     changed = [name for name in names if _differs(a, b, rows.values(), name)]
     if changed and not accept_changed:
-        one, two = (each.matrix.requirements[changed[0]] for each in (a, b))
+        one, two = (side.matrix.requirements[changed[0]] for side in (a, b))
         raise InputError(
             f"cannot compare: {changed[0]} is {one} of A and {two} of B; evaluate both with the "
             "same text, or leave such requirements out with ",
@@ -207,9 +210,90 @@ def _check_options(a: RecordingSet, b: RecordingSet) -> None:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class RequirementClock:
+    """The times at which a requirement was evaluated on a recording.
+
+    Attributes:
+        begin: The start of the recording; 0 if it has no times.
+        first: The start of the trace of the requirement.
+        last: The last time.
+        step: The duration of the last sample; in dense time as short as possible.
+    """
+
+    begin: float
+    first: float
+    last: float
+    step: float
+
+    @classmethod
+    def of(cls, row: Trial, outcome: Outcome) -> Self:
+        """Return the clock of a requirement on a recording."""
+        extent = row.extent
+        if extent is None:
+            return cls(0.0, -math.inf, math.inf, 0.0)
+        if extent.begin is None or extent.end is None:  # bounds count samples
+            return cls(0.0, 0.0, float((extent.samples or 1) - 1), 1.0)
+        late = outcome.late_start
+        first = extent.begin if late is None else late.judged
+        step = math.nextafter(extent.end, math.inf) - extent.end
+        if extent.period is not None:
+            step = float(extent.period)
+        return cls(extent.begin, first, extent.end, step)
+
+    @property
+    def length(self) -> float:
+        """The length of the recording."""
+        return self.last - self.begin
+
+
+def recorded_spans(
+    body: BodyOccurrences, clock: RequirementClock, shift: float, *, satisfied: bool
+) -> RecordedSpans:
+    """Return the spans of a body, later by a shift.
+
+    Each sample lasts for a period, also the last one. An instant of dense time is a span to the
+    next floating-point number.
+
+    Args:
+        body: The occurrences.
+        clock: The times of the recording.
+        shift: The shift, in the unit of the times.
+        satisfied: Whether the recording satisfies the requirement.
+    """
+    unseen = body.violations.columns["unseen"].tolist()
+    return RecordedSpans(
+        [*_spans(body.violations, clock, shift, unseen)],
+        [*_spans(body.unknown, clock, shift)],
+        _span(clock.first + shift, clock.last + clock.step + shift),
+        unseen.index(True) if any(unseen) else None,
+        satisfied,
+    )
+
+
+def _spans(
+    table: RunTable[Any], clock: RequirementClock, shift: float, unseen: list[bool] | None = None
+) -> Iterator[TimeSpan]:
+    names = "start", "end", "to_end", "open_start", "closed_end"
+    columns = (table.columns[name].tolist() for name in names)
+    ahead = unseen or [False] * len(table)
+    for start, end, to_end, opened, closed, after in zip(*columns, ahead, strict=True):
+        censored = to_end or after
+        first, stop = float(start) + shift, float(end) + shift
+        if censored:
+            stop += clock.step
+        elif closed:
+            stop = math.nextafter(stop, math.inf)
+        yield _span(math.nextafter(first, math.inf) if opened else first, stop, censored=censored)
+
+
+def _span(start: float, stop: float, *, censored: bool = False) -> TimeSpan:
+    return TimeSpan(start, stop if stop > start else math.nextafter(start, math.inf), censored)
+
+
 @dataclass(slots=True)
 class _Builder:
-    """Collects the rows of all pairs of recordings."""
+    """The rows of all pairs of recordings so far."""
 
     tolerance: float
     times: ComparedTimes | None
@@ -278,7 +362,7 @@ class _Builder:
                     self.changes.append(row)
         undecided = verdicts == [Verdict.SATISFIED, Verdict.UNDECIDED]
         if undecided and self._open["b", requirement] == open_before:
-            self._open["b", requirement] += 1  # an instant that B has not recorded
+            self._open["b", requirement] += 1  # an instant that B lacks
 
     def _matches(
         self,
@@ -319,10 +403,10 @@ class _Builder:
         """Return a note on recordings that are shorter than the tolerance.
 
         Raises:
-            InputError: If every recording is.
+            InputError: If all recordings are shorter.
         """
         longest = max(map(max, self._lengths.values()), default=math.inf)
-        short = [name for name, each in self._lengths.items() if self.tolerance > min(each)]
+        short = [name for name, lengths in self._lengths.items() if self.tolerance > min(lengths)]
         pairs = [pair for both in self._outcomes.values() for pair in both]
         units = {o.occurrences.unit for pair in pairs for o in pair if o.occurrences}
         unit = units.pop() if len(units) == 1 else ""
@@ -390,7 +474,7 @@ class _Builder:
 
 
 def _rows(body: BodyOccurrences) -> list[Occurrence]:
-    """Return the violations of a body, faster than one by one."""
+    """Return the violations of a body; this is faster than iteration over the table."""
     columns = body.violations.columns
     ordered = (columns[name].tolist() for name in Occurrence._fields)
     return [Occurrence(*cells) for cells in zip(*ordered, strict=True)]
@@ -430,10 +514,10 @@ def _notes(
         name: [row.extent.period for row in pair if row.extent is not None]
         for name, pair in rows.items()
     }
-    other = [name for name, each in periods.items() if len(set(each)) > 1]
-    if other:
+    differing = [name for name, values in periods.items() if len(set(values)) > 1]
+    if differing:
         yield (
-            f"the periods of A and B differ in {counted(len(other), 'recording')}, so times of "
+            f"the periods of A and B differ in {counted(len(differing), 'recording')}, so times of "
             "violations may differ by a period"
         )
     if any("[" in name for name in pairs.pairs):

@@ -1,15 +1,15 @@
-"""Sequential stopping: no more episodes than the answer needs.
+"""Sequential stopping: no more episodes than an answer needs.
 
-A rule is given the outcome of one episode after the other, in the order of their numbers, and says
-when it has its answer: `Width` when the rate is known well enough, `RatioTest` when it is clear on
-which side of a target the rate lies. `Stopping` waits until every requirement has its answer.
+A rule gets the outcomes of episodes in order. `Width` stops when the interval of the rate is narrow
+enough, `RatioTest` when it is clear on which side of a target the rate lies. `Stopping` waits for
+the answers of all requirements.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Final, Protocol
+from typing import Final
 
 from rtamt import InputError
 from rtamt.errors import Argument
@@ -17,22 +17,7 @@ from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.results.intervals import IntervalKind, check_confidence, rate_interval
 
 MARGIN: Final = 0.05
-"""How far below the target a rate shall be refused, where nothing else is said."""
-
-
-class Rule(Protocol):
-    """A test of when the outcomes of one requirement suffice.
-
-    Attributes:
-        decision: The answer in words; None before the answer.
-        episodes: How many outcomes have come, up to that which gave the answer.
-    """
-
-    decision: str | None
-    episodes: int
-
-    def add(self, satisfied: bool) -> None:  # noqa: FBT001 - the outcome itself, not a switch
-        """Take the outcome of the next episode; after the answer nothing changes any more."""
+"""How far below the target a rate must be rejected, by default."""
 
 
 class Width:
@@ -41,16 +26,16 @@ class Width:
     The number of episodes depends on the rate: with exact intervals ``until_width=0.05`` takes 1574
     at a rate of a half, about 312 at 0.95, and 72 if every episode is satisfied.
 
-    Looking after each episode costs little, because the width depends more on the number of
-    episodes than on the outcomes. Computed exactly over the rates 0.01, 0.02 ... 0.99, the exact 95
-    % interval at the stop covers the true rate in 96.0 % of all cases on average and in 94.5 % at
-    the worst rate for ``until_width=0.1``, in 96.8 % and 94.2 % for 0.2; the interval of Wilson in
-    95.2 % and 93.3 %, and in 95.4 % and 92.8 %.
+    A test after each episode costs little coverage, because the width depends more on the number of
+    episodes than on the outcomes. Computed exactly over the rates 0.01, 0.02 ... 0.99, the exact
+    95 % interval at the stop covers the true rate in 96.0 % of all cases on average and in 94.5 %
+    at the worst rate for ``until_width=0.1``, and in 96.8 % and 94.2 % for 0.2. The interval of
+    Wilson covers it in 95.2 % and 93.3 %, and in 95.4 % and 92.8 %.
 
     Attributes:
         decision: ``"known to 0.05"``; None as long as the interval is wider.
-        episodes: How many outcomes have come, up to that which gave the answer.
-        satisfied: How many of them were satisfied.
+        episodes: The number of outcomes up to the answer.
+        satisfied: The number of satisfied outcomes up to the answer.
 
     Raises:
         InputError: If ``until_width`` is not above 0 and at most 1.
@@ -86,30 +71,30 @@ class Width:
 
 
 class RatioTest:
-    """Decides whether a rate meets a target, by the sequential probability ratio test of Wald.
+    """A rule that decides whether a rate meets a target: the probability ratio test of Wald.
 
     It decides between two claims: the rate is at least ``target``, or at most ``target - margin``.
     A true claim is rejected with a probability of at most ``alpha``. For a rate between the two,
     either answer is right, and the test takes longest.
 
     After each episode it compares how likely the outcomes are at the two rates. If they are
-    ``1 / alpha`` times as likely at the target, the rate meets it; if they are so much as likely at
-    ``target - margin``, it falls short. These bounds hold both errors at ``alpha`` for certain
-    (Wald 1945, "Sequential Tests of Statistical Hypotheses", Annals of Mathematical Statistics 16);
-    his own, ``(1 - alpha) / alpha``, hold the sum of the errors alone.
+    ``1 / alpha`` times as likely at the target, the rate meets it; if they are ``1 / alpha`` times
+    as likely at ``target - margin``, it falls short. These bounds certainly keep both errors at
+    ``alpha`` (Wald 1945, "Sequential Tests of Statistical Hypotheses", Annals of Mathematical
+    Statistics 16); his own bounds, ``(1 - alpha) / alpha``, limit only the sum of the errors.
 
     With ``target=1`` a single episode that is not satisfied decides that the rate falls short.
 
     Args:
-        target: The rate to be met: above 0 and at most 1.
-        alpha: The maximum probability of either wrong answer, above 0 and below 0.5.
+        target: The rate to meet: above 0 and at most 1.
+        alpha: The maximum probability of each wrong answer, above 0 and below 0.5.
         margin: The distance of the two claims, above 0 and below ``target``. Half the margin takes
             about four times as many episodes.
 
     Attributes:
-        decision: ``"meets 0.95"`` or ``"falls short of 0.95"``; None as long as it is open.
-        episodes: How many outcomes have come, up to that which gave the answer.
-        satisfied: How many of them were satisfied.
+        decision: ``"meets 0.95"`` or ``"falls short of 0.95"``; None before the answer.
+        episodes: The number of outcomes up to the answer.
+        satisfied: The number of satisfied outcomes up to the answer.
 
     Raises:
         InputError: If a number is out of its range.
@@ -136,10 +121,10 @@ class RatioTest:
                 Argument("target", target),
                 f", got {margin!r}",
             )
-        refused = target - margin
+        too_low = target - margin
         self._bound = -math.log(alpha)
-        self._gain = math.log(target / refused)
-        self._loss = math.log((1 - refused) / (1 - target)) if target < 1 else math.inf
+        self._gain = math.log(target / too_low)
+        self._loss = math.log((1 - too_low) / (1 - target)) if target < 1 else math.inf
         self.decision: str | None = None
         self.episodes = 0
         self.satisfied = 0
@@ -150,23 +135,27 @@ class RatioTest:
             return
         self.episodes += 1
         self.satisfied += bool(satisfied)
-        missed = self.episodes - self.satisfied
-        # From the counts, not summed up: equal counts give equal answers.
-        ratio = self.satisfied * self._gain - (missed * self._loss if missed else 0.0)
+        others = self.episodes - self.satisfied
+        # Computed from the counts, not as a sum, so that equal counts give equal answers.
+        ratio = self.satisfied * self._gain - (others * self._loss if others else 0.0)
         if ratio >= self._bound:
             self.decision = f"meets {self._target:g}"
         elif ratio <= -self._bound:
             self.decision = f"falls short of {self._target:g}"
 
 
-class Stopping:
-    """Waits until every requirement has its answer.
+Rule = Width | RatioTest
+"""A rule that decides when the outcomes of one requirement suffice."""
 
-    Each has a rule of its own, and keeps the answer that it had first. Each rule keeps its chances
-    of errors for its own requirement, not for all together.
+
+class Stopping:
+    """A stop once every requirement has its answer, by a rule for each requirement.
+
+    A requirement keeps its first answer. The probabilities of errors hold for each requirement, not
+    for all together.
 
     Attributes:
-        episodes: How many episodes have been added.
+        episodes: The number of episodes so far.
 
     Example:
         >>> both = Stopping({"near": RatioTest(0.9), "slow": RatioTest(0.9)})
@@ -181,7 +170,7 @@ class Stopping:
         self.episodes = 0
 
     def add(self, satisfied: Mapping[str, bool]) -> None:
-        """Take the outcomes of the next episode, of every requirement by its name."""
+        """Add the outcomes of the next episode, by requirement."""
         self.episodes += 1
         for name, rule in self._rules.items():
             rule.add(satisfied[name])
@@ -193,7 +182,7 @@ class Stopping:
 
     @property
     def decisions(self) -> Mapping[str, str]:
-        """The answer for each requirement; ``"undecided after 40"`` episodes where it is open."""
+        """The answer for each requirement; ``"undecided after 40"`` episodes without an answer."""
         return {
             name: rule.decision or f"undecided after {rule.episodes}"
             for name, rule in self._rules.items()
@@ -208,10 +197,10 @@ def stopping_of(
     margin: float = MARGIN,
     interval: IntervalKind = "exact",
 ) -> Stopping | None:
-    """Return the stopping that arguments of an evaluation ask for; None if they ask for none.
+    """Return the stopping rules that the arguments of an evaluation set, or None.
 
     Raises:
-        InputError: If both kinds are asked for, or as `Width` and `RatioTest` do.
+        InputError: If both kinds are set, or as `Width` and `RatioTest` do.
 
     Example:
         >>> stopping_of(["near"], target=0.9).decisions

@@ -8,8 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rtamt_gym.evaluation.compared import Compared, effect_sentence, points
-from rtamt_gym.evaluation.paired import Effect
+from rtamt_gym.evaluation.paired import Compared, Effect, effect_sentence, points
 from rtamt_gym.play.summaries import failures
 from rtamt_gym.results.intervals import promise, rate_interval
 from rtamt_gym.results.provenance import reuse_lines
@@ -19,25 +18,25 @@ from rtamt_gym.results.warnings import evidence_lines
 from rtamt_gym.tables import Terminal, counted, p_text, short
 
 _NAMED: Final = 3
-"""How many of the worst episodes are named."""
+"""The number of worst episodes that a table names."""
 
-_SPARED: Final = ("cvar", "least")
-"""What a table of evaluations leaves out first where it is too wide; the worst are named below."""
+_OPTIONAL: Final = ("cvar", "least")
+"""The columns that a table leaves out if it is too wide; the worst episodes are named below it."""
 
-_LEAST_NAME: Final = 11
-"""The room that the names of requirements have at least."""
+_NAME_WIDTH: Final = 11
+"""The minimum width of the names of requirements."""
 
 
-def evaluation_table(evaluation: Any, terminal: Terminal | None = None) -> str:  # noqa: ANN401 - an `Evaluation`, which prints itself so
-    """Return the table of an evaluation as text; without a terminal plain, of 80 columns."""
+def evaluation_table(evaluation: Any, terminal: Terminal | None = None) -> str:  # noqa: ANN401 - an `Evaluation`, which imports this module
+    """Return the table of an evaluation as text, by default plain text of 80 columns."""
     lines = _of_evaluation(evaluation, terminal or Terminal())
     return "\n".join([*lines, *evidence_lines(evaluation.record, "episode")])
 
 
 def show(evaluation: Any) -> None:  # noqa: ANN401 - an `Evaluation`
-    """Print the table of an evaluation: on a terminal with colours, and as wide as it is.
+    """Print the table of an evaluation, on a terminal with colours and in its full width.
 
-    The command itself reports requirements that were never triggered, at its end.
+    The command reports requirements that were never triggered by itself, at its end.
     """
     print(*_of_evaluation(evaluation, Terminal.present()), sep="\n")  # noqa: T201 - of the command line
 
@@ -52,9 +51,9 @@ def comparison_table(
 
     Args:
         heads: The lines above the table.
-        results: The requirements; of several the last is all at once.
+        results: The requirements; for several, the last result is for all at once.
         returns: The difference of the returns.
-        notes: The lines below, which are sentences.
+        notes: The sentences below the table.
     """
     return "\n".join(_of_comparison(heads, results, returns, notes, Terminal()))
 
@@ -71,10 +70,10 @@ def _of_evaluation(evaluation: Any, terminal: Terminal) -> Iterator[str]:  # noq
     )
     yield ""
     columns = columns_of(results, rates=True)
-    for spared in _SPARED:
-        if _width(columns, results) + _LEAST_NAME > terminal.width:
-            columns = [column for column in columns if column.key != spared]
-    # The name of all at once is short, so that it is never cut.
+    for optional in _OPTIONAL:
+        if _width(columns, results) + _NAME_WIDTH > terminal.width:
+            columns = [column for column in columns if column.key != optional]
+    # The name for all at once is short, so that it is never cut.
     names = ["all" if result is evaluation.success else result.name for result in results]
     rows = [
         [name, *(column.cell(value) for column in columns)]
@@ -153,16 +152,16 @@ def _worst(result: RequirementResult, unit: str) -> Iterator[str]:
     yield f"worst seeds of {result.name}: {worst}"
     times = result.first_violations[~np.isnan(result.first_violations)]
     if times.size:
-        least, most = short(float(times.min())), short(float(times.max()))
-        if least == most:
-            yield f"  violated at {least} {unit}"
+        first, last = short(float(times.min())), short(float(times.max()))
+        if first == last:
+            yield f"  violated at {first} {unit}"
             return
         half = short(float(np.median(times)))
-        yield f"  violated from {least} {unit} to {most} {unit}, half of them by {half} {unit}"
+        yield f"  violated from {first} {unit} to {last} {unit}, half of them by {half} {unit}"
 
 
 def _around(evaluation: Any) -> str:  # noqa: ANN401
-    """Return lines with the returns, the lengths, and the time that stopping saved."""
+    """Return a line with the returns, the lengths, and the time that stopping saved."""
     unit = "s" if evaluation.period is not None else "steps"
     parts = [f"length {short(float(np.mean(evaluation.lengths)))} {unit} on average"]
     known = evaluation.returns[~np.isnan(evaluation.returns)]

@@ -8,9 +8,9 @@ from pathlib import PurePath
 
 from rtamt.language import RequirementId
 from rtamt.monitors import Occurrence
-from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.methods import MethodComparison
+from rtamt_gym.evaluation.paired import Compared
 from rtamt_gym.evaluation.recording_changes import (
     ChangedRequirement,
     RecordingsComparison,

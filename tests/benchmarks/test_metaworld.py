@@ -17,7 +17,7 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym import StlMonitor, compare, evaluate_policy
 from rtamt_gym.benchmarks.metaworld import TASKS, done, make, signals_of
-from rtamt_gym.evaluation.repeating import UnrepeatedSeedWarning
+from rtamt_gym.evaluation.replays import UnrepeatedSeedWarning
 from rtamt_gym.signals.signals import Step
 from rtamt_gym.success import reading, readings
 

@@ -15,7 +15,7 @@ from robosuite.wrappers import GymWrapper
 from rtamt import InputError, InputTypeError
 from rtamt_gym import StlMonitor, compare, evaluate_policy
 from rtamt_gym.benchmarks.robosuite import TASKS, RobosuiteEnv, make
-from rtamt_gym.evaluation.repeating import alike
+from rtamt_gym.evaluation.replays import alike
 from rtamt_gym.success import readings
 
 FLAG: Any = {"success": ("info['success']", 0.0)}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rtamt.monitors import BodyOccurrences, Occurrence, Response, RunTable, UnknownRun
-from rtamt_gym.evaluation.recording_spans import RequirementClock, recorded_spans
+from rtamt_gym.evaluation.recordings import RequirementClock, recorded_spans
 from rtamt_gym.results.span_matching import RecordedSpans, match_spans
 
 CLOCK = RequirementClock(0.0, 0.0, 10.0, math.nextafter(10.0, math.inf) - 10.0)

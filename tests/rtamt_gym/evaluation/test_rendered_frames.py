@@ -20,7 +20,7 @@ from profiles import examples
 
 from rtamt_gym import StlMonitor, evaluate_policy
 from rtamt_gym.__main__ import main
-from rtamt_gym.evaluation.frames import Film, Frame
+from rtamt_gym.evaluation.replays import Film, Frame
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.reports.evaluations import of_evaluation
 from rtamt_gym.reports.html import render
@@ -219,8 +219,8 @@ def test_an_error_of_rendering_is_told_once_and_nothing_else_is_lost() -> None:
     ("picture", "said"),
     [
         (None, "a NoneType"),
-        (np.zeros((4, 4, 3)), "one of float64 and the shape (4, 4, 3)"),
-        (np.zeros((4, 4), np.uint8), "one of uint8 and the shape (4, 4)"),
+        (np.zeros((4, 4, 3)), "float64 of the shape (4, 4, 3)"),
+        (np.zeros((4, 4), np.uint8), "uint8 of the shape (4, 4)"),
     ],
 )
 def test_what_is_no_picture_is_told(picture: Any, said: str) -> None:  # noqa: ANN401
@@ -232,7 +232,7 @@ def test_what_is_no_picture_is_told(picture: Any, said: str) -> None:  # noqa: A
         assert evaluated(Odd(values(3, 1))).frames == {}
     assert str(caught[0].message) == (
         "pictures of the worst episodes are missing, since Odd could not be rendered: "
-        f"InputTypeError: expected an array of height x width x 3 bytes of render(), got {said}"
+        f"InputTypeError: expected an array of height x width x 3 bytes from render(), got {said}"
     )
 
 

@@ -14,7 +14,7 @@ from blinking import Blink, Wild
 
 from rtamt import InputError, StateError
 from rtamt_gym import compare, evaluate_policy
-from rtamt_gym.evaluation.repeating import (
+from rtamt_gym.evaluation.replays import (
     HOW_TO_REPEAT,
     UnrepeatedSeedWarning,
     alike,

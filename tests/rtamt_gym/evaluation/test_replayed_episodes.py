@@ -15,7 +15,7 @@ from gymnasium.vector import SyncVectorEnv
 
 from rtamt import StateError
 from rtamt_gym import compare, evaluate_policy
-from rtamt_gym.evaluation.repeating import HOW_TO_REPLAY, UnrepeatedSeedWarning
+from rtamt_gym.evaluation.replays import HOW_TO_REPLAY, UnrepeatedSeedWarning
 from rtamt_gym.results import Evaluation
 
 SPECS, SIGNALS = {"low": "always(x < 3)"}, {"x": "obs[0]"}

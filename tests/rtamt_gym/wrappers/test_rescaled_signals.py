@@ -32,7 +32,7 @@ from rtamt_gym.wrappers import batched
 pytestmark = [
     pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.OpenEndWarning"),
     pytest.mark.filterwarnings(  # the statistics of a NormalizeObservation go on
-        "ignore::rtamt_gym.evaluation.repeating.UnrepeatedSeedWarning"
+        "ignore::rtamt_gym.evaluation.replays.UnrepeatedSeedWarning"
     ),
 ]
 

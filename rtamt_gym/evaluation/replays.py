@@ -1,31 +1,136 @@
-"""Replays of episodes, with pictures if the environment renders."""
+"""Replays of episodes: whether a seed repeats an episode, and pictures of replays."""
 
 from __future__ import annotations
 
+import copy
 import io
 import math
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.vector import VectorEnv
 
-from rtamt import InputTypeError
+from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.evaluation.repeating import difference
 from rtamt_gym.play.episodes import Episodes
 from rtamt_gym.play.run import Run
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.systems.environment import baseline_of
+from rtamt_gym.tables import number
 from rtamt_gym.wrappers.monitor import monitor_of
 from rtamt_gym.wrappers.substeps import read_substep_period
 
 if TYPE_CHECKING:
     from rtamt_gym.play.runner import Runner
+
+HOW_TO_REPEAT: Final = (
+    "give a function that makes an environment whose reset(seed=...) chooses all that is random: "
+    "Meta-World wants env.set_task(task) before a reset, robosuite rtamt_gym.benchmarks"
+)
+"""What to do about an environment that seeds do not repeat."""
+
+
+HOW_TO_REPLAY: Final = (
+    "the policy or the environment draws numbers that the seed does not choose, or the policy "
+    "keeps a state between episodes. Give a class of policies, which is made anew as "
+    "Class(seed=...) for each episode; a network may also round differently in a batch (n_envs=)"
+)
+"""Why a replay may differ from the recorded episode, and what to do about it."""
+
+_ROUNDING: Final = 1e-6
+"""The relative difference of robustness that networks make by rounding in a batch."""
+
+
+class UnrepeatedSeedWarning(UserWarning):
+    """A seed did not repeat an episode: its first observation, or its robustness in a replay."""
+
+
+def repeats(env: Any, seed: int) -> bool | None:  # noqa: ANN401 - an environment, or many
+    """Return whether two resets with a seed show the same observation; None if a reset fails.
+
+    It costs two resets, and leaves the environment reset.
+    """
+    seeds: Any = [seed] * env.num_envs if isinstance(env, VectorEnv) else seed
+    try:
+        first, _ = env.reset(seed=seeds)
+        stored = copy.deepcopy(first)  # an environment may write the next observation into it
+        second, _ = env.reset(seed=seeds)
+    except (Exception, SystemExit):  # noqa: BLE001 - the episodes report the error
+        return None
+    return alike(stored, second)
+
+
+def tell_unrepeated(name: str, seed: int) -> None:
+    """Warn that seeds do not repeat episodes of an environment."""
+    warnings.warn(
+        f"two resets of {name} with seed {seed} begin differently: the same call plays other "
+        f"episodes, none is played again, and compare refuses to pair them; {HOW_TO_REPEAT}",
+        UnrepeatedSeedWarning,
+        stacklevel=caller_level(),
+    )
+
+
+def difference(row: Trial, run: Run) -> str:
+    """Return the first requirement with a different replay, or an empty string.
+
+    Args:
+        row: The recorded episode.
+        run: The replay with the same seed and the same stop.
+    """
+    for name, outcome in row.outcomes.items():
+        history = run.histories[name]
+        same = math.isclose(history.final, outcome.robustness, rel_tol=_ROUNDING) or (
+            math.isnan(history.final) and math.isnan(outcome.robustness)
+        )
+        if history.verdict is not outcome.verdict or not same:
+            return (
+                f"{name} had robustness {number(outcome.robustness)} ({outcome.verdict.name}), and "
+                f"{number(history.final)} ({history.verdict.name}) when it was played again"
+            )
+    return ""
+
+
+def warn_of_difference(name: str, seed: int, differing: str) -> None:
+    """Warn that the replay of an episode differs from the recorded episode."""
+    warnings.warn(
+        f"episode {seed} of {name} does not repeat: {differing}; {HOW_TO_REPLAY}",
+        UnrepeatedSeedWarning,
+        stacklevel=caller_level(),
+    )
+
+
+def refuse_unrepeated(name: str) -> NoReturn:
+    """Refuse to pair episodes of an environment by seeds that do not repeat them."""
+    raise InputError(
+        f"cannot pair episodes of {name} by their seeds: two resets with one seed begin "
+        f"differently; {HOW_TO_REPEAT}"
+    )
+
+
+def alike(a: Any, b: Any) -> bool:  # noqa: ANN401 - observations of any space
+    """Return whether two observations are equal; nan equals nan.
+
+    Example:
+        >>> alike({"x": np.array([1.0, np.nan])}, {"x": np.array([1.0, np.nan])})
+        True
+        >>> alike((1, "a"), (1, "b"))
+        False
+    """
+    if isinstance(a, Mapping):
+        return isinstance(b, Mapping) and a.keys() == b.keys() and all(alike(a[n], b[n]) for n in a)
+    if isinstance(a, list | tuple):
+        same = isinstance(b, list | tuple) and len(a) == len(b)
+        return same and all(alike(one, two) for one, two in zip(a, b, strict=True))
+    one, two = np.asarray(a), np.asarray(b)
+    numbers = one.dtype.kind in "fc" and two.dtype.kind in "fc"
+    return bool(np.array_equal(one, two, equal_nan=numbers))
+
 
 _MOST: Final = 22
 """The maximum number of evenly spread pictures; the end and violations have further ones."""
@@ -110,11 +215,11 @@ class Filming:
         make = runner.evaluated.make
         act: Any = baseline_of(env) if make is None else make(seed)
 
-        def seen(observation: Any) -> Any:  # noqa: ANN401 - as policies have it
+        def filmed(observation: Any) -> Any:  # noqa: ANN401 - as for policies
             self._look(film)
             return act(observation)
 
-        run = played(runner, seed, policy=seen)
+        run = played(runner, seed, policy=filmed)
         self._look(film, last=True)
         last = len(run.times) - 1
         frames = (
@@ -167,7 +272,7 @@ def _picture(env: gym.Env[Any, Any]) -> bytes:
     shown: Any = env.render()
     if not isinstance(shown, np.ndarray) or shown.dtype != np.uint8 or shown.ndim != 3:
         raise InputTypeError(
-            f"expected an array of height x width x 3 bytes of render(), got {_said(shown)}"
+            f"expected an array of height x width x 3 bytes from render(), got {_kind(shown)}"
         )
     image = Image.fromarray(shown).convert("RGB")
     image.thumbnail((_SIDE, _SIDE))
@@ -176,7 +281,7 @@ def _picture(env: gym.Env[Any, Any]) -> bytes:
     return file.getvalue()
 
 
-def _said(shown: Any) -> str:  # noqa: ANN401 - anything
+def _kind(shown: Any) -> str:  # noqa: ANN401 - anything
     if isinstance(shown, np.ndarray):
-        return f"one of {shown.dtype} and the shape {shown.shape}"
+        return f"{shown.dtype} of the shape {shown.shape}"
     return f"a {type(shown).__name__}"
