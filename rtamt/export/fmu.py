@@ -1,4 +1,32 @@
-"""`export_fmu`: a monitor as a functional mock-up unit (FMU).
+"""`export_fmu`: a monitor as a functional mock-up unit (FMU), for FMI 2.0 and 3.0.
+
+The file ``modelDescription.xml`` has these variables:
+
+=================  ================================================================  =============
+value reference    variable                                                          type
+=================  ================================================================  =============
+0                  ``time``, the independent variable (only FMI 3.0)                 Float64
+1, 2, 3            ``robustness``, ``lower``, ``upper``                              Real, Float64
+4                  ``verdict``: -1 violated, 0 undecided, 1 satisfied                Integer, Int32
+5                  ``stop_on_violation``                                             Boolean
+8 and up           the inputs, the parameters, the fixed constants, the named        Real, Float64
+                   formulas: in this order, without gaps
+=================  ================================================================  =============
+
+`rtamt.export.program_file` describes their meaning at each step.
+
+Parameters may be set until initialization ends. Then the values of the program's constants are
+computed from them by functions of `rtamt.program.algebra`; a result that is not a number ends
+initialization with an error. A parameter of -0.0 is 0.0, as in a text.
+
+Source: Functional Mock-up Interface 2.0.4 and 3.0.2, Modelica Association.
+
+To add a variable, add its name and value reference here, and the value for the reference in
+``rtamt/native/fmu``.
+
+To add a version of FMI, add the texts here, a file next to ``rtamt/native/fmu/fmi3.cpp`` that calls
+``Unit``, and a pattern in ``exported.map``. ``tests/support/fmu_calls.py`` calls the exported
+functions.
 
 To add a platform, add a row to `_PLATFORMS`.
 """
@@ -6,212 +34,302 @@ To add a platform, add a row to `_PLATFORMS`.
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import platform
 import sys
 import uuid
+import xml.etree.ElementTree as ET
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from importlib.util import find_spec
 from io import BytesIO
+from itertools import count
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
+from xml.etree.ElementTree import Element, SubElement
 
-from rtamt.errors import Argument, InputError, InputTypeError, brief
-from rtamt.export import Fmi
-from rtamt.export.description import MODEL, Description, description_text, variables_of
+from rtamt.errors import Argument, InputError, InputTypeError, SpecificationError, brief
 from rtamt.export.program_file import (
     DenseFile,
-    Named,
     ProgramFile,
-    RegionFile,
-    SampledFile,
+    Programs,
+    dense_programs,
     program_text,
+    sampled_programs,
 )
-from rtamt.language.interval import Traced
 from rtamt.language.parser import as_specification, traced
-from rtamt.language.specification import Specification
-from rtamt.monitors.options import Options, SampleOptions, Spec, compiled, compiled_dense
-from rtamt.program.dense_lowering import DenseProgram, compile_regions
-from rtamt.program.encoding import (
-    clock_of,
-    encoded_dense,
-    encoded_discrete,
-    encoded_episode,
-    encoded_regions,
-    encoded_terms,
-)
-from rtamt.program.instructions import Const
+from rtamt.monitors.options import Options, SampleOptions, Spec
 from rtamt.program.interface import Names, SemanticsName
-from rtamt.program.lowering import refuse_rates
-from rtamt.program.memory import limit_discrete, limit_episode
-from rtamt.program.placement import place, variants_of
-from rtamt.program.program import Program
 from rtamt.program.timing import Align, Period
 
-
-@dataclass(frozen=True)
-class Programs:
-    """The programs of a unit, with the texts for its model description.
-
-    Attributes:
-        encoded: The programs in the form of the file.
-        program: The program with all registers.
-        step: Seconds between samples; None over dense time.
-        notes: A note on the value of each named formula.
-    """
-
-    encoded: SampledFile | DenseFile
-    program: Program
-    step: float | None
-    notes: Mapping[str, str]
-
-    def file(self, *, token: str, stop: bool) -> ProgramFile:
-        """Return the program file of the unit."""
-        spec = self.program.specification
-        variables = [Named(name, _start(spec, name)) for name in self.program.variables]
-        constants = [Named(name, value) for name, value in spec.constants.items()]
-        used = self._constants()
-        return ProgramFile(
-            token=token,
-            inputs=variables,
-            formulas=list(self.notes),
-            parameters=[c for c in constants if c.name in used - spec.bounding],
-            fixed=[c for c in constants if c.name in spec.bounding],
-            stop=stop,
-            programs=self.encoded,
-        )
-
-    def _constants(self) -> frozenset[str]:
-        """Return the constants that numbers of the program depend on."""
-        numbers = [i.value for i in self.program.instructions if isinstance(i, Const)]
-        traced = [number for number in numbers if isinstance(number, Traced)]
-        return frozenset[str]().union(*(number.constants for number in traced))
-
-
-def _start(spec: Specification, variable: str) -> float:
-    """Return the default of an input; otherwise, the number closest to 0 in its range."""
-    lower, upper = spec.declared_ranges.get(variable, (0.0, 0.0))
-    return spec.defaults.get(variable, min(max(0.0, lower), upper))
-
-
-def sampled_programs(
-    caller: Callable[..., object], spec: Specification, period: Period, options: SampleOptions
-) -> Programs:
-    """Return the programs of a unit on samples; ``spec`` has traced constants."""
-    refuse_rates(spec, "an exported monitor")
-    parts = compiled(caller, spec, period, options, online=False)
-    program, step = parts.program, Fraction(parts.period or 1)
-    running = program.running(*program.specification.formulas.values())
-    late = {name: running.latencies[register] for name, register in running.outputs.items()}
-    monitor = _monitor(running)
-    registers, sources = _episodes(program, late)
-    readings = variants_of(program)
-    episodes = [*readings, *(variants_of(replace(program, result=r))[-1] for r in registers)]
-    for episode in episodes:
-        limit_episode(episode)
-    if monitor is not None:
-        limit_discrete(monitor)
-    encoded = SampledFile(
-        period=step.as_integer_ratio(),
-        readings=len(readings),
-        episodes=[encoded_episode(episode) for episode in episodes],
-        monitor=None if monitor is None else encoded_discrete(monitor),
-        observed=[]
-        if monitor is None
-        else [(register, late[name] or 0) for name, register in monitor.outputs.items()],
-        sources=[None if source is None else source + len(readings) - 1 for source in sources],
-    )
-    return Programs(encoded, program, float(step), _notes(late, step))
-
-
-def _episodes(
-    program: Program, late: Mapping[str, int | None]
-) -> tuple[list[int], list[int | None]]:
-    """Return the registers of named formulas that need an episode because a monitor cannot wait.
-
-    Args:
-        program: The program of the specification, which is episode 0.
-        late: The latency of each named formula; None if it needs the whole future.
-
-    Returns:
-        The registers with an episode, and for each named formula the number of its episode, or
-        None if it has a latency.
-    """
-    episodes = {program.result: 0}
-    sources: list[int | None] = []
-    for name, latency in late.items():
-        source = None
-        if latency is None:
-            source = episodes.setdefault(program.outputs[name], len(episodes))
-        sources.append(source)
-    return list(episodes)[1:], sources
-
-
-def _notes(late: Mapping[str, int | None], step: Fraction) -> dict[str, str]:
-    """Return a note on each named formula, with latencies in steps of this length."""
-    return {
-        name: "as if the run ended now" if latency is None else _late(latency * step)
-        for name, latency in late.items()
-    }
-
-
-def _monitor(program: Program) -> Program | None:
-    """Return the program of the named formulas that have a latency, or None without named formulas.
-
-    It has all terms, so that it refuses every sample or event that an episode refuses.
-    """
-    if not program.outputs:
-        return None
-    late = program.latencies
-    outputs = {name: r for name, r in program.outputs.items() if late[r] is not None}
-    registers = sorted({*range(program.terms), *program.needed(*outputs.values())})
-    return replace(program, result=0, outputs=outputs).reordered(registers, program.terms)
-
-
-def dense_programs(
-    caller: Callable[..., object], spec: Specification, resolution: Period, options: Options
-) -> Programs:
-    """Return the programs of a unit over dense time; ``spec`` has traced constants."""
-    _, interface, _, compiled_program = compiled_dense(
-        caller, spec, resolution, options, online=False
-    )
-    program = compiled_program.program
-    running = program.running(*program.specification.formulas.values())
-    late = {name: running.latencies[register] for name, register in running.outputs.items()}
-    monitor = _monitor(running)
-    regions = compile_regions(
-        program.specification, compiled_program.resolution, interface=interface, named=True
-    )
-    registers, sources = _episodes(regions.program, late)
-    results = [regions, *(regions.of(register) for register in registers)]
-    readings = [variants_of(result.program) for result in results]
-    # The simulator's time is in seconds, whatever the unit of the specification is.
-    clock = clock_of(compiled_program.resolution)
-    encoded = DenseFile(
-        clock=clock,
-        readings=len(readings[0]),
-        episodes=[
-            RegionFile(result.reach, encoded_terms(placed.program), encoded_regions(placed))
-            for i, (result, variants) in enumerate(zip(results, readings, strict=True))
-            for placed in map(place, variants if i == 0 else variants[-1:])
-        ],
-        monitor=None
-        if monitor is None
-        else encoded_dense(DenseProgram(monitor, compiled_program.resolution)),
-        observed=[] if monitor is None else list(monitor.outputs.values()),
-        sources=sources,
-    )
-    return Programs(encoded, program, None, _notes(late, compiled_program.resolution))
-
-
-def _late(time: Fraction) -> str:
-    return f"late by {float(time):g} s" if time else ""
-
+Fmi = Literal[2, 3]
+"""The version of FMI: 2.0 or 3.0."""
 
 COMPRESSION = zipfile.ZIP_DEFLATED
+
+MODEL: Final = "rtamt_monitor"
+"""The name of the library without its suffix: the model identifier of every unit."""
+
+RESERVED: Final = ("time", "robustness", "lower", "upper", "verdict", "stop_on_violation")
+"""The names of a monitor's own variables, in the order of their value references."""
+
+FIRST: Final = 8
+"""The value reference of the first input."""
+
+VariableType = Literal["real", "integer", "boolean"]
+Causality = Literal["input", "output", "parameter", "local"]
+
+_TYPES: Final[Mapping[Fmi, Mapping[VariableType, str]]] = {
+    2: {"real": "Real", "integer": "Integer", "boolean": "Boolean"},
+    3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean"},
+}
+
+
+_CATEGORIES: Final = {
+    "logStatusError": "why a call was refused; always logged",
+    "logEvents": "a verdict that became certain",
+}
+"""The log categories of ``rtamt/native/fmu/unit.hpp``."""
+
+
+class UnitVariable(NamedTuple):
+    """A variable of a unit.
+
+    Attributes:
+        name: Its name.
+        reference: Its value reference.
+        kind: Its type; the name depends on the version of FMI.
+        causality: Its role in FMI; a local variable is a constant that cannot be set.
+        start: Its start value; None if it is calculated.
+        meaning: Its description in the model description.
+        range: Its declared minimum and maximum, or None.
+    """
+
+    name: str
+    reference: int
+    kind: VariableType
+    causality: Causality
+    start: float | None
+    meaning: str
+    range: tuple[float, float] | None = None
+
+
+def variables_of(
+    file: ProgramFile,
+    formulas: Mapping[str, str],
+    ranges: Mapping[str, tuple[float, float]],
+    columns: Mapping[str, str],
+) -> list[UnitVariable]:
+    """Return the variables of a unit, without ``time``, in the order of their value references.
+
+    Args:
+        file: The program file of the unit.
+        formulas: The meaning of each named formula.
+        ranges: The declared ranges of inputs.
+        columns: The columns of inputs in recorded tables.
+
+    Raises:
+        SpecificationError: If the specification uses a name of `RESERVED`.
+    """
+    variables = [*_own(file), *_of_text(file, formulas, ranges, columns)]
+    for variable in variables[len(RESERVED) - 1 :]:
+        if variable.name in RESERVED:
+            msg = (
+                f"'{variable.name}' is a variable of every exported monitor; "
+                f"rename the '{variable.name}' of the specification"
+            )
+            raise SpecificationError(msg)
+    return variables
+
+
+def _own(file: ProgramFile) -> Iterator[UnitVariable]:
+    robustness = "of the episode if it ended now"
+    if isinstance(file.programs, DenseFile):
+        robustness = "at the last time for which it is settled"
+    meanings: Mapping[str, tuple[VariableType, str]] = {
+        "robustness": ("real", f"the robustness {robustness}"),
+        "lower": ("real", "the minimum robustness over all continuations and ends"),
+        "upper": ("real", "the maximum robustness over all continuations and ends"),
+        "verdict": ("integer", "-1 violated, 0 undecided, 1 satisfied"),
+    }
+    for name, (kind, meaning) in meanings.items():
+        yield UnitVariable(name, RESERVED.index(name), kind, "output", None, meaning)
+    stop = "stop_on_violation"
+    meaning = "whether the simulation ends when a violation is certain"
+    yield UnitVariable(stop, RESERVED.index(stop), "boolean", "parameter", file.stop, meaning)
+
+
+def _of_text(
+    file: ProgramFile,
+    formulas: Mapping[str, str],
+    ranges: Mapping[str, tuple[float, float]],
+    columns: Mapping[str, str],
+) -> Iterator[UnitVariable]:
+    reference = count(FIRST)
+    parts: tuple[tuple[Causality, str], ...] = (
+        ("input", "a variable of the specification"),
+        ("parameter", "a constant of the specification"),
+        ("local", "a constant in a bound of an interval, which cannot be set"),
+    )
+    for (causality, meaning), named in zip(
+        parts, (file.inputs, file.parameters, file.fixed), strict=True
+    ):
+        for variable in named:
+            limits = ranges.get(variable.name) if causality == "input" else None
+            column = columns.get(variable.name) if causality == "input" else None
+            about = meaning if column is None else f"{meaning}; column {column}"
+            yield UnitVariable(
+                variable.name, next(reference), "real", causality, variable.start, about, limits
+            )
+    for name in file.formulas:
+        yield UnitVariable(name, next(reference), "real", "output", None, formulas[name])
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """The content of a model description.
+
+    Attributes:
+        name: The name of the model.
+        text: The specification.
+        token: The guid or instantiation token.
+        step: The period in seconds; None over dense time.
+        variables: The variables, without ``time``.
+    """
+
+    name: str
+    text: str
+    token: str
+    step: float | None
+    variables: Sequence[UnitVariable]
+
+
+def description_text(description: Description, fmi: Fmi) -> bytes:
+    """Return the file, in UTF-8."""
+    root = Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": f"{fmi}.0",
+            "modelName": description.name,
+            "guid" if fmi == 2 else "instantiationToken": description.token,
+            "description": description.text,
+            "generationTool": "rtamt",
+            "variableNamingConvention": "structured",
+        },
+    )
+    state = "state" if fmi == 2 else "State"
+    SubElement(
+        root,
+        "CoSimulation",
+        {
+            "modelIdentifier": MODEL,
+            "canHandleVariableCommunicationStepSize": "true",
+            f"canGetAndSetFMU{state}": "true",
+            f"canSerializeFMU{state}": "true",
+        },
+    )
+    if fmi == 3:
+        units = SubElement(SubElement(root, "UnitDefinitions"), "Unit", name="s")
+        SubElement(units, "BaseUnit", s="1")
+    categories = SubElement(root, "LogCategories")
+    for name, meaning in _CATEGORIES.items():
+        SubElement(categories, "Category", name=name, description=meaning)
+    experiment = SubElement(root, "DefaultExperiment", startTime="0.0")
+    if description.step is not None:
+        experiment.set("stepSize", repr(description.step))
+    if fmi == 2:
+        _variables_2(root, description)
+    else:
+        _variables_3(root, description)
+    ET.indent(root)
+    data: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return data + b"\n"
+
+
+def _variables_2(root: Element, description: Description) -> None:
+    parent = SubElement(root, "ModelVariables")
+    for variable in description.variables:
+        scalar = SubElement(parent, "ScalarVariable", _attributes(variable))
+        SubElement(scalar, _TYPES[2][variable.kind], {**_limits(variable), **_start(variable)})
+    structure = SubElement(root, "ModelStructure")
+    places = {str(i): variable for i, variable in enumerate(description.variables, 1)}
+    for name, dependencies in _dependencies(places).items():
+        parent = SubElement(structure, f"{name}s")
+        for position, variable in places.items():
+            if variable.causality == "output":
+                SubElement(parent, "Unknown", index=position, dependencies=dependencies)
+
+
+def _variables_3(root: Element, description: Description) -> None:
+    parent = SubElement(root, "ModelVariables")
+    SubElement(
+        parent,
+        "Float64",
+        name="time",
+        valueReference="0",
+        causality="independent",
+        variability="continuous",
+        unit="s",
+    )
+    for variable in description.variables:
+        attributes = {**_attributes(variable), **_limits(variable), **_start(variable)}
+        SubElement(parent, _TYPES[3][variable.kind], attributes)
+    structure = SubElement(root, "ModelStructure")
+    places = {str(variable.reference): variable for variable in description.variables}
+    for name, dependencies in _dependencies(places).items():
+        for position, variable in places.items():
+            if variable.causality == "output":
+                SubElement(structure, name, valueReference=position, dependencies=dependencies)
+
+
+def _dependencies(places: Mapping[str, UnitVariable]) -> dict[str, str]:
+    """Return the variables that each output depends on, during the run and before it.
+
+    An output at the end of a step depends on inputs at the start of the step, not on inputs at that
+    time. Before the first step it depends on the constants of the text. This lets importers close a
+    loop through the monitor, and initialize it.
+    """
+    constants = [
+        position
+        for position, variable in places.items()
+        if variable.causality == "parameter" and variable.kind == "real"
+    ]
+    return {"Output": "", "InitialUnknown": " ".join(constants)}
+
+
+def _attributes(variable: UnitVariable) -> dict[str, str]:
+    # Discrete inputs hold their values. Importers may interpolate continuous ones, and may step
+    # over their events.
+    variability, initial = {
+        "input": ("discrete", None),
+        "output": ("discrete", "calculated"),
+        "parameter": ("fixed", "exact"),
+        "local": ("constant", "exact"),
+    }[variable.causality]
+    attributes = {
+        "name": variable.name,
+        "valueReference": str(variable.reference),
+        "description": variable.meaning,
+        "causality": variable.causality,
+        "variability": variability,
+    }
+    return attributes if initial is None else {**attributes, "initial": initial}
+
+
+def _limits(variable: UnitVariable) -> dict[str, str]:
+    """Return the finite limits of a variable."""
+    named = zip(("min", "max"), variable.range or (), strict=False)
+    return {name: repr(limit) for name, limit in named if math.isfinite(limit)}
+
+
+def _start(variable: UnitVariable) -> dict[str, str]:
+    if variable.start is None:
+        return {}
+    text = str(bool(variable.start)).lower() if variable.kind == "boolean" else repr(variable.start)
+    return {"start": text}
+
 
 _UNNAMED: Final = "-"
 """The token of a unit without its hash."""

@@ -15,8 +15,7 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-from rtamt.export.fmu import dense_programs, sampled_programs
-from rtamt.export.program_file import program_text
+from rtamt.export.program_file import dense_programs, program_text, sampled_programs
 from rtamt.language.parser import as_specification, traced
 
 C = Path(__file__).parent / "c"

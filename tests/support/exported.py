@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 from strategies import QUARTERS, formulas
 
 from rtamt import Formula, Specification, variable
-from rtamt.export import Fmi, fmu
-from rtamt.export.fmu import export_fmu
+from rtamt.export import fmu
+from rtamt.export.fmu import Fmi, export_fmu
 from rtamt.language.formula import make
 from rtamt.language.node import Node
 

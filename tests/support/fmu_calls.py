@@ -12,8 +12,7 @@ from typing import Any, Literal, cast
 import pytest
 from bits import bits
 
-from rtamt.export.fmu import Programs, dense_programs, sampled_programs
-from rtamt.export.program_file import program_text
+from rtamt.export.program_file import Programs, dense_programs, program_text, sampled_programs
 from rtamt.language.parser import as_specification, traced
 from rtamt.monitors.options import SampleOptions, Spec
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from fmu_calls import dense, sampled, write
 from paths import ROOT
 
-from rtamt.export.fmu import Programs
+from rtamt.export.program_file import Programs
 
 FOLDER = ROOT / "tests" / "fuzz" / "programs"
 

@@ -36,7 +36,7 @@ public:
 std::unique_ptr<Engine> make_engine(const Program& program, const std::vector<double>& parameters);
 
 // The value references of a unit's own variables; the other variables begin at kFirst.
-// rtamt/export/description.py lists them.
+// rtamt/export/fmu.py lists them.
 using Reference = std::uint32_t;
 enum : Reference {
     kTime,

@@ -19,8 +19,7 @@ from strategies import Trace, length, sample, traces
 
 import rtamt
 from rtamt import EpisodeMonitor, InputError, SpecificationError, parse
-from rtamt.export import Fmi
-from rtamt.export.fmu import export_fmu
+from rtamt.export.fmu import Fmi, export_fmu
 from rtamt.typing import SemanticsName
 
 OUTPUTS = ("robustness", "lower", "upper", "verdict", "part", "whole")

@@ -15,8 +15,7 @@ from profiles import examples
 
 import rtamt
 from rtamt import SpecificationError
-from rtamt.export import Fmi
-from rtamt.export.fmu import export_fmu
+from rtamt.export.fmu import Fmi, export_fmu
 
 TEXT = """
 specification entry

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import EpisodeMonitor, Monitor, Verdict, judge, parse
-from rtamt.export import Fmi
-from rtamt.export.fmu import export_fmu
+from rtamt.export.fmu import Fmi, export_fmu
 
 TEXT = """
 const float limit = 4

@@ -24,7 +24,7 @@ from fmu_calls import (
     write,
 )
 
-from rtamt.export.fmu import Programs
+from rtamt.export.program_file import Programs
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 

@@ -41,7 +41,7 @@ from rtamt import (
     Verdict,
     parse,
 )
-from rtamt.export.fmu import Programs
+from rtamt.export.program_file import Programs
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
