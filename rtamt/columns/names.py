@@ -187,9 +187,6 @@ def unit_of_times(column: str) -> str | None:
     The unit is empty if the name states none, and unchanged if it is unknown. Marks before the name
     (``#``, ``%``, ``_``), case and marks between words do not count.
 
-    Args:
-        column: The name of the column.
-
     Example:
         >>> [unit_of_times(name) for name in ("Time [s]", "timestamp_ns", "t", "time (µs)")]
         ['s', 'ns', '', 'us']

@@ -74,10 +74,6 @@ _STATES = word_set(
 def names_objects(column: str, *, texts: bool = False) -> bool:
     """Return whether a name is an id or a name of objects, episodes or runs.
 
-    Args:
-        column: The name.
-        texts: Whether the values are texts, which cannot be flags or quantities.
-
     Example:
         >>> [names_objects(name) for name in ("vehicle_id", "trackId", "episode_index", "run")]
         [True, True, True, True]
@@ -106,11 +102,7 @@ def may_tell_objects(
 ) -> bool:
     """Return whether a column may separate objects or episodes, by its name; its values decide.
 
-    Args:
-        column: The name.
-        read: The columns that formulas read.
-        timed: Whether the table has times; without them, times and numbers of rows may start again.
-        first: Whether it is the first column of the table.
+    Without times, times and numbers of rows may start again.
     """
     if names_objects(column) or names_objects(column, texts=True) or flagged_row(column):
         return True
@@ -156,15 +148,10 @@ def objects_in(
 ) -> Objects | None:
     """Return the evidence that a table has several objects or episodes; None if there is none.
 
-    Rows that record different variables each are not several objects.
-
-    Args:
-        cells: The columns that no formula reads: numbers, or texts with empty ones for no value.
-        times: The time of each row; None if the table has no times.
-        filled: For each variable, the rows in which it has a value.
-        read: The columns that formulas read. Next to a column ``value``, any column of texts that
-            are not states names signals.
-        first: The first column of the table, which may hold times under any name.
+    Rows that record different variables each are not several objects. ``cells`` has the columns
+    that no formula reads, ``filled`` the rows with a value of each variable, and ``read`` the
+    columns that formulas read: next to a column ``value``, any column of texts that are not states
+    names signals.
 
     Example:
         >>> objects_in({"vehicle_id": np.array([0, 1, 0, 1])})
@@ -216,11 +203,6 @@ def _mixed(
 
 def tells_objects(name: str, values: NDArray[Any], read: Collection[str]) -> bool:
     """Return whether values that occur again are names or numbers of objects.
-
-    Args:
-        name: The column.
-        values: Its values in the order of rows, shape (rows,): numbers or texts.
-        read: The columns that formulas read.
 
     Example:
         >>> plates = np.array(["P3", "P7", "P12"] * 2)
@@ -452,9 +434,6 @@ _SIGNALS = word_set(
 def turns_in(times: NDArray[Any]) -> int:
     """Return the number of rows in a round if uneven times repeat round by round; otherwise 0.
 
-    Args:
-        times: The time of each row, increasing, shape (n,).
-
     Example:
         >>> (
         ...     turns_in(np.array([0, 1, 4, 5, 8, 9])),
@@ -478,10 +457,6 @@ def objects_by_turns(cells: Mapping[str, NDArray[Any]], turns: int) -> Objects |
     """Return the column of whole numbers whose values take turns; None if there is none.
 
     Values 0 and 1, which may be flags, and names of states or counters are not evidence.
-
-    Args:
-        cells: The columns that no formula reads.
-        turns: The number of rows in a round.
 
     Example:
         >>> objects_by_turns({"zone": np.array([3, 7, 3, 7, 3, 7])}, 2)

@@ -56,9 +56,6 @@ def plausible_units(values: NDArray[Any]) -> list[str]:
     Plausible steps are 50 µs to 100 s long; fractions below 1 are fractions of seconds. Times count
     from a start, or from 1970; units that give dates of this century exclude others.
 
-    Args:
-        values: Two times or more, as numbers.
-
     Example:
         >>> plausible_units(np.array([0.0, 0.01])), plausible_units(np.array([0, 10, 20]))
         (['s'], ['s', 'ms'])
@@ -89,11 +86,6 @@ def looks_like_times(column: str, values: NDArray[Any], *, first: bool) -> bool:
     that rise in nearly even steps and, after the first column, dates since 1970 or steps that are
     even up to rounding. The first column may fall, too. Counters and other quantities are not
     times unless their name has a word such as ``time``. Numbers 0, 1, 2 and so on count rows.
-
-    Args:
-        column: Its name.
-        values: Its values, as numbers.
-        first: Whether it is the first column of the table.
 
     Example:
         >>> steady = np.arange(6) * 0.25
@@ -163,11 +155,6 @@ _RATES = word_set(
 
 def stated_period(name: str, value: float, *, single: bool) -> Fraction | None:
     """Return the seconds between samples that a constant states by its name; None for others.
-
-    Args:
-        name: The name, such as ``dt``, ``sample_time [ms]`` or ``fs``.
-        value: The value.
-        single: Whether it is one number of a file, not a column.
 
     Example:
         >>> stated_period("dt", 0.1, single=False), stated_period("Fs [kHz]", 2.0, single=True)

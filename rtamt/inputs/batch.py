@@ -32,13 +32,6 @@ class BatchReader:
     """Reads samples of many batch entries, and masks of the entries that take them.
 
     Both back-ends use it; the C++ back-end for rare argument forms and for every error.
-
-    Args:
-        program: Its variables are read; errors name its terms.
-        num: The number of batch entries.
-        nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value in that entry;
-            ``"unknown"`` means a completely unknown value.
-        bounds: Whether the monitor returns bounds, so that values may be uncertain.
     """
 
     __slots__ = ("_bounds", "_nan", "_num", "_program", "intervals_fit")
@@ -123,13 +116,8 @@ class BatchReader:
     ) -> tuple[Floats, Floats | None]:
         """Return the smallest and the largest values, of shape (entries, variables).
 
-        Args:
-            named: For each variable an array with a number per entry, or an `UncertainValue`.
-            arguments: The names of the other arguments, which no variable may have.
-            held: Returns the values of an absent variable, from its column and default.
-
-        Returns:
-            The second array is None if all values are known.
+        The second array is None if all values are known. ``arguments`` are names that no variable
+        may have, and ``held`` returns the values of an absent variable from its column and default.
         """
         names = self._program.inputs
         if taken := next((name for name in names if name in arguments), None):
@@ -184,14 +172,7 @@ class BatchReader:
     def without_nan(
         self, table: Floats, chosen: Entries | None, samples: NDArray[np.int64], inputs: Floats
     ) -> Floats:
-        """Return the table after the nan policy; rows outside the mask may keep their nan.
-
-        Args:
-            table: A row per batch entry.
-            chosen: The entries that take their sample; None: all.
-            samples: The number of samples of each entry.
-            inputs: The last sample of every entry.
-        """
+        """Return the table after the nan policy; entries that are not chosen may keep their nan."""
         missing = np.isnan(table)
         if chosen is not None:
             missing &= self._booleans(chosen)[:, None]
@@ -214,14 +195,9 @@ class BatchReader:
         samples: NDArray[np.int64],
         inputs: tuple[Floats, Floats],
     ) -> tuple[Floats, Floats]:
-        """Return the smallest and largest values, after the nan policy; one array if all are known.
+        """Return the smallest and largest values after the nan policy, one array if all are known.
 
-        Args:
-            table: A row per batch entry.
-            upper: The largest values, if the table has the smallest ones; None: they are the same.
-            chosen: The entries that take their sample; None: all.
-            samples: The number of samples of each entry.
-            inputs: The smallest and largest values of the last sample of every entry.
+        Without ``upper`` the table has known values. ``inputs`` has both ends of the last samples.
         """
         if upper is not None:
             if not self.intervals_fit:

@@ -55,11 +55,8 @@ Dated = bool | None
 class EventReader:
     """Reads the events of a program's variables, and counts their times in ticks.
 
-    Args:
-        dense: The events of its variables are read; errors name its terms.
-        nan: ``"raise"`` refuses a nan; ``"unknown"`` means a completely unknown value.
-        max_gap: The most ticks between neighbouring events of a variable without a gap; None: any.
-        bounds: Whether the monitor returns bounds, so that values may be uncertain.
+    More than ``max_gap`` ticks between neighbouring events of a variable are a gap. With ``bounds``
+    the monitor returns bounds, and values may be uncertain.
 
     Attributes:
         unknown: Whether it may return uncertain values.
@@ -128,14 +125,9 @@ class EventReader:
     ) -> tuple[list[TimedColumn], Dated]:
         """Return the new events of every variable, in the order of the variables.
 
-        Args:
-            events: The new events by variable; a variable without new ones may be absent.
-            last: Tick of every variable's last event; -inf if there was none.
-            dated: Whether the times so far are dates.
-            heard: Whether that event was the variable's own, not its default; empty: all False.
-
-        Returns:
-            The events, and whether the times are dates.
+        ``last`` has the tick of every variable's last event, -inf without one, and ``heard``
+        whether that event was its own, not its default. The second result states whether the times
+        are dates.
         """
         named = self._named(events)
         for name in named:
@@ -174,10 +166,6 @@ class EventReader:
 
         The event has the last value of the variable, or is unknown if it comes more than
         ``max_gap`` after the last event. A declared default lasts for any time.
-
-        Args:
-            given: All events of every variable.
-            until: The time, or ``"latest"`` for the time of the last event of all.
         """
         columns, dated = self.counted(given)
         lasts = [int(ticks[-1]) for ticks, _ in columns]
@@ -301,13 +289,7 @@ class EventReader:
         refuse_term(self.program, values, f"time {shown(self.time(*place))}")
 
     def refuse_end(self, first: Sequence[float], last: Sequence[float], dated: Dated) -> NoReturn:
-        """Raise the error of a trace that ends with no time at which all variables are known.
-
-        Args:
-            first: Tick of every variable's first event; inf if there was none.
-            last: Tick of every variable's last event; -inf if there was none.
-            dated: Whether the times are dates.
-        """
+        """Raise the error of a trace that ends with no time at which all variables are known."""
         defaults = self.program.specification.defaults
         spans = list(zip(self.variables, first, last, strict=True))
         awaited = [span for span in spans if not (span[0] in defaults and math.isinf(span[2]))]
@@ -418,11 +400,8 @@ def _brief_time(time: object) -> str:
 def _with_holes(column: TimedColumn, most: int, before: int | None, declared: int) -> TimedColumn:
     """Return the events of a variable with unknown events in its gaps.
 
-    Args:
-        column: The events.
-        most: The most ticks between two events without a gap.
-        before: The tick of the previous event, or None.
-        declared: How many of the first events are declared defaults, which leave no gap.
+    ``before`` is the tick of the previous event. The first ``declared`` events are defaults, which
+    leave no gap.
     """
     ticks, values = column
     gaps = np.diff(ticks, prepend=ticks[0] if before is None else before)
@@ -438,13 +417,7 @@ def _with_holes(column: TimedColumn, most: int, before: int | None, declared: in
 
 
 def _started(column: Given, default: float, given: Sequence[Times]) -> Given:
-    """Return the events of a variable with its default before its first event.
-
-    Args:
-        column: The events; it may be empty.
-        default: The value before.
-        given: The times of every variable with events.
-    """
+    """Return the events of a variable with its default before its first event."""
     times, values, _ = column
     same_kind = [line for line in given if are_dates(line) == are_dates(given[0])]
     first, last = min(line[0] for line in same_kind), max(line[-1] for line in same_kind)

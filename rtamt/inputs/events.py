@@ -242,14 +242,9 @@ def not_after(before: object, time: object, i: int, of_name: str) -> InputError:
 def check_values(
     times: Times, values: Floats, of_name: str, known: Message, *, bounds: bool
 ) -> None:
-    """Check that no value is nan and, if there is a reason, that every value is known.
+    """Check that no value is nan and, with a reason ``known``, that every value is known.
 
-    Args:
-        times: The times of the events.
-        values: Their values.
-        of_name: The name of the variable, for errors.
-        known: Why values must be known; empty if they may be uncertain.
-        bounds: Whether a nan may be an unknown value.
+    ``bounds`` adds the advice that a nan may be an unknown value.
     """
     missing = np.isnan(values if values.ndim == 1 else values[:, 0])
     if missing.any():

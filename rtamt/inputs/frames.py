@@ -65,12 +65,7 @@ def names_of(data: object) -> list[Any] | None:
 def check_roles(data: object, variables: Sequence[str], *, timed: bool) -> None:
     """Check that a frame is a single trace, and has no times that bounds would ignore.
 
-    Args:
-        data: The values; only frames are checked.
-        variables: The variables of the formula, whose columns are not ignored.
-        timed: Whether the formula has bounds and there is no period.
-
-    The errors state the ways out.
+    Other data is not checked. ``timed`` states that the formula has bounds and there is no period.
     """
     names = names_of(data)
     if names is None:

@@ -148,11 +148,7 @@ class TraceRows(NamedTuple):
         return cells if self.order is None else cells[self.order]
 
     def have(self, marks: Booleans) -> Booleans:
-        """Return which traces have a mark after their first row.
-
-        Args:
-            marks: A mark for each row in the order of the traces but the very first.
-        """
+        """Return which traces have a mark after their first row; the very first row has no mark."""
         counts = np.concatenate([[0, 0], np.cumsum(marks)])
         ends = self.begins + self.lengths
         return np.asarray(counts[ends] > counts[np.minimum(self.begins + 1, ends)])
@@ -165,14 +161,7 @@ def refusals(
     *,
     timed: bool,
 ) -> Iterator[tuple[int, InputError]]:
-    """Yield the number and the error of each trace that `check_roles` refuses.
-
-    Args:
-        data: The values; only frames are checked.
-        variables: The variables of the formula.
-        rows: The rows of the traces.
-        timed: Whether the formula has bounds and there is no period.
-    """
+    """Yield the number and the error of each trace that `check_roles` refuses."""
     names = names_of(data)
     if names is None or not len(rows.lengths):
         return
@@ -314,12 +303,8 @@ def periods_of(
 ) -> list[Fraction | InputError | None]:
     """Return the period of each group; an error for times that do not increase evenly.
 
-    Args:
-        times: The times in seconds in the order of the groups.
-        groups: The groups.
-        even: Whether the distances of times matter.
-
-    The period of a group of one row is None.
+    ``times`` are seconds in the order of the groups. A group of one row has None, and so has every
+    group unless ``even``, because distances of times do not matter then.
     """
     begins, lengths = groups.begins, groups.lengths
     last = times[begins + lengths - 1]

@@ -151,10 +151,7 @@ class Messages:
     ) -> dict[str, object]:
         """Return the mapping with the fields of its messages in place of the messages.
 
-        Args:
-            named: Values or columns of variables and messages, by name. A field is taken from the
-                innermost of its messages that is present.
-            split: Returns the value or column of a field from its message.
+        A field is split from the innermost of its messages that is present.
         """
         spread: dict[str, object] = {n: v for n, v in named.items() if n not in self.names}
         for variable, fields in self._fields.items():
@@ -189,12 +186,6 @@ def write_fields(
     """Set fields of messages to the values of the formulas with their names.
 
     Nothing is written if a message is refused.
-
-    Args:
-        specification: A specification with formulas of dotted names.
-        values: The values of the formulas, by name.
-        messages: The messages to write to, by name.
-        named: More messages to write to, by name.
 
     Returns:
         Whether every written value is a number.

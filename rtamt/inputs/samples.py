@@ -133,12 +133,8 @@ _DOUBLE = np.dtype(np.float64)
 class SampleReader:
     """Reads samples and blocks of samples of a program's variables.
 
-    Args:
-        program: Its variables are read; errors name its terms.
-        nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value; ``"unknown"``
-            means a completely unknown value.
-        entry: The number of the batch entry, for errors.
-        bounds: Whether the monitor returns bounds, so that values may be uncertain.
+    Errors name the batch entry, if there is one. With ``bounds`` the monitor returns bounds, and
+    values may be uncertain.
 
     Attributes:
         variables: The variables of callers, in order.
@@ -313,11 +309,7 @@ class SampleReader:
     ) -> tuple[list[Floats], int]:
         """Return the columns of a block, in the order of the variables, and their length.
 
-        Args:
-            data: A mapping (or data frame) of names to 1-D arrays, or an array of shape
-                (n, variables).
-            sample: Number of the block's first sample, for errors.
-            previous: The sample before the block, for ``nan="hold"``; empty if there is none.
+        ``sample`` is the number of its first sample, and ``previous`` the sample before it.
         """
         columns, length = self.columns(data, sample, previous)
         return self.without_nan(columns, sample, previous), length
@@ -538,13 +530,7 @@ def unknown_variable(name: object, variables: Sequence[str], messages: Messages)
 
 
 def check_near(kind: str, defaults: Mapping[str, float], others: Collection[str]) -> None:
-    """Refuse a default if another column or signal has nearly the name of the variable.
-
-    Args:
-        kind: The word for a column or a signal.
-        defaults: The defaults of absent variables.
-        others: The other names of columns or signals.
-    """
+    """Refuse a default if another column or signal has nearly the name of the variable."""
     for name, value in defaults.items() if others else ():
         near = near_name(name, others)
         if near is not None:
