@@ -1,12 +1,12 @@
 """Robustness monitors from Signal Temporal Logic.
 
 The text of a specification becomes a formula, the formula becomes a program of four instructions,
-and a machine in C++ or Python runs the program. `Monitor` takes samples as they come,
-`EpisodeMonitor` also bounds the robustness of an episode from its first sample on, `VectorMonitor`
-and `VectorEpisodeMonitor` update a batch of monitors in one call. `evaluate` and `judge` take
-recorded traces, `judge_many` takes many of them in one call, and `explain` returns the samples that
-decided a verdict. The names with ``dense`` do the same for events over dense time. `holds` reads a
-verdict from a robustness.
+and a machine in C++ or Python runs the program. `Monitor` returns the robustness at each sample,
+and `EpisodeMonitor` also bounds the robustness of an episode from its first sample on.
+`VectorMonitor` and `VectorEpisodeMonitor` update a batch of monitors in one call. `evaluate` and
+`judge` are for a recorded trace, `judge_many` is for many, and `explain` returns the samples that
+decided a verdict. `rtamt.dense` has the same names for events over dense time. `holds` returns the
+verdict of a robustness.
 
 Names are imported when they are first used, so that ``import rtamt`` loads no machine.
 """
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if (Path(__file__).parent / "antlr").exists():  # which only the released library has
     raise ImportError(
-        "expected the packages of rtamt-stl alone, got files of the released rtamt among them, in "
+        "expected only the packages of rtamt-stl, got files of the released rtamt next to them in "
         f"{Path(__file__).parent}: pip uninstall rtamt rtamt-stl, then install rtamt-stl again"
     )
 

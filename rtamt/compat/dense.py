@@ -137,9 +137,9 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
 
         The settled time is the minimum of the variables' last times. The result has a pair for each
         time at which the robustness changes, and one for the settled time; it is empty if a call
-        settles nothing. The time of a value is the time at which it is known: its own time plus the
-        horizon. Until a value is known, a call returns one pair with the robustness of the trace if
-        it ended now.
+        settles nothing. The time of a value is the time when it becomes known: its own time plus
+        the horizon. Until then, a call returns one pair with the robustness of the trace if it
+        ended now.
 
         If a variable has several events at one time, the last one counts, also across calls. A call
         that raises an error leaves the specification unchanged.

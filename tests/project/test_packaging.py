@@ -219,7 +219,7 @@ def test_an_install_over_the_released_library_says_so_and_how_to_mend_it(mixed: 
     code = "try:\n    import rtamt\nexcept ImportError as e:\n    print(e)"
     said = run_without_editable_install(mixed, code)
     assert said.startswith(
-        "expected the packages of rtamt-stl alone, got files of the released rtamt"
+        "expected only the packages of rtamt-stl, got files of the released rtamt"
     )
     assert "pip uninstall rtamt rtamt-stl" in said
 

