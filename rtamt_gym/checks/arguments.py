@@ -43,19 +43,19 @@ def _is_number(value: object) -> TypeGuard[Real]:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def check_count(what: object, count: object) -> int:
+def check_count(argument: object, count: object) -> int:
     """Return a whole number above 0 as an int; otherwise InputError or InputTypeError."""
     if isinstance(count, bool) or not isinstance(count, Integral):
-        raise InputTypeError("expected ", what, f" as a whole number, got {count!r}")
+        raise InputTypeError("expected ", argument, f" as a whole number, got {count!r}")
     if count < 1:
-        raise InputError("expected ", what, f" as 1 or more, got {count}")
+        raise InputError("expected ", argument, f" as 1 or more, got {count}")
     return int(count)
 
 
-def check_whole(what: object, number: object) -> int:
+def check_whole(argument: object, number: object) -> int:
     """Return a whole number of 0 or more as an int; otherwise InputError."""
     if isinstance(number, bool) or not isinstance(number, Integral) or number < 0:
-        raise InputError("expected ", what, f" as a whole number, 0 or more, got {number!r}")
+        raise InputError("expected ", argument, f" as a whole number, 0 or more, got {number!r}")
     return int(number)
 
 

@@ -9,7 +9,7 @@ _PASSED = frozenset({"rtamt_gym", "gymnasium"})
 
 
 def caller_level() -> int:
-    """Return the ``stacklevel`` with which a warning of the caller shows the user's line."""
+    """Return the ``stacklevel`` for a warning of the caller that shows the user's line."""
     frame, level = inspect.currentframe(), 0
     while frame is not None and frame.f_back is not None:
         if frame.f_globals.get("__name__", "").partition(".")[0] not in _PASSED:

@@ -100,20 +100,19 @@ def names_extra(message: str) -> bool:
     return f"is not installed; {_INSTALL}" in message
 
 
-def naming_extra(error: ModuleNotFoundError, what: str, extra: str = "") -> ModuleNotFoundError:
+def naming_extra(error: ModuleNotFoundError, caller: str, extra: str = "") -> ModuleNotFoundError:
     """Return an error that names the extra; for other packages, the error itself.
 
     Args:
         error: The error of an import.
-        what: The caller that needs the package.
+        caller: The caller that needs the package.
         extra: The extra that installs all packages of the caller.
     """
     package = missing(error)
     if package is None:
         return error
-    return ModuleNotFoundError(
-        f"{what} needs {package}, which is not installed; {advice(package, extra)}", name=error.name
-    )
+    message = f"{caller} needs {package}, which is not installed; {advice(package, extra)}"
+    return ModuleNotFoundError(message, name=error.name)
 
 
 def lazy_names(package: str, definitions: Mapping[str, str]) -> Callable[[str], object]:

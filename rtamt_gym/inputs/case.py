@@ -172,15 +172,15 @@ def _instants(period: Fraction, lead: int, count: int) -> Floats:
     return times
 
 
-def _numbers(what: str, values: object) -> list[float]:
+def _numbers(name: str, values: object) -> list[float]:
     if isinstance(values, str) or not isinstance(values, Iterable):
-        raise InputTypeError(f"expected {what} as several numbers, got {values!r}")
+        raise InputTypeError(f"expected {name} as several numbers, got {values!r}")
     numbers = []
     for value in values:
         if isinstance(value, bool) or not isinstance(value, Real):
-            raise InputTypeError(f"expected {what} as numbers, got {value!r} among them")
+            raise InputTypeError(f"expected {name} as numbers, got {value!r} among them")
         if not math.isfinite(value):
-            raise InputError(f"expected {what} as finite numbers, got {float(value)!r} among them")
+            raise InputError(f"expected {name} as finite numbers, got {float(value)!r} among them")
         numbers.append(float(value))
     return numbers
 

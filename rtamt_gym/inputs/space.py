@@ -151,15 +151,15 @@ class Parameter(Entry):
         return (self.name,)
 
 
-def _check_points(what: str, points: object, interpolation: object) -> None:
+def _check_points(owner: str, points: object, interpolation: object) -> None:
     """Raise an error if the number of control points is not a whole number, or too small."""
     check_choice("interpolation", interpolation, get_args(WaveformInterpolation))
     least = LEAST_POINTS[str(interpolation)]
     if isinstance(points, bool) or not isinstance(points, int):
-        raise InputTypeError(f"{what}: expected points= as a whole number, got {points!r}")
+        raise InputTypeError(f"{owner}: expected points= as a whole number, got {points!r}")
     if points < least:
         raise InputError(
-            f"{what}: expected points={least} or more with interpolation={interpolation!r}, "
+            f"{owner}: expected points={least} or more with interpolation={interpolation!r}, "
             f"got {points}"
         )
 
@@ -173,45 +173,45 @@ def _set(entry: object, field: str, value: object) -> None:
     object.__setattr__(entry, field, value)  # the class is frozen
 
 
-def _set_range(entry: Signal | Parameter, what: str, low: object, high: object) -> None:
+def _set_range(entry: Signal | Parameter, owner: str, low: object, high: object) -> None:
     """Turn low and high into floats; raise InputError if they are not a range."""
-    least, most = _real(what, "low", low), _real(what, "high", high)
+    least, most = _real(owner, "low", low), _real(owner, "high", high)
     for name, value in (("low", least), ("high", most)):
         if not math.isfinite(value):
-            raise InputError(f"{what}: expected {name}= as a finite number, got {value!r}")
+            raise InputError(f"{owner}: expected {name}= as a finite number, got {value!r}")
     if least > most:
         raise InputError(
-            f"{what}: expected low= at most high=, got {least:g} and {most:g}; swap them"
+            f"{owner}: expected low= at most high=, got {least:g} and {most:g}; swap them"
         )
     if not math.isfinite(most - least):
-        raise InputError(f"{what}: the range from {least:g} to {most:g} is too wide for a float")
+        raise InputError(f"{owner}: the range from {least:g} to {most:g} is too wide for a float")
     _set(entry, "low", least)
     _set(entry, "high", most)
 
 
-def _real(what: str, name: str, value: object) -> float:
+def _real(owner: str, name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputTypeError(f"{what}: expected {name}= as a number, got {value!r}")
+        raise InputTypeError(f"{owner}: expected {name}= as a number, got {value!r}")
     return float(value)
 
 
-def _number(what: str, name: str, value: object) -> float:
+def _number(owner: str, name: str, value: object) -> float:
     """Return a number that may be infinite."""
-    number = _real(what, name, value)
+    number = _real(owner, name, value)
     if math.isnan(number):
-        raise InputError(f"{what}: expected {name}= as a number, got nan")
+        raise InputError(f"{owner}: expected {name}= as a number, got nan")
     return number
 
 
-def _values(what: str, values: Any) -> tuple[float, ...]:  # noqa: ANN401 - checked here
+def _values(owner: str, values: Any) -> tuple[float, ...]:  # noqa: ANN401 - checked here
     if isinstance(values, str) or not isinstance(values, Iterable):
-        raise InputTypeError(f"{what}: expected values= as several numbers, got {values!r}")
-    numbers = tuple(_number(what, "values", value) for value in values)
+        raise InputTypeError(f"{owner}: expected values= as several numbers, got {values!r}")
+    numbers = tuple(_number(owner, "values", value) for value in values)
     if not numbers:
-        raise InputError(f"{what}: expected at least one value in values=, got none")
+        raise InputError(f"{owner}: expected at least one value in values=, got none")
     for number in numbers:
         if numbers.count(number) > 1:
-            raise InputError(f"{what}: expected different values=, got {number:g} twice")
+            raise InputError(f"{owner}: expected different values=, got {number:g} twice")
     return numbers
 
 

@@ -9,7 +9,7 @@ from rtamt_gym.checks.callers import caller_level
 
 
 class OpenEndWarning(UserWarning):
-    """An environment ended an episode and thereby decided an open specification.
+    """An environment decided an open specification by ending an episode.
 
     Attributes:
         name: The specification that counts as satisfied.
@@ -27,7 +27,7 @@ class OpenEndWarning(UserWarning):
 
 
 class CutWindowWarning(OpenEndWarning):
-    """An environment ended an episode inside a bounded window and thereby decided a specification.
+    """An environment decided a specification by ending an episode inside a bounded window.
 
     ``eventually(always[0:0.5](done > 0))`` is satisfied by the first sample with ``done > 0`` if
     the environment ends the episode there and the end counts as complete.

@@ -28,16 +28,16 @@ def looks_ahead(node: Formula) -> bool:
     return any(part.op is not None and part.op.future for part in node.nodes())
 
 
-def require_whole_episode(what: str, spec: Specification, way: object) -> None:
+def require_whole_episode(owner: str, spec: Specification, option: object) -> None:
     """Raise SpecificationError if a requirement or an operand is about the first sample only.
 
     ``always p implies q`` is ``(always p) implies q``, which evaluates q at the first sample only.
     Without brackets around p, a reader could also take it as ``always(p implies q)``.
 
     Args:
-        what: The name of the specification, for the error.
+        owner: The name of the specification, for the error.
         spec: The specification.
-        way: The argument that requires it at every sample, a text or an `Argument`.
+        option: The argument that requires it at every sample, a text or an `Argument`.
 
     Example:
         >>> import rtamt
@@ -49,23 +49,23 @@ def require_whole_episode(what: str, spec: Specification, way: object) -> None:
         write always(x > 0 and y > 0), or for the first sample (y > 0) and always(x > 0)
     """
     if not spec.looks_ahead:
-        raise first_sample_error(what, spec, way)
-    rest: list[Formula] = [spec.formula]
-    while rest:
-        node = rest.pop()
+        raise first_sample_error(owner, spec, option)
+    nodes: list[Formula] = [spec.formula]
+    while nodes:
+        node = nodes.pop()
         if operator_of(node) in _BINARY:
             _refuse_loose_operand(spec, node)
         if operator_of(node) in {*_BINARY, "not"}:
-            rest += operands(node)
+            nodes += operands(node)
 
 
-def first_sample_error(what: str, spec: Specification, way: object) -> SpecificationError:
+def first_sample_error(owner: str, spec: Specification, option: object) -> SpecificationError:
     """Return the error for a requirement that is about the first sample only.
 
     Args:
-        what: The name of the specification, for the error.
+        owner: The name of the specification, for the error.
         spec: The specification.
-        way: The argument that requires it at every sample, a text or an `Argument`.
+        option: The argument that requires it at every sample, a text or an `Argument`.
     """
     way_out = f"write always({shorten(str(spec.formula), 60)}) or "
     if spec.requirement is not None and spec.id is not None:
@@ -75,7 +75,7 @@ def first_sample_error(what: str, spec: Specification, way: object) -> Specifica
             "no other formula uses it, so that it is a requirement by itself: use it in another, "
             + way_out
         )
-    return SpecificationError(f"{what} is about the first sample only; {way_out}", way)
+    return SpecificationError(f"{owner} is about the first sample only; {way_out}", option)
 
 
 def _refuse_loose_operand(spec: Specification, node: Formula) -> None:
@@ -141,15 +141,15 @@ def _near(spec: Specification, temporal: Formula, node: Formula) -> bool:
 
 def _bracketed(spec: Specification, temporal: Formula) -> bool:
     """Return whether the operand of a temporal operator is written in brackets."""
-    rest = spec.text[_offset(spec, temporal) :]
-    rest = re.sub(r"^(?:\[[^\]]*\]|\w+)\s*", "", rest)
-    if not rest.startswith("("):
+    remainder = spec.text[_offset(spec, temporal) :]
+    remainder = re.sub(r"^(?:\[[^\]]*\]|\w+)\s*", "", remainder)
+    if not remainder.startswith("("):
         return False
     depth = 0
-    for place, letter in enumerate(rest):
+    for place, letter in enumerate(remainder):
         depth += (letter == "(") - (letter == ")")
         if depth == 0:
-            return re.match(r"\s*(?:[=!+*/>]|<(?!->)|-(?!>))", rest[place + 1 :]) is None
+            return re.match(r"\s*(?:[=!+*/>]|<(?!->)|-(?!>))", remainder[place + 1 :]) is None
     return False
 
 

@@ -592,7 +592,7 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
 
 
 def together(first: SeeValues | None, second: SeeValues | None) -> SeeValues | None:
-    """Return the function that calls both functions, of which either may be None."""
+    """Return the function that calls both functions; either may be None."""
     if first is None or second is None:
         return first or second
 

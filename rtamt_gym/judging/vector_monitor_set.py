@@ -138,7 +138,7 @@ class VectorMonitorSet:
         return known
 
     def violated(self, names: Collection[str]) -> Entries:
-        """Return whether each environment certainly violates one of these specifications."""
+        """Return whether each environment certainly violates any of these specifications."""
         rows = [name in names for name in self.monitors]
         violated: Entries = np.logical_or.reduce(self._log.violated[rows])
         return violated

@@ -122,7 +122,7 @@ class StepMonitor(MonitorSetValues):
         self.specs = load_specs(specs)
         self._reads_period = read.period is None
         period = float(model.opt.timestep) if read.period is None else read.period
-        self.reading = read.having(period=period).whole("instants")
+        self.reading = read.having(period=period).complete("instants")
         variables = dict.fromkeys(name for spec in self.specs.values() for name in spec.variables)
         self._signals = parse_signals(signals, variables, MUJOCO, extra=True)
         self._count = len(variables)

@@ -274,8 +274,8 @@ class EvaluationOptions:
             return self
         return self.having(stages=self.stages.get(name))
 
-    def whole(self, calls: Calls) -> EvaluationOptions:
-        """Return a copy in which every option of these calls counts as given."""
+    def complete(self, calls: Calls) -> EvaluationOptions:
+        """Return a copy that counts every option of these calls as given."""
         return self._giving(self.given | set(names_for(calls)))
 
     def _giving(self, given: frozenset[str]) -> EvaluationOptions:

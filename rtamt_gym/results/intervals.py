@@ -317,10 +317,10 @@ def _checked(values: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def scipy_stats(what: str) -> Any:  # noqa: ANN401 - a module without types
+def scipy_stats(caller: str) -> Any:  # noqa: ANN401 - a module without types
     """Return the module `scipy.stats`; the error names the extra if SciPy is missing."""
     try:
         from scipy import stats
     except ModuleNotFoundError as error:
-        raise naming_extra(error, what, "search") from error
+        raise naming_extra(error, caller, "search") from error
     return stats

@@ -68,8 +68,8 @@ class Matrix(Results):
     def worst_requirement(self) -> tuple[str, str] | None:
         """Return the name of the requirement that most traces violate, and why; None without one.
 
-        At a tie, it names the requirement that most traces leave undecided, then the one with the
-        smallest robustness, then the first.
+        At a tie, it names the requirement that most traces leave undecided, then the requirement
+        with the smallest robustness, then the first.
         """
         columns = {
             name: {row.name: row.outcomes[name] for row in self.rows if name in row.outcomes}

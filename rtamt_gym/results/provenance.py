@@ -143,11 +143,11 @@ class ChangedModelError(InputError):
     """Stored results are of a model, a policy or a simulator that has changed since."""
 
 
-def check_unchanged(what: str, changes: list[str], way_out: str) -> None:
+def check_unchanged(place: str, changes: list[str], way_out: str) -> None:
     """Raise InputError if the model of stored results has changed.
 
     Args:
-        what: Where the results are stored.
+        place: Where the results are stored.
         changes: The changes, as `Fingerprint.changes` returns them.
         way_out: The alternative to accepting the change, for the error.
 
@@ -156,7 +156,7 @@ def check_unchanged(what: str, changes: list[str], way_out: str) -> None:
     """
     if changes:
         raise ChangedModelError(
-            f"{what} holds results of another model or version: {listed(changes)}; {way_out}, or "
+            f"{place} holds results of another model or version: {listed(changes)}; {way_out}, or "
             "use them all the same with ",
             Argument("accept_changed", value=True),
         )

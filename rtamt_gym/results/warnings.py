@@ -1,7 +1,7 @@
 """Warnings on verdicts that rest on little evidence, and the exit codes of commands.
 
-Commands, JUnit, Markdown and the page read the same list of `VerdictWarning`. Every command imports
-this module, so it imports only what tables need.
+Commands, JUnit, Markdown and the page read the same list of `VerdictWarning`. This module imports
+little, because every command imports it.
 
 To add a warning: a function here that returns `VerdictWarning` objects, with ``fails`` set if an
 option makes the command fail. Add a row to ``docs/warnings.md`` and the command that shows it to

@@ -398,10 +398,10 @@ class _BatchRead:
     def _compare(self, step: Step, column: NDArray[Any], entries: Iterable[int]) -> None:
         signal, num = self._signal, len(column)
 
-        def refuse(entry: int, what: str, cause: Exception | None = None) -> NoReturn:
+        def refuse(entry: int, problem: str, cause: Exception | None = None) -> NoReturn:
             raise InputError(
                 f"signal {signal.name!r}: {signal} returns {column[entry]:.6g} for environment "
-                f"{entry} in the batch of {num}, but {what}; a batched function must keep "
+                f"{entry} in the batch of {num}, but {problem}; a batched function must keep "
                 "environments apart, as lambda step: step.obs[:, 0] does; remove batched from a "
                 "function of one environment"
             ) from cause
@@ -410,8 +410,8 @@ class _BatchRead:
             try:
                 single = np.asarray(signal.call(self._singles.alone(step, entry)), np.float64)
             except (RtamtError, TypeError, ValueError) as error:
-                what = str(error).removeprefix(f"signal {signal.name!r}: ")
-                refuse(entry, f"raises an error for it alone: {what}", error)
+                problem = str(error).removeprefix(f"signal {signal.name!r}: ")
+                refuse(entry, f"raises an error for it alone: {problem}", error)
             # A function that reads the vector environment itself still reads all of them.
             if single.shape == (num,) and num > 1:
                 single = single[entry : entry + 1]

@@ -56,21 +56,21 @@ def derive(model: Any, data: Any) -> None:
     data.qacc_warmstart[:] = warmstart
 
 
-def _bind_selector(what: str, selector: Selector, model: Any, data: Any) -> Number:
+def _bind_selector(owner: str, selector: Selector, model: Any, data: Any) -> Number:
     if selector.source == "time":
-        index_in(what, selector, 1)
+        index_in(owner, selector, 1)
         return lambda *_: float(data.time)
     if selector.source == "contact":
-        return _contact(what, selector, model, data)
-    array = field_of(what, selector, data) if selector.names else getattr(data, selector.source)
+        return _contact(owner, selector, model, data)
+    array = field_of(owner, selector, data) if selector.names else getattr(data, selector.source)
     flat = array.reshape(-1)
-    index = index_in(what, selector, len(flat))
+    index = index_in(owner, selector, len(flat))
     if flat.dtype == np.float64:
         return SlotRead(flat, index % len(flat))
     return lambda *_: float(flat[index])
 
 
-def index_in(what: str, selector: Selector, size: int) -> int:
+def index_in(owner: str, selector: Selector, size: int) -> int:
     """Return the index of a selector in an array; a single number needs no index.
 
     Raises:
@@ -80,26 +80,26 @@ def index_in(what: str, selector: Selector, size: int) -> int:
     if not path and size == 1:
         return 0
     if len(path) != 1 or not isinstance(path[0], int):
-        raise InputError(f"{what}: expected one index, {selector.whole}[0], got {selector}")
+        raise InputError(f"{owner}: expected one index, {selector.container}[0], got {selector}")
     if not -size <= path[0] < size:
         held = "1 element, [0]" if size == 1 else f"{size or 'no'} elements"
         more = f", 0 to {size - 1}" if size > 1 else ""
-        raise InputError(f"{what}: {selector} does not fit: {selector.whole} has {held}{more}")
+        raise InputError(f"{owner}: {selector} does not fit: {selector.container} has {held}{more}")
     return path[0]
 
 
-def field_of(what: str, selector: Selector, holder: Any) -> Any:
+def field_of(owner: str, selector: Selector, holder: Any) -> Any:
     """Return the array of a named object's field, in a model or its data.
 
     Raises:
         InputError: If the object or its field does not exist.
     """
-    named = _named(what, selector, selector.source, selector.names[0], holder)
+    named = _named(owner, selector, selector.source, selector.names[0], holder)
     fields = fields_of(named)
     field = selector.field or "data"
     if field not in fields:
         raise InputError(
-            f"{what}: {selector} does not fit: expected a field ({', '.join(fields)}), got "
+            f"{owner}: {selector} does not fit: expected a field ({', '.join(fields)}), got "
             f"{field!r}{nearest(field, fields)}"
         )
     return getattr(named, field)
@@ -117,21 +117,21 @@ def fields_of(named: Any) -> list[str]:
     return [field for field in dir(named) if not field.startswith("_") and is_view(field)]
 
 
-def _named(what: str, selector: Selector, kind: str, wanted: str, holder: Any) -> Any:
+def _named(owner: str, selector: Selector, kind: str, wanted: str, holder: Any) -> Any:
     try:
         return getattr(holder, kind)(wanted)
     except KeyError as error:
-        raise InputError(f"{what}: {selector} names no {kind}: {error.args[0]}") from None
+        raise InputError(f"{owner}: {selector} names no {kind}: {error.args[0]}") from None
 
 
-def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:
+def _contact(owner: str, selector: Selector, model: Any, data: Any) -> Number:
     if selector.field not in {"", "force"} or selector.path:
         raise InputError(
-            f"{what}: {selector} cannot be read from a contact; write "
+            f"{owner}: {selector} cannot be read from a contact; write "
             f"{Selector('contact', selector.names)}, which is 1 or 0, or "
             f"{Selector('contact', selector.names, 'force')}"
         )
-    first, *remainder = (_geoms(what, selector, name, model) for name in selector.names)
+    first, *remainder = (_geoms(owner, selector, name, model) for name in selector.names)
     second = remainder[0] if remainder else frozenset(range(model.ngeom))
     pairs = {pair for a in first for b in second for pair in ((a, b), (b, a))}
 
@@ -156,13 +156,13 @@ def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:
     return lambda *_: 1.0 if touching() else 0.0
 
 
-def _geoms(what: str, selector: Selector, wanted: str, model: Any) -> frozenset[int]:
+def _geoms(owner: str, selector: Selector, wanted: str, model: Any) -> frozenset[int]:
     """Return the geom with this name, or all geoms of the body with this name."""
     geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, wanted)
     if geom >= 0:
         return frozenset([geom])
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, wanted)
     if body < 0:
-        _named(what, selector, "geom", wanted, model)
+        _named(owner, selector, "geom", wanted, model)
     start = int(model.body_geomadr[body])
     return frozenset(range(start, start + int(model.body_geomnum[body])))

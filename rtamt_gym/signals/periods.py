@@ -377,11 +377,11 @@ class SimulationClock:
 
     Attributes:
         simulation: The environment without wrappers.
-        what: The name of the clock, for messages.
+        name: The name of the clock, for messages.
     """
 
     simulation: Any
-    what: ClassVar[str] = "data.time"
+    name: ClassVar[str] = "data.time"
 
     def read(self) -> float:
         """Return the time in seconds."""
@@ -394,7 +394,7 @@ class _RoadClock(SimulationClock):
     highway-env's own ``time`` grows by ``1 / policy_frequency`` per action, independent of physics.
     """
 
-    what = "its physics steps"
+    name = "its physics steps"
 
     def read(self) -> float:
         return float(self.simulation.steps / self.simulation.config["simulation_frequency"])
@@ -405,7 +405,7 @@ class StepCount(SimulationClock):
     """The time of the steps that a `TimeLimit` counts, with the stated period."""
 
     period: float
-    what = "the steps that its TimeLimit counts"
+    name = "the steps that its TimeLimit counts"
 
     @classmethod
     def of(cls, env: Any, period: float) -> StepCount | None:

@@ -57,10 +57,10 @@ class Selector:
     agent: str = ""
 
     def __str__(self) -> str:
-        return self.whole + "".join(f"[{part!r}]" for part in self.path)
+        return self.container + "".join(f"[{part!r}]" for part in self.path)
 
     @property
-    def whole(self) -> str:
+    def container(self) -> str:
         """The selector without its indices."""
         names = ",".join(map(_written, self.names))
         agent = f"{_written(self.agent)}: " * bool(self.agent)
@@ -69,12 +69,12 @@ class Selector:
 
 
 def parse_selector(
-    what: str, text: str, sources: Mapping[str, Syntax], agents: Collection[str] = ()
+    owner: str, text: str, sources: Mapping[str, Syntax], agents: Collection[str] = ()
 ) -> Selector:
     """Parse a selector; with agents, it starts with an agent.
 
     Args:
-        what: The owner of the selector, for messages, such as ``"signal 'x'"``.
+        owner: The owner of the selector, for messages, such as ``"signal 'x'"``.
         text: The selector.
         sources: The words that it may start with.
         agents: The agents, if there are any.
@@ -82,7 +82,7 @@ def parse_selector(
     Raises:
         InputError: On a syntax error, with the column, the expected text and a caret.
     """
-    scan = _Scanner(what, text, sources)
+    scan = _Scanner(owner, text, sources)
     agent = ""
     if agents:
         agent = _unquoted(scan.peek(_NAME))
@@ -125,8 +125,8 @@ _NAME: Final = re.compile(r"\s*([^\s.,:\[\]'\"]+|'[^']*'|\"[^\"]*\"|.|$)")
 class _Scanner:
     """Reads a text token by token; the end of the text is an empty token."""
 
-    def __init__(self, what: str, text: str, sources: Mapping[str, Syntax]) -> None:
-        self._what, self._text, self._sources = what, text, sources
+    def __init__(self, owner: str, text: str, sources: Mapping[str, Syntax]) -> None:
+        self._owner, self._text, self._sources = owner, text, sources
         self._at = 0
 
     def peek(self, kind: re.Pattern[str] = _TOKEN) -> str:
@@ -182,7 +182,7 @@ class _Scanner:
         column = len(self._text.rstrip()) - len(self._text.rstrip()[self._at :].lstrip())
         got = repr(token) if token else "the end of the selector"
         raise InputError(
-            f"{self._what}, column {column + 1}: expected {expected}, got {got}\n"
+            f"{self._owner}, column {column + 1}: expected {expected}, got {got}\n"
             f"  {self._text}\n"
             f"  {' ' * column}^\n"
             f"  hint: write {hint(self._sources)}"

@@ -550,11 +550,11 @@ def own_signals(env: Any) -> Mapping[str, Any]:
     return own if isinstance(own, Mapping) else {}
 
 
-def _asks_for_default(name: str, selector: str, what: str) -> tuple[object, ...]:
+def _asks_for_default(name: str, selector: str, problem: str) -> tuple[object, ...]:
     """Return the pieces of an error about a missing value at reset."""
     pair = f'"{name}": ("{selector}", '
     return (
-        f"{what}; give a first value, ",
+        f"{problem}; give a first value, ",
         Argument("signals", {name: (selector, "VALUE")}, words=f"{pair}VALUE)"),
         ", or ",
         Argument("signals", {name: (selector, "unknown")}, words=f"{pair}None)"),

@@ -14,13 +14,13 @@ from rtamt_gym.signals.signals import ParsedSignal
 AnySpace = spaces.Space[Any]
 
 
-def fit(signal: ParsedSignal, space: AnySpace, what: str) -> tuple[Any, ...]:
+def fit(signal: ParsedSignal, space: AnySpace, name: str) -> tuple[Any, ...]:
     """Return the indices of the selector's number in the values of a space.
 
     Args:
         signal: A signal with a selector.
         space: The space of the values.
-        what: The name of the space, for messages.
+        name: The name of the space, for messages.
 
     Raises:
         InputError: If the selector does not read a number of the space.
@@ -28,7 +28,7 @@ def fit(signal: ParsedSignal, space: AnySpace, what: str) -> tuple[Any, ...]:
 
     def refuse(reason: str, hint: str = "") -> NoReturn:
         raise InputError(
-            f"signal {signal.name!r}: {signal} does not fit: {what} {reason}; it is "
+            f"signal {signal.name!r}: {signal} does not fit: {name} {reason}; it is "
             f"{described(space)}{hint}"
         )
 

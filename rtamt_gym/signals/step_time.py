@@ -113,7 +113,7 @@ class StepTime:
         source = f"{self._env.unwrapped} states" if self._was_read else "period= states"
         error = StateError(
             f"expected samples {self._period:g} s apart, as {source}, got {lasts:g} s by "
-            f"{self._clock.what}: bounds last {lasts / self._period:g} times as long as specified; "
+            f"{self._clock.name}: bounds last {lasts / self._period:g} times as long as specified; "
             "if an inner wrapper makes several steps in one, pass ",
             Argument("period", round(lasts, 9)),
             ", or put the monitor inside of it",

@@ -153,7 +153,7 @@ class StlMonitor(
             buffer_length=buffer_length,
             constants=constants,
         )
-        recorded: dict[str, Any] = {**options, **read.whole("runs").options()}
+        recorded: dict[str, Any] = {**options, **read.complete("runs").options()}
         recorded |= {"specs": recordable(specs), "signals": signals, "history": history}
         RecordConstructorArgs.__init__(self, **recorded, observe=observe, clip=clip)
         gym.Wrapper.__init__(self, single_env(env))

@@ -167,8 +167,8 @@ class Monitoring(Observing):
         observed = () if reading.substeps else self._signals  # substeps read no observation
         rescaler = rescaling(env, observed, below=reading.below, rescaled=reading.rescaled)
         self._beneath = None if rescaler is None else tapped(rescaler)
-        self._judging = Judging(loaded, signals, reading.having(period=period).whole("runs"))
-        self._of_monitors = self._of_monitors.having(period=period).whole("runs")
+        self._judging = Judging(loaded, signals, reading.having(period=period).complete("runs"))
+        self._of_monitors = self._of_monitors.having(period=period).complete("runs")
         return loaded
 
     @property

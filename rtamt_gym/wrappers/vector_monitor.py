@@ -138,7 +138,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
             buffer_length=buffer_length,
             constants=constants,
         )
-        recorded: dict[str, Any] = {**options, **read.whole("episodes").options()}
+        recorded: dict[str, Any] = {**options, **read.complete("episodes").options()}
         recorded |= {"specs": recordable(specs), "signals": signals}
         RecordConstructorArgs.__init__(self, **recorded, observe=observe, clip=clip)
         env = as_vector_env(env)

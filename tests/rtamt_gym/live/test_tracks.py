@@ -129,7 +129,8 @@ def test_wrong_arguments(arguments: dict[str, Any], message: str) -> None:
 @given(st.lists(st.tuples(values, values), min_size=1, max_size=5))
 def test_values_of_one_environment(end: AtTermination, rows: list[tuple[float, float]]) -> None:
     specs = {name: judge.specification for name, judge in monitors().items()}
-    monitor_set = VectorMonitorSet(specs, 2, EvaluationOptions(period=1).whole("episodes"), ["x"])
+    options = EvaluationOptions(period=1).complete("episodes")
+    monitor_set = VectorMonitorSet(specs, 2, options, ["x"])
     monitor_set.reset()
     for row in rows:
         monitor_set.feed(np.array(row)[:, None])

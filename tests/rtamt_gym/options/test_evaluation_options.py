@@ -118,7 +118,7 @@ def test_what_was_given_is_told_from_what_equals_a_default() -> None:
 def test_given_options_stay_given() -> None:
     both = EvaluationOptions(nan="hold").over(EvaluationOptions(view="step"), "a", "b")
     assert both.given == {"nan", "view"}
-    assert EvaluationOptions(end="cut").whole("samples").given == {"end", *names_for("samples")}
+    assert EvaluationOptions(end="cut").complete("samples").given == {"end", *names_for("samples")}
 
 
 def test_monitors_report_wrong_semantics_and_names() -> None:
@@ -137,7 +137,7 @@ def test_an_option_lies_over_that_of_a_monitor_only_if_it_is_the_same(
 ) -> None:
     for own in OTHERS[option]:
         over: dict[str, Any] = {option: value}
-        has = EvaluationOptions(**{option: own}).whole("runs")
+        has = EvaluationOptions(**{option: own}).complete("runs")
         if EvaluationOptions(**over) == has or value is None:  # which is what a monitor says
             assert EvaluationOptions(**over).over(has, "a", "b") == has
         else:
