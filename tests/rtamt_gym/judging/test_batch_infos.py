@@ -48,7 +48,7 @@ def alone(infos: Mapping[str, Any], number: int) -> Info:
 
 
 @given(st.lists(st.tuples(entries(), st.none() | entries()), min_size=1, max_size=4))
-def test_where_an_episode_ended_the_infos_are_its_own(rows: list[tuple[Info, Info | None]]) -> None:
+def test_final_infos_replace_infos_of_resets(rows: list[tuple[Info, Info | None]]) -> None:
     ended = np.array([final is not None for _, final in rows])
     infos = together([info for info, _ in rows])
     if ended.any():

@@ -47,7 +47,7 @@ def infos(env: Any) -> list[dict[str, Any]]:  # noqa: ANN401
     return found
 
 
-def test_a_wrapper_judges_a_text_as_it_judges_its_requirements_with_their_names() -> None:
+def test_text_equals_named_requirements() -> None:
     one, several = (
         infos(StlMonitor(gym.make("CartPole-v1"), specs, SIGNALS, details=True))
         for specs in (TEXT, APART)
@@ -59,7 +59,7 @@ def test_a_wrapper_judges_a_text_as_it_judges_its_requirements_with_their_names(
 
 @pytest.mark.parametrize("cost", get_args(Cost))
 @pytest.mark.parametrize("view", ["episode", "step"])
-def test_requirements_cost_what_they_cost_apart(cost: Cost, view: View) -> None:
+def test_costs_match_single_requirements(cost: Cost, view: View) -> None:
     text, apart = TEXT, APART
     if view == "step":  # an instant cannot wait for a future without end
         text = "lean = abs(angle); slow = lean < 0.01; calm = always[0:0.2](lean < 0.1)"
@@ -77,7 +77,7 @@ def test_requirements_cost_what_they_cost_apart(cost: Cost, view: View) -> None:
     assert any(info.get("cost", 0.0) > 0.0 for info in one)
 
 
-def test_a_reward_ranks_the_requirements_of_a_text_by_their_names() -> None:
+def test_reward_priorities_by_name() -> None:
     ranks: dict[str, Priority] = {"upright": "safety", "near": "target", "calm": "comfort"}
     wrapped = (
         StlReward(gym.make("CartPole-v1"), specs, SIGNALS, mode="hierarchical", priorities=ranks)
@@ -87,7 +87,7 @@ def test_a_reward_ranks_the_requirements_of_a_text_by_their_names() -> None:
     assert one == several
 
 
-def test_many_environments_are_judged_under_every_requirement() -> None:
+def test_vector_wrapper_with_several_requirements() -> None:
     one, several = (
         infos(VectorStlMonitor(gym.make_vec("CartPole-v1", 2), specs, SIGNALS, details=True))
         for specs in (TEXT, APART)
@@ -96,7 +96,7 @@ def test_many_environments_are_judged_under_every_requirement() -> None:
     assert set(APART) <= one[0]["stl"].keys()
 
 
-def test_a_run_has_a_course_for_every_requirement() -> None:
+def test_run_has_history_of_each_requirement() -> None:
     runs = [
         simulate(gym.make("CartPole-v1"), specs, SIGNALS, policy=lambda _: 0, seed=2, stop="end")
         for specs in (TEXT, APART)
@@ -105,7 +105,7 @@ def test_a_run_has_a_course_for_every_requirement() -> None:
     np.testing.assert_equal(runs[0].replay(TEXT), runs[0].replay())
 
 
-def test_mujoco_is_judged_under_every_requirement() -> None:
+def test_step_monitor_with_several_requirements() -> None:
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body><joint type="slide" axis="0 0 1"/><geom size=".1"/></body>'
         "</worldbody></mujoco>"
@@ -121,7 +121,7 @@ def test_mujoco_is_judged_under_every_requirement() -> None:
     assert list(found) == ["slow", "high"]
 
 
-def test_the_command_runs_every_requirement(
+def test_command_with_several_requirements(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "balance.stl").write_text(TEXT)
@@ -153,7 +153,7 @@ def test_names_of_requirements_in_a_mapping(tmp_path: Path) -> None:
     assert str(caught.value) == "expected one specification 's.b', got two; rename one"
 
 
-def test_a_list_of_specifications_is_refused_with_the_way_out() -> None:
+def test_list_of_specifications_error() -> None:
     specs: Any = ["always(x > 0)"]
     with pytest.raises(rtamt.InputTypeError) as caught:
         load_specs(specs)
@@ -163,7 +163,7 @@ def test_a_list_of_specifications_is_refused_with_the_way_out() -> None:
     )
 
 
-def test_an_environment_made_again_has_the_same_requirements() -> None:
+def test_remade_environment_keeps_requirements() -> None:
     env = StlMonitor(gym.make("CartPole-v1"), rtamt.parse(TEXT), SIGNALS)
     assert env.spec is not None
     again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
@@ -200,9 +200,7 @@ def test_an_environment_made_again_has_the_same_requirements() -> None:
         ),
     ],
 )
-def test_a_helper_that_no_formula_uses_is_refused_with_the_ways_out(
-    text: str, message: str
-) -> None:
+def test_unused_helper_error(text: str, message: str) -> None:
     with pytest.raises(rtamt.SpecificationError) as caught:
         StlMonitor(gym.make("CartPole-v1"), text, SIGNALS)
     assert str(caught.value) == message

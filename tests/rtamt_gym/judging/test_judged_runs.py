@@ -92,7 +92,7 @@ MISTAKES: list[tuple[str, dict[str, str], dict[str, Any], type[Exception], str]]
 
 @pytest.mark.parametrize("run", ENVIRONMENTS, ids=["sweep", "falsify", "evaluate_policy"])
 @pytest.mark.parametrize("mistake", MISTAKES, ids=[each[-1] for each in MISTAKES])
-def test_a_mistake_is_one_error_before_the_first_simulation(
+def test_wrong_argument_fails_before_simulations(
     run: Callable[..., Any],
     mistake: tuple[str, dict[str, str], dict[str, Any], type[Exception], str],
 ) -> None:
@@ -112,7 +112,7 @@ def test_a_mistake_is_one_error_before_the_first_simulation(
         ({"period": 1, "semantics": "output-vacuity"}, "needs output variables"),
     ],
 )
-def test_a_mistake_about_other_systems_is_one_error_too(how: dict[str, Any], words: str) -> None:
+def test_wrong_argument_fails_for_other_systems(how: dict[str, Any], words: str) -> None:
     for search in (sweep, falsify):
         more: dict[str, Any] = {"samples": 3} if search is sweep else {"budget": 3}
         with pytest.raises(rtamt.InputError) as refused:
@@ -121,7 +121,7 @@ def test_a_mistake_about_other_systems_is_one_error_too(how: dict[str, Any], wor
         assert "simulations failed" not in str(refused.value)
 
 
-def test_a_case_that_fails_alone_stays_in_its_row() -> None:
+def test_failed_case_stays_in_its_row() -> None:
     def odd(gain: float) -> Iterator[dict[str, float]]:
         if gain > 0.5:
             raise ValueError(gain)
@@ -134,7 +134,7 @@ def test_a_case_that_fails_alone_stays_in_its_row() -> None:
     assert [bool(trial.error) for trial in done.record] == [False, False, True]
 
 
-def test_a_case_may_change_the_period_that_the_bounds_fit() -> None:
+def test_case_may_change_the_period() -> None:
     env: Any = gym.make("CartPole-v1")
     env.unwrapped.tau = 0.3
     runner = Runner(env, "eventually[0:0.5](x < 1)", signals={"x": "obs[0]"}, policy=push)
@@ -144,7 +144,7 @@ def test_a_case_may_change_the_period_that_the_bounds_fit() -> None:
 
 
 @pytest.mark.parametrize("view", ["episode", "step"])
-def test_trials_are_those_of_runs_that_keep_everything(view: Any) -> None:  # noqa: ANN401
+def test_trials_match_full_runs(view: Any) -> None:  # noqa: ANN401
     specs = {
         "near": "always(abs(x) < 0.05)",
         "soon": "eventually[0:0.2](v > 0.3)",
@@ -165,7 +165,7 @@ def test_trials_are_those_of_runs_that_keep_everything(view: Any) -> None:  # no
                     assert trial == run.trial(trial.case), (chosen, stop, limit, index)
 
 
-def test_an_error_in_the_middle_leaves_what_a_run_leaves() -> None:
+def test_error_in_mid_run_keeps_samples() -> None:
     specs = {"a": "always(x < 9)", "b": "always(sqrt(y) < 9)"}
     signals: dict[str, Any] = {
         "x": "obs[0]",
@@ -206,7 +206,7 @@ def test_a_sweep_compiles_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("several", [False, True])
-def test_episodes_after_each_other_are_fed_by_what_the_first_has_made(
+def test_later_episodes_reuse_feeders(
     monkeypatch: pytest.MonkeyPatch,
     several: bool,  # noqa: FBT001
 ) -> None:
@@ -228,7 +228,7 @@ def test_episodes_after_each_other_are_fed_by_what_the_first_has_made(
         assert len(set(map(id, made))) == 1
 
 
-def test_an_episode_after_an_error_is_as_without_it() -> None:
+def test_error_leaves_later_episodes_unchanged() -> None:
     class Breaks(gym.Wrapper[Any, Any, Any, Any]):
         def reset(self, *, seed: Any = None, options: Any = None) -> Any:  # noqa: ANN401
             self.left = 5 if seed == 1 else 1000
@@ -250,7 +250,7 @@ def test_an_episode_after_an_error_is_as_without_it() -> None:
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("several", [False, True])
-def test_a_sample_of_an_episode_is_at_most_one_call(several: bool) -> None:  # noqa: FBT001
+def test_sample_needs_at_most_one_call(several: bool) -> None:  # noqa: FBT001
     specs = {"near": "always(abs(x) < 9)"} | ({"still": "always(v > -99)"} if several else {})
     signals = {"x": "obs[0]", "v": "obs[1]"}
     runner = Runner(
@@ -285,7 +285,7 @@ def test_a_sample_of_an_episode_is_at_most_one_call(several: bool) -> None:  # n
     assert calls(30) - calls(20) == (10 if rtamt.BACKEND == "python" else 0)
 
 
-def test_runs_that_are_begun_together_have_monitors_of_their_own() -> None:
+def test_parallel_runs_have_own_monitors() -> None:
     judge = Judge({"low": rtamt.parse("always(x < 1)")}, EvaluationOptions())
     one, two = judge.begin(), judge.begin()
     one.feeder(judge.variables)([3.0])
@@ -297,7 +297,7 @@ def test_runs_that_are_begun_together_have_monitors_of_their_own() -> None:
     assert (one.samples, one.settled) == (0, 0)
 
 
-def test_a_run_keeps_what_it_was_when_another_begins() -> None:
+def test_run_is_unchanged_by_later_runs() -> None:
     env = StlMonitor(gym.make("CartPole-v1"), "always(x < 0.02)", {"x": "obs[0]"})
     runner = Runner(env, policy=push, stop="violation")
     first = runner.simulate({}, 1)

@@ -95,7 +95,7 @@ def played(env: gym.Env[Any, Any], steps: int) -> list[Any]:
         [{}, {"details": True}, {"cost": "latched"}, {"on_violation": "truncate"}]
     ),
 )
-def test_infos_are_those_of_monitors_that_are_fed_one_by_one(
+def test_infos_match_single_monitors(
     specs: dict[str, Formula], trace: Trace, options: dict[str, Any]
 ) -> None:
     signals = {name: SIGNALS[name] for name in VARIABLES} | {"c": "info['c']"}
@@ -116,7 +116,7 @@ def test_infos_are_those_of_monitors_that_are_fed_one_by_one(
     weight=st.sampled_from([1.0, 0.1, 3.0]),
     bonus=st.sampled_from([0.0, 2.0]),
 )
-def test_rewards_are_those_around_a_wrapper_that_may_change_infos(
+def test_rewards_survive_wrappers_that_change_infos(
     mode: str, specs: dict[str, Formula], trace: Trace, weight: float, bonus: float
 ) -> None:
     signals = {name: SIGNALS[name] for name in VARIABLES} | {"c": "info['c']"}
@@ -135,7 +135,7 @@ def test_rewards_are_those_around_a_wrapper_that_may_change_infos(
     assert played(alone, steps) == played(apart, steps)
 
 
-def test_no_sample_has_no_robustness() -> None:
+def test_no_robustness_without_samples() -> None:
     spec = rtamt.parse("x > 1")
     assert math.isnan(InstantMonitor(spec).robustness)
     assert np.isnan(VectorInstantMonitor(spec, 3).robustness).tolist() == [True, True, True]
@@ -145,7 +145,7 @@ def test_no_sample_has_no_robustness() -> None:
     ("above", "certain"),
     [({}, False), ({"task": 1.0}, True), ({"task": 2.0}, False), ({"task": 3.0}, False)],
 )
-def test_what_stays_above_a_number_is_known(above: dict[str, float], *, certain: bool) -> None:
+def test_knows_values_that_stay_above(above: dict[str, float], *, certain: bool) -> None:
     """It is 2 or more from the first sample on, so it is not certain to stay above 2."""
     specs = {"task": rtamt.parse("eventually(x > 0)")}
     single, many = (
@@ -169,7 +169,5 @@ def test_what_stays_above_a_number_is_known(above: dict[str, float], *, certain:
         ([2, 2], [2, 2]),
     ],
 )
-def test_neighbours_are_read_without_a_copy(
-    columns: list[int], expected: slice | list[int]
-) -> None:
+def test_adjacent_columns_need_no_copy(columns: list[int], expected: slice | list[int]) -> None:
     assert pick(columns) == expected

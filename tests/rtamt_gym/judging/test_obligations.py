@@ -168,7 +168,7 @@ NEGATED = (
 
 @given(pattern=single() | nested() | past() | both_ways(), rows=traces)
 @example(pattern=NEGATED, rows=[(1.0, -1.0, 1.0), (1.0, 1.0, 1.0)])
-def test_clocks_and_margins_are_those_of_the_definition(
+def test_clocks_and_margins_match_the_oracle(
     pattern: Pattern, rows: list[tuple[float, ...]]
 ) -> None:
     text, expected = pattern
@@ -188,7 +188,7 @@ def test_clocks_and_margins_are_those_of_the_definition(
 
 @settings(max_examples=examples(50))
 @given(pattern=single() | nested() | past() | both_ways(), rows=traces, seed=st.integers(0, 99))
-def test_environments_have_clocks_of_their_own(
+def test_environments_have_own_clocks(
     pattern: Pattern, rows: list[tuple[float, ...]], seed: int
 ) -> None:
     """Masks and resets of some environments leave the others as they are."""
@@ -287,30 +287,30 @@ def told_apart(text: str) -> bool:
 
 @pytest.mark.slow(keep=8)
 @pytest.mark.parametrize("text", ENOUGH)
-def test_verdicts_to_come_depend_on_what_is_shown(text: str) -> None:
+def test_obligations_determine_future_verdicts(text: str) -> None:
     assert not told_apart(text)
 
 
 @pytest.mark.parametrize("text", NOT_ENOUGH)
-def test_where_it_is_not_enough_is_known(text: str) -> None:
+def test_known_limits_of_obligations(text: str) -> None:
     assert told_apart(text)
 
 
 @pytest.mark.parametrize(
     "text", ["always(p > 0)", "eventually[0:5](p > 0)", f"{P} until {Q}", f"not eventually({P})"]
 )
-def test_an_operator_at_the_top_has_no_clock(text: str) -> None:
+def test_top_operator_has_no_clock(text: str) -> None:
     assert obligations_of(rtamt.parse(text), EvaluationOptions(period=1)) == []
 
 
-def test_an_operand_that_is_never_known_leaves_out_its_operator() -> None:
+def test_unknown_operand_omits_operator() -> None:
     (found,) = obligations_of(
         rtamt.parse(f"always(eventually(always({Q})))"), EvaluationOptions(period=1)
     )
     assert (str(found.formula), found.kind) == (f"always({Q})", "oldest")
 
 
-def test_windows_are_in_samples_and_rounded_as_asked() -> None:
+def test_windows_are_rounded_to_samples() -> None:
     spec = rtamt.parse("always(eventually[0.1:0.25](q > 0))")
     (found,) = obligations_of(spec, EvaluationOptions(period=0.05))
     assert (found.begin, found.end) == (2, 5)
@@ -326,9 +326,7 @@ def test_windows_are_in_samples_and_rounded_as_asked() -> None:
         ("always(next(eventually[0:2](q > 0)))", [0, 1 / 3, 0, 1 / 3, 2 / 3]),
     ],
 )
-def test_what_the_next_sample_owes_is_asked_one_sample_later(
-    text: str, expected: list[float]
-) -> None:
+def test_next_shifts_instants_by_one_sample(text: str, expected: list[float]) -> None:
     one, many = One(text), made(text, 1)
     found = []
     for q in (1.0, -1.0, 1.0, -1.0, -1.0):

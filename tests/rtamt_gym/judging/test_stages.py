@@ -104,7 +104,7 @@ def played(
 
 @both_kinds
 @pytest.mark.parametrize("end", ["complete", "cut", "open"])
-def test_progress_is_its_definition_and_keeps_its_laws(end: End, kind: Kind) -> None:
+def test_progress_matches_the_oracle(end: End, kind: Kind) -> None:
     @settings(max_examples=examples(40))
     @given(tasks(kind), traces())
     def check(task: Task, trace: Trace) -> None:
@@ -122,7 +122,7 @@ def test_progress_is_its_definition_and_keeps_its_laws(end: End, kind: Kind) -> 
 
 
 @both_kinds
-def test_batch_has_the_progress_of_single_environments(kind: Kind) -> None:
+def test_batch_progress_matches_single_environments(kind: Kind) -> None:
     @settings(max_examples=examples(30))
     @given(tasks(kind), st.lists(traces(), min_size=3, max_size=3), st.booleans())
     def check(task: Task, several: list[Trace], other: bool) -> None:  # noqa: FBT001 - drawn
@@ -156,7 +156,7 @@ def test_batch_has_the_progress_of_single_environments(kind: Kind) -> None:
 
 @both_kinds
 @pytest.mark.parametrize("end", ["complete", "cut"])
-def test_recorded_trace_has_the_progress_of_its_run(end: End, kind: Kind) -> None:
+def test_trace_progress_matches_its_run(end: End, kind: Kind) -> None:
     @settings(max_examples=examples(20))
     @given(tasks(kind), traces())
     def check(task: Task, trace: Trace) -> None:
@@ -173,7 +173,7 @@ def test_recorded_trace_has_the_progress_of_its_run(end: End, kind: Kind) -> Non
 
 @settings(max_examples=examples(30))
 @given(tasks("shape"), st.lists(traces(least=2), min_size=2, max_size=2), st.data())
-def test_a_value_that_is_held_counts_as_if_it_came_again(
+def test_held_value_counts_like_a_repeated_value(
     task: Task, several: list[Trace], data: st.DataObject
 ) -> None:
     spec = {"task": task.spec}
@@ -201,7 +201,7 @@ def test_a_value_that_is_held_counts_as_if_it_came_again(
             each.reset()
 
 
-def test_an_episode_holds_no_value_of_the_one_before() -> None:
+def test_reset_forgets_held_values() -> None:
     many = VectorMonitorSet(
         {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")},
         2,
@@ -214,7 +214,7 @@ def test_an_episode_holds_no_value_of_the_one_before() -> None:
         many.feed(np.array([[math.nan, 1.0], [math.nan, 1.0]]))
 
 
-def test_a_stage_counts_what_came_after_the_one_before_it() -> None:
+def test_stage_starts_after_the_previous_stage() -> None:
     spec = rtamt.parse("eventually(a > 0 and eventually(b > 0 and eventually(c > 0)))")
     rows = [
         (-4, -4, -4),  # a sets out at -4
@@ -232,7 +232,7 @@ def test_a_stage_counts_what_came_after_the_one_before_it() -> None:
     assert found[-1] == 1
 
 
-def test_the_end_decides_stages_as_it_is_read() -> None:
+def test_end_mode_decides_stages() -> None:
     spec = rtamt.parse("eventually(a > 0 and eventually always[0:3](b > 0))")
     rows = [(1.0, 1.0, 0.0), (1.0, 1.0, 0.0)]
     almost = math.nextafter(1.0, 0.0)  # what is seen holds, and is not certain
@@ -243,7 +243,7 @@ def test_the_end_decides_stages_as_it_is_read() -> None:
     assert progress_of(spec, columns, EvaluationOptions(end="cut")) == almost
 
 
-def test_what_the_end_makes_a_failure_keeps_its_progress() -> None:
+def test_failure_keeps_progress() -> None:
     monitor_set = MonitorSet(
         {"task": rtamt.parse("eventually(a > 0 and eventually(b > 0))")}, EvaluationOptions()
     )
@@ -253,7 +253,7 @@ def test_what_the_end_makes_a_failure_keeps_its_progress() -> None:
     assert monitor_set.violated_by == "task"
 
 
-def test_verdicts_alone_move_it_by_whole_stages() -> None:
+def test_boolean_progress_moves_by_stages() -> None:
     spec = rtamt.parse("eventually(a > 0 and eventually(b > 0))")
     rows = [(-4, -4, 0), (-1, -4, 0), (1, -4, 0), (0, -1, 0), (0, 1, 0)]
     monitor_set = MonitorSet({"task": spec}, EvaluationOptions(semantics="boolean"))
@@ -261,7 +261,7 @@ def test_verdicts_alone_move_it_by_whole_stages() -> None:
 
 
 @pytest.mark.parametrize("view", ["episode", "step"])
-def test_others_have_none_and_cost_nothing(view: Any) -> None:  # noqa: ANN401 - a literal
+def test_requirements_without_stages_have_no_progress(view: Any) -> None:  # noqa: ANN401 - a literal
     specs = {
         "near": rtamt.parse("eventually[0:5](a > 0)"),
         "calm": rtamt.parse("always(a < 9)"),
@@ -275,7 +275,7 @@ def test_others_have_none_and_cost_nothing(view: Any) -> None:  # noqa: ANN401 -
     assert (monitor_set._stages, vector._stages) == (None, None)
 
 
-def test_a_stage_holds_values_from_before_it_was_next() -> None:
+def test_stage_holds_earlier_values() -> None:
     spec, nan = rtamt.parse("eventually(a > 0 and eventually(b > 0))"), math.nan
     rows = [(-1.0, -4.0, 0.0), (1.0, nan, 0.0), (1.0, nan, 0.0), (1.0, -1.0, 0.0)]
     assert fed(MonitorSet({"task": spec}, EvaluationOptions(nan="hold")), rows) == [
@@ -326,7 +326,7 @@ def test_state_restores_progress_and_held_values(
 
 @settings(max_examples=examples(30))
 @given(conditions(), traces())
-def test_the_stages_of_a_shape_can_be_named(wanted: list[Formula], trace: Trace) -> None:
+def test_named_stages_equal_found_stages(wanted: list[Formula], trace: Trace) -> None:
     spec = Specification.of(in_order(*wanted))
     if len(spec.variables) < len(NAMES):
         return
@@ -337,7 +337,7 @@ def test_the_stages_of_a_shape_can_be_named(wanted: list[Formula], trace: Trace)
 
 @settings(max_examples=examples(60))
 @given(requirements(), st.lists(formulas(0), min_size=2, max_size=4), traces(), st.data())
-def test_events_have_the_progress_of_the_samples_that_they_are(
+def test_event_progress_matches_samples(
     whole: Formula, wanted: list[Formula], trace: Trace, data: st.DataObject
 ) -> None:
     """A value is left out where it is that of the sample before; times are any that increase."""
@@ -357,7 +357,7 @@ def test_events_have_the_progress_of_the_samples_that_they_are(
     assert progress_of_events(spec, events, reading, satisfied=True) == 1
 
 
-def test_stages_with_times_of_their_own_have_no_progress_in_dense_time() -> None:
+def test_timed_stages_have_no_dense_progress() -> None:
     events = {name: (np.array([0.0, 1.0]), np.array([1.0, 1.0])) for name in NAMES}
     for text in (
         "eventually(a > 0 and eventually[0:2](b > 0))",
@@ -367,7 +367,7 @@ def test_stages_with_times_of_their_own_have_no_progress_in_dense_time() -> None
         assert progress_of_events(spec, events, EvaluationOptions(), satisfied=True) is None
 
 
-def test_names_of_the_specification_stand_for_what_they_mean() -> None:
+def test_stages_may_use_names_of_the_specification() -> None:
     found = stages_of(
         {"task": TASK}, EvaluationOptions(stages=["near", "b >= limit", "c > limit / 2"])
     )
@@ -375,7 +375,7 @@ def test_names_of_the_specification_stand_for_what_they_mean() -> None:
     assert texts == ["a > 0", "b >= 2", "c > 2 / 2"]
 
 
-def test_a_requirement_satisfied_before_its_stages_is_done() -> None:
+def test_early_satisfaction_completes_progress() -> None:
     spec = rtamt.parse("eventually(a > 0) or always(b + c > 1e9)")
     reading = EvaluationOptions(stages=["b > 0", "c > 0"])
     rows = [(-1, -4, 0), (-1, -1, 0), (1, -1, 0), (1, 1, 1)]
@@ -390,7 +390,7 @@ def test_all_stages_without_satisfaction_stay_below_one() -> None:
     assert played(spec, [(1, 1, 0), (1, 1, 0)], "complete", reading) == [almost, almost, 1]
 
 
-def test_a_value_that_holds_over_nan_holds_for_stages_too() -> None:
+def test_nan_hold_applies_to_stages() -> None:
     spec = rtamt.parse("eventually(a > 0 and eventually(b > 0 and eventually(c > 0)))")
     rows = [(1, -4, -1), (math.nan, math.nan, -1), (math.nan, -1, math.nan), (0, 1, -0.5)]
     held = [(1, -4, -1), (1, -4, -1), (1, -1, -1), (0, 1, -0.5)]
@@ -416,7 +416,7 @@ def test_a_value_that_holds_over_nan_holds_for_stages_too() -> None:
         (["a > 0", "d > 0"], SpecificationError, "stage 2, d > 0, reads d, which the requirement"),
     ],
 )
-def test_bad_stages_are_refused_at_construction(
+def test_stages_errors(
     given: Any,  # noqa: ANN401 - what is wrong
     error: type[Exception],
     said: str,
@@ -433,7 +433,7 @@ def test_bad_stages_are_refused_at_construction(
         assert caught.value.__notes__ == ["in stage 2", "in the stages of 'task'"]
 
 
-def test_stages_are_of_one_requirement_and_of_an_episode() -> None:
+def test_stages_need_one_requirement_and_episodes() -> None:
     specs = {"task": TASK, "calm": rtamt.parse("always(a < 9)")}
     with pytest.raises(InputError, match=r"write \{'task': \[...\]\}"):
         MonitorSet(specs, EvaluationOptions(stages=["a > 0", "b > 0"]))
@@ -442,7 +442,7 @@ def test_stages_are_of_one_requirement_and_of_an_episode() -> None:
         MonitorSet({"calm": specs["calm"]}, step)
 
 
-def test_any_number_of_stages_without_operators_of_time() -> None:
+def test_any_number_of_instant_stages() -> None:
     texts = [f"a > {number}" for number in range(20)]
     spec = rtamt.parse("eventually(a > 19 and b > 0 and c > 0)")
     rows = [(number + 0.5, 0, 0) for number in range(20)]

@@ -68,7 +68,7 @@ RECORDED = st.builds(
 
 @settings(max_examples=examples(60))
 @given(SIMULATED | RECORDED)
-def test_a_trial_survives_strict_json_to_the_last_bit(trial: Trial) -> None:
+def test_trial_round_trip_is_exact(trial: Trial) -> None:
     text = json.dumps(plain(trial), allow_nan=False)
     loaded = trial_of(json.loads(text))
     assert loaded == trial
@@ -76,7 +76,7 @@ def test_a_trial_survives_strict_json_to_the_last_bit(trial: Trial) -> None:
     assert repr(loaded.columns()) == repr(trial.columns())
 
 
-def test_a_moment_is_null_where_there_is_none() -> None:
+def test_missing_moment_is_null() -> None:
     assert plain(Moment.of(3, Fraction(1, 2))) == {"sample": 3, "seconds": 1.5}
     assert plain(Moment.of(3, None)) == {"sample": 3, "seconds": None}
     assert plain(Moment(None, 0.25)) == {"sample": None, "seconds": 0.25}
@@ -124,7 +124,7 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output) -> 
     return files | {kind: Path(f"{name}.json") for kind, name in named.items()}
 
 
-def test_every_writer_has_the_form_and_says_when_in_samples_and_seconds(
+def test_files_have_form_and_moments(
     written: dict[str, Path],
 ) -> None:
     assert {name.partition(",")[0] for name in written} == set(SECTIONS)
@@ -156,7 +156,7 @@ def _moments(kept: Any) -> list[Any]:  # noqa: ANN401 - JSON
     return own + [at for each in kept.values() for at in _moments(each)]
 
 
-def test_one_verdict_is_decided_at_one_moment_in_each_file(written: dict[str, Path]) -> None:
+def test_files_agree_on_moments(written: dict[str, Path]) -> None:
     runs, evaluation = (read(written[name]) for name in ("runs", "evaluation"))
     at = [each["outcomes"]["upright"]["decided_at"] for each in runs["trials"]]
     assert at == [each["outcomes"]["upright"]["decided_at"] for each in evaluation["trials"]]
@@ -167,7 +167,7 @@ def test_one_verdict_is_decided_at_one_moment_in_each_file(written: dict[str, Pa
     assert {each.violated_at for each in section.requirements[0].trials} >= {Moment(8, 0.16)}
 
 
-def test_a_run_in_a_table_and_in_an_evaluation_is_the_same(tmp_path: Path) -> None:
+def test_run_is_equal_in_table_and_evaluation(tmp_path: Path) -> None:
     levels = [{"level": x} for x in (1.0, 2.0, 4.0, 8.0)]
     run = simulate(levels, {"dry": "always(level < 3)"}, period=0.5)
     run.save(tmp_path / "run.parquet")
@@ -178,7 +178,7 @@ def test_a_run_in_a_table_and_in_an_evaluation_is_the_same(tmp_path: Path) -> No
     assert run.outcomes["dry"].decided == Moment(2, 1.0)
 
 
-def test_the_page_tells_the_statistics_that_the_terminal_does() -> None:
+def test_page_has_statistics_of_terminal() -> None:
     evaluation = evaluation_of({"near": [float(i) for i in range(40)]})
     shown = section_of(evaluation, ROOM).requirements[0]
     (facts,) = (block for block in shown.blocks if isinstance(block, Facts))

@@ -80,7 +80,7 @@ def evaluation(specs: Mapping[str, str] = SPECS) -> Evaluation:
     )
 
 
-def test_judgements_infos_and_runs_have_one_definition() -> None:
+def test_one_definition_of_decided_at() -> None:
     for name, (verdict, decided, _) in EXPECTED.items():
         judged = rtamt.judge(SPECS[name], {"x": VALUES}, end="complete")
         assert (judged.verdict.name, judged.decided_at) == (verdict, decided)
@@ -94,7 +94,7 @@ def test_judgements_infos_and_runs_have_one_definition() -> None:
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
-def test_vector_environments_tell_the_two_apart(mode: AutoresetMode) -> None:
+def test_vector_infos_distinguish_sample_and_end(mode: AutoresetMode) -> None:
     envs = entries(SPECS, mode)
     envs.reset()
     for _ in range(LAST):
@@ -105,7 +105,7 @@ def test_vector_environments_tell_the_two_apart(mode: AutoresetMode) -> None:
     assert [read(each["specs"]) for each in envs.stl_episodes] == [EXPECTED] * 2
 
 
-def test_a_cut_window_is_open_and_a_failure_is_by_the_end() -> None:
+def test_cut_window_is_open_and_failure_is_by_end() -> None:
     window = {"soon": "always[0:10](x < 9)"}
     open_ = StlMonitor(Replay(VALUES), window, SIGNALS, period=1, at_termination="cut")
     assert read(last_info(open_)["stl_episode"]) == {"soon": ("UNDECIDED", None, None)}
@@ -116,7 +116,7 @@ def test_a_cut_window_is_open_and_a_failure_is_by_the_end() -> None:
     assert info["stl_episode"]["soon"]["by_end"] is True
 
 
-def test_a_violation_that_only_the_end_decides_is_a_violation() -> None:
+def test_violation_by_end_counts() -> None:
     info = last_info(StlReward(Replay(VALUES), GOAL, SIGNALS, mode="terminal"))
     assert info["stl_violated"] is True
     assert info["stl_success"] is info["stl_undecided"] is False
@@ -125,7 +125,7 @@ def test_a_violation_that_only_the_end_decides_is_a_violation() -> None:
     assert (run.violated_by, run.violated_at) == ("goal", LAST)
 
 
-def test_a_vector_wrapper_reports_a_violation_by_the_end() -> None:
+def test_vector_wrapper_reports_violation_by_end() -> None:
     envs = entries(GOAL, AutoresetMode.DISABLED)
     envs.reset()
     for _ in range(LAST):
@@ -156,7 +156,7 @@ def test_times_of_violations_keep_their_values() -> None:
     assert training.metrics()["goal/first_violation"] == 1.5
 
 
-def test_the_open_end_warning_stays() -> None:
+def test_open_end_warns() -> None:
     with pytest.warns(UserWarning, match="at_termination"):
         evaluation({"kept": SPECS["kept"]})
     with warnings.catch_warnings():
@@ -164,7 +164,7 @@ def test_the_open_end_warning_stays() -> None:
         evaluation({"up": SPECS["up"]})
 
 
-def test_saved_time_counts_a_stop_and_no_end() -> None:
+def test_saved_time_counts_only_stops() -> None:
     def saved(specs: Mapping[str, str]) -> list[float]:
         found = evaluate_policy(
             still,
@@ -227,7 +227,7 @@ def test_files_keep_both_moments(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("period", [0.5, None])
-def test_a_record_keeps_both_moments(tmp_path: Path, period: float | None) -> None:
+def test_record_keeps_both_moments(tmp_path: Path, period: float | None) -> None:
     runs = [run_of(GOAL, period=period), run_of({"goal": "eventually(x > 1.5)"}, period=period)]
     record = Record([run.trial(Case({"k": k})) for k, run in enumerate(runs)], GOAL)
     columns, scale = record.columns(), period or 1
@@ -242,7 +242,7 @@ def test_a_record_keeps_both_moments(tmp_path: Path, period: float | None) -> No
     assert "ended_at(goal)" not in Record(list(record)[1:], GOAL).columns()
 
 
-def test_a_file_saved_before_keeps_its_times() -> None:
+def test_older_file_keeps_times() -> None:
     found = run_of(GOAL).outcomes["goal"]
     kept = plain_outcome(found)
     kept["decided_at"] = kept.pop("ended_at")
@@ -252,7 +252,7 @@ def test_a_file_saved_before_keeps_its_times() -> None:
     assert old.violated == found.violated == Moment(LAST, 1.5)
 
 
-def test_a_run_saved_before_keeps_its_times() -> None:
+def test_older_run_keeps_times() -> None:
     run = run_of(GOAL)
     kept = plain_run(run)
     course = kept["courses"]["goal"]
@@ -266,7 +266,7 @@ def outcome(verdict: Verdict, decided: int | None, ended: int | None = None) -> 
     return Outcome.at((0.0, 0.0, 0.0), verdict, decided, None, ended=ended)
 
 
-def test_all_requirements_together_are_decided_by_the_deciding_one() -> None:
+def test_conjunction_has_moment_of_decider() -> None:
     good, bad = Verdict.SATISFIED, Verdict.VIOLATED
     for parts, expected in [
         ([outcome(good, 1), outcome(good, 2)], outcome(good, 2)),
@@ -280,7 +280,7 @@ def test_all_requirements_together_are_decided_by_the_deciding_one() -> None:
         assert together(parts[::-1]) == expected
 
 
-def test_no_moment_is_of_an_open_or_recorded_verdict() -> None:
+def test_open_verdicts_have_no_moment() -> None:
     assert outcome(Verdict.SATISFIED, 2).violated_at is None
     assert outcome(Verdict.SATISFIED, None, 3).violated is None
     assert outcome(Verdict.VIOLATED, None).violated_at is None

@@ -33,9 +33,7 @@ values = st.floats(allow_nan=False, allow_infinity=True)
 
 
 @given(st.integers(1, 3000), st.data())
-def test_the_ends_of_wilson_are_the_rates_at_which_the_score_test_turns(
-    total: int, data: st.DataObject
-) -> None:
+def test_wilson_inverts_the_score_test(total: int, data: st.DataObject) -> None:
     count = data.draw(st.integers(0, total))
     z = norm.ppf(0.975)
     for end in wilson(count, total):
@@ -46,7 +44,7 @@ def test_the_ends_of_wilson_are_the_rates_at_which_the_score_test_turns(
     assert low <= count / total <= high
 
 
-def test_an_interval_ends_at_0_and_1_of_none_and_of_all() -> None:
+def test_intervals_end_at_0_and_1() -> None:
     for total in range(1, 500):
         for found in (wilson, clopper_pearson):
             assert found(0, total)[0] == 0.0
@@ -54,7 +52,7 @@ def test_an_interval_ends_at_0_and_1_of_none_and_of_all() -> None:
     assert wilson(0, 0) == clopper_pearson(0, 0) == (0.0, 1.0)
 
 
-def test_wilson_covers_on_average_what_it_says() -> None:
+def test_wilson_covers_on_average() -> None:
     rates = np.linspace(0.005, 0.995, 199)
     for total in (10, 50, 200):
         ends = np.array([wilson(count, total) for count in range(total + 1)])
@@ -69,7 +67,7 @@ def test_wilson_covers_on_average_what_it_says() -> None:
     st.sampled_from([0.05, 0.5, 0.9, 0.95, 0.999]),
     st.data(),
 )
-def test_the_ends_of_the_exact_interval_are_quantiles_of_the_beta_distribution(
+def test_exact_interval_has_beta_quantiles(
     total: int, confidence: float, data: st.DataObject
 ) -> None:
     count = data.draw(st.integers(0, total))
@@ -85,7 +83,7 @@ def test_the_ends_of_the_exact_interval_are_quantiles_of_the_beta_distribution(
 
 
 @pytest.mark.parametrize("count", range(3800, 3830, 3))
-def test_the_search_for_an_end_may_begin_where_the_chance_is_the_least_of_numbers(
+def test_exact_interval_with_tiny_chances(
     count: int,
 ) -> None:
     total = 1_000_000
@@ -95,9 +93,7 @@ def test_the_search_for_an_end_may_begin_where_the_chance_is_the_least_of_number
 
 
 @given(st.integers(1, 400), st.data())
-def test_as_many_and_as_few_have_half_of_what_is_left_at_the_ends(
-    total: int, data: st.DataObject
-) -> None:
+def test_exact_interval_has_equal_tails(total: int, data: st.DataObject) -> None:
     count = data.draw(st.integers(0, total))
     low, high = clopper_pearson(count, total)
     if count:
@@ -118,11 +114,11 @@ FINE = np.arange(1, 10_000) / 10_000
 
 
 @pytest.mark.parametrize("total", [1, 2, 3, 5, 10, 20, 50, 100, 300])
-def test_the_exact_interval_holds_every_rate_as_often_as_it_says(total: int) -> None:
+def test_exact_interval_coverage(total: int) -> None:
     assert coverage("exact", total, FINE).min() >= 0.95 - 1e-12
 
 
-def test_the_page_says_the_coverage_of_both_kinds() -> None:
+def test_page_states_coverage_of_intervals() -> None:
     page = " ".join((ROOT / "docs" / "evaluation.md").read_text(encoding="utf-8").split())
     wilson_worst = []
     for total in (5, 20, 100):
@@ -137,7 +133,7 @@ def test_the_page_says_the_coverage_of_both_kinds() -> None:
     assert "less often for more than 40 % of the rates" in page
 
 
-def test_the_page_says_how_much_an_interval_is_for_so_many_episodes() -> None:
+def test_page_states_widths_of_intervals() -> None:
     page = (ROOT / "docs" / "evaluation.md").read_text(encoding="utf-8")
     table = []
     for total in (20, 100, 500, 1000, 2000):
@@ -150,7 +146,7 @@ def test_the_page_says_how_much_an_interval_is_for_so_many_episodes() -> None:
     assert "\n".join(table) in page, "\n".join(table)
 
 
-def test_kinds_are_told_apart_and_others_are_refused() -> None:
+def test_interval_kinds() -> None:
     assert rate_interval(6, 10) == rate_interval(6, 10, "exact") == clopper_pearson(6, 10)
     assert rate_interval(6, 10, "wilson") == wilson(6, 10)
     assert promise("exact") != promise("wilson")
@@ -168,7 +164,7 @@ def test_kinds_are_told_apart_and_others_are_refused() -> None:
         (1, 2, 95, "expected confidence= between 0 and 1, such as 0.95, got 95"),
     ],
 )
-def test_counts_out_of_range_are_refused(
+def test_count_out_of_range_error(
     found: Callable[..., object], count: int, total: int, confidence: float, message: str
 ) -> None:
     with pytest.raises(InputError) as refused:
@@ -177,13 +173,13 @@ def test_counts_out_of_range_are_refused(
 
 
 @given(st.lists(values, min_size=1, max_size=50))
-def test_a_quantile_is_the_least_value_that_its_share_does_not_exceed(numbers: list[float]) -> None:
+def test_quantiles_match_definition(numbers: list[float]) -> None:
     for share, found in quantiles(numbers).items():
         enough = [v for v in numbers if sum(w <= v for w in numbers) >= share * len(numbers) - 1e-9]
         assert found == min(enough)
 
 
-def test_quantiles_of_none_are_empty_and_nan_is_refused() -> None:
+def test_quantiles_of_empty_and_nan() -> None:
     assert dict(quantiles([])) == {}
     assert list(quantiles([1.0])) == list(QUANTILES)
     assert math.isnan(median([]))
@@ -195,7 +191,7 @@ def test_quantiles_of_none_are_empty_and_nan_is_refused() -> None:
 
 
 @given(st.lists(values, min_size=1, max_size=60))
-def test_the_interval_of_a_median_ends_at_values_whose_ranks_cover_it(numbers: list[float]) -> None:
+def test_median_interval_matches_ranks(numbers: list[float]) -> None:
     low, high = median_interval(numbers)
     assert low <= median(numbers) <= high
     size = len(numbers)
@@ -206,14 +202,14 @@ def test_the_interval_of_a_median_ends_at_values_whose_ranks_cover_it(numbers: l
     assert high == (ordered[size - rank] if rank else INF)
 
 
-def test_infinities_are_ends_of_an_interval_of_a_median() -> None:
+def test_median_interval_with_infinities() -> None:
     assert median_interval([-INF] * 10) == (-INF, -INF)
     assert median_interval([0.0] * 8 + [INF] * 8) == (0.0, INF)
     assert median_interval([]) == (-INF, INF)
 
 
 @pytest.mark.slow
-def test_the_bootstrap_covers_a_mean_nearly_as_often_as_it_says() -> None:
+def test_bootstrap_coverage() -> None:
     generator = np.random.default_rng(1)
     samples = generator.normal(size=(300, 30))
     ends = [bootstrap(sample, resamples=499) for sample in samples]
@@ -221,12 +217,12 @@ def test_the_bootstrap_covers_a_mean_nearly_as_often_as_it_says() -> None:
     assert 0.90 <= covered / 300 <= 0.98
 
 
-def test_the_bootstrap_of_a_seed_is_the_same_again_and_another_seed_gives_another() -> None:
+def test_bootstrap_is_reproducible() -> None:
     sample = np.random.default_rng(2).exponential(size=40)
     assert bootstrap(sample, seed=3) == bootstrap(sample, seed=3) != bootstrap(sample, seed=4)
 
 
-def test_the_bootstrap_of_equal_or_few_values_is_no_nan() -> None:
+def test_bootstrap_of_equal_or_few_values() -> None:
     assert bootstrap([0.1] * 7) == (0.1, 0.1)
     assert bootstrap([]) == bootstrap([2.0]) == (-INF, INF)
     assert bootstrap([0.0, 0.0, 0.0, 0.0, 1.0])[0] == 0.0
@@ -234,7 +230,7 @@ def test_the_bootstrap_of_equal_or_few_values_is_no_nan() -> None:
 
 
 @pytest.mark.parametrize("value", [INF, -INF])
-def test_the_bootstrap_refuses_what_has_no_mean(value: float) -> None:
+def test_bootstrap_errors(value: float) -> None:
     with pytest.raises(InputError) as refused:
         bootstrap([1.0, value])
     assert str(refused.value) == (
@@ -244,7 +240,7 @@ def test_the_bootstrap_refuses_what_has_no_mean(value: float) -> None:
 
 
 @given(st.lists(st.tuples(values, values)))
-def test_a_difference_is_never_nan_and_turns_with_its_sides(
+def test_differences_are_antisymmetric(
     pairs: list[tuple[float, float]],
 ) -> None:
     first, second = [a for a, _ in pairs], [b for _, b in pairs]
@@ -256,7 +252,7 @@ def test_a_difference_is_never_nan_and_turns_with_its_sides(
         assert math.copysign(1, gap) == (b > a) - (b < a) if a != b else gap == 0
 
 
-def test_differences_need_as_many_values_in_both() -> None:
+def test_differences_of_unequal_lengths_error() -> None:
     with pytest.raises(InputError) as refused:
         differences([1.0], [])
     assert str(refused.value) == "expected as many values in both, got 1 and 0"

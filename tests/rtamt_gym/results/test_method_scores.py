@@ -34,7 +34,7 @@ PAIRS = st.integers(1, 3).flatmap(lambda tasks: st.tuples(matrices(tasks), matri
 
 
 @given(SCORES)
-def test_means_are_of_tasks_and_of_the_middle_half(scores: np.ndarray) -> None:
+def test_means_match_definition(scores: np.ndarray) -> None:
     by_task = [statistics.fmean(column) for column in scores.T.tolist()]
     assert mean(scores) == pytest.approx(statistics.fmean(by_task))
     ordered = sorted(scores.ravel().tolist())
@@ -46,14 +46,14 @@ def test_means_are_of_tasks_and_of_the_middle_half(scores: np.ndarray) -> None:
 
 
 @given(SCORES, st.lists(SCORE, min_size=1, max_size=4))
-def test_a_profile_counts_the_scores_above(scores: np.ndarray, thresholds: list[float]) -> None:
+def test_profile_counts_scores_above(scores: np.ndarray, thresholds: list[float]) -> None:
     every = scores.ravel().tolist()
     expected = [sum(score > least for score in every) / len(every) for least in thresholds]
     assert profile(scores, np.array(thresholds)) == pytest.approx(expected)
 
 
 @given(PAIRS)
-def test_an_improvement_counts_pairs_of_runs(pair: tuple[np.ndarray, np.ndarray]) -> None:
+def test_improvement_counts_pairs(pair: tuple[np.ndarray, np.ndarray]) -> None:
     ours, theirs = pair
     by_task = []
     for mine, other in zip(ours.T.tolist(), theirs.T.tolist(), strict=True):
@@ -64,7 +64,7 @@ def test_an_improvement_counts_pairs_of_runs(pair: tuple[np.ndarray, np.ndarray]
 
 
 @given(PAIRS, st.integers(0, 99))
-def test_resamples_give_what_each_gives(pair: tuple[np.ndarray, np.ndarray], seed: int) -> None:
+def test_statistics_of_resamples(pair: tuple[np.ndarray, np.ndarray], seed: int) -> None:
     rng = np.random.default_rng(seed)
     ours, theirs = (
         np.stack([each[rng.integers(len(each), size=len(each))] for _ in range(3)]) for each in pair
@@ -77,7 +77,7 @@ def test_resamples_give_what_each_gives(pair: tuple[np.ndarray, np.ndarray], see
         assert improvement(ours, theirs)[k] == pytest.approx(improvement(ours[k], theirs[k]))
 
 
-def test_a_bootstrap_draws_the_runs_of_each_task_apart() -> None:
+def test_bootstrap_draws_tasks_independently() -> None:
     scores = np.array([[0.0, 0.0], [1.0, 1.0]])
     drawn: list[np.ndarray] = []
 
@@ -97,7 +97,7 @@ def test_a_bootstrap_draws_the_runs_of_each_task_apart() -> None:
 
 
 @pytest.mark.parametrize("options", [{}, {"resamples": 1}, {"resamples": 7}])
-def test_as_many_resamples_are_drawn_as_are_asked_for(options: dict[str, int]) -> None:
+def test_number_of_resamples(options: dict[str, int]) -> None:
     drawn: list[int] = []
 
     def kept(resamples: np.ndarray) -> np.ndarray:
@@ -108,7 +108,7 @@ def test_as_many_resamples_are_drawn_as_are_asked_for(options: dict[str, int]) -
     assert sum(drawn) == options.get("resamples", 10_000)
 
 
-def test_an_interval_covers_the_mean_about_as_often_as_it_says() -> None:
+def test_stratified_bootstrap_coverage() -> None:
     rng = np.random.default_rng(5)
     covered = 0
     for seed in range(200):
@@ -122,9 +122,7 @@ def test_an_interval_covers_the_mean_about_as_often_as_it_says() -> None:
     st.lists(SCORE, min_size=1, max_size=5).map(lambda runs: np.array(runs)[:, None]),
     st.lists(SCORE, min_size=1, max_size=5).map(lambda runs: np.array(runs)[:, None]),
 )
-def test_a_permutation_test_counts_the_splits_that_are_as_far_apart(
-    ours: np.ndarray, theirs: np.ndarray
-) -> None:
+def test_permutation_test_counts_splits(ours: np.ndarray, theirs: np.ndarray) -> None:
     both = [Fraction(score) for score in (*ours[:, 0], *theirs[:, 0])]
     n, m = len(ours), len(theirs)
 
@@ -137,7 +135,7 @@ def test_a_permutation_test_counts_the_splits_that_are_as_far_apart(
     assert permutation_p(ours, theirs) == pytest.approx(far / len(splits))
 
 
-def test_splits_that_are_too_many_are_drawn() -> None:
+def test_permutation_test_draws_many_splits() -> None:
     rng = np.random.default_rng(3)
     ours, theirs = rng.normal(0.5, 1.0, (15, 1)), rng.normal(0.0, 1.0, (15, 1))
     expected = stats.permutation_test(

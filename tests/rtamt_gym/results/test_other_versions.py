@@ -51,7 +51,7 @@ def test_run_of_version_0_5() -> None:
         ([1], "holds no case"),
     ],
 )
-def test_other_versions_and_kinds_are_refused(head: object, message: str, tmp_path: Path) -> None:
+def test_other_versions_and_kinds_error(head: object, message: str, tmp_path: Path) -> None:
     path = tmp_path / "some.json"
     path.write_text(json.dumps(head), encoding="utf-8")
     with pytest.raises(InputError, match=message):

@@ -49,7 +49,7 @@ TEXTS = st.text(min_size=1).filter(lambda text: text.strip() and not set(text) &
     st.dictionaries(st.text(), st.text()),
     st.dictionaries(st.text(), st.text()),
 )
-def test_json_keeps_a_provenance(
+def test_provenance_round_trip(
     ids: dict[str, RequirementId], versions: dict[str, str], files: dict[str, str]
 ) -> None:
     made = Provenance(ids, versions, files)
@@ -57,7 +57,7 @@ def test_json_keeps_a_provenance(
     assert provenance_of(json.loads(text)) == made
 
 
-def test_nothing_is_written_of_nothing() -> None:
+def test_empty_provenance_is_not_written() -> None:
     assert plain_provenance(Provenance()) == {}
     assert provenance_of({}) == Provenance()
     assert ids_lines(Provenance()) == []
@@ -72,9 +72,7 @@ def traces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return ["tank.stl", "--", "a.csv", "b.csv"]
 
 
-def test_json_of_traces_has_ids_versions_and_the_hashes_of_what_was_read(
-    traces: list[str], capsys: Output
-) -> None:
+def test_json_of_traces_has_provenance(traces: list[str], capsys: Output) -> None:
     main(["monitor", "--json", *traces])
     kept = json.loads(capsys.readouterr().out)
     assert kept["ids"] == {
@@ -89,7 +87,7 @@ def test_json_of_traces_has_ids_versions_and_the_hashes_of_what_was_read(
     }
 
 
-def test_a_formula_and_standard_input_have_no_hash(traces: list[str], capsys: Output) -> None:
+def test_formula_and_stdin_have_no_hash(traces: list[str], capsys: Output) -> None:
     assert main(["monitor", "--json", "always(level < 2)", "a.csv"]) == 0
     assert list(json.loads(capsys.readouterr().out)["files"]) == ["a.csv"]
     assert traces
@@ -97,7 +95,7 @@ def test_a_formula_and_standard_input_have_no_hash(traces: list[str], capsys: Ou
         assert file_hash(path) == ""
 
 
-def test_the_terminal_names_ids_in_80_columns(traces: list[str], capsys: Output) -> None:
+def test_terminal_shows_ids(traces: list[str], capsys: Output) -> None:
     assert main(["monitor", *traces]) == 1
     assert "\nids: dry SYS-REQ-7, wet W & 4711\n" in capsys.readouterr().out
     assert main(["monitor", "tank.stl", "a.csv"]) == 0
@@ -107,7 +105,7 @@ def test_the_terminal_names_ids_in_80_columns(traces: list[str], capsys: Output)
     assert " ".join(map(str.strip, ids_lines(many))).count("SYS-REQ-") == 20
 
 
-def test_junit_has_the_id_and_the_link_of_a_case(traces: list[str]) -> None:
+def test_junit_has_id_and_link(traces: list[str]) -> None:
     main(["monitor", "--junit", "out.xml", *traces])
     cases = ET.fromstring(Path("out.xml").read_bytes()).iter("testcase")  # noqa: S314 - our own
     found = [
@@ -122,7 +120,7 @@ def test_junit_has_the_id_and_the_link_of_a_case(traces: list[str]) -> None:
     assert found == each * 2
 
 
-def test_markdown_links_an_id(traces: list[str]) -> None:
+def test_markdown_links_ids(traces: list[str]) -> None:
     main(["monitor", "--markdown", "out.md", *traces])
     text = Path("out.md").read_text(encoding="utf-8")
     assert "\ndry: [SYS-REQ-7](https://reqs.example/SYS-REQ-7)\n" in text
@@ -134,7 +132,7 @@ def tank(inflow: float) -> Iterator[dict[str, float]]:
         yield {"level": inflow * i}
 
 
-def test_parquet_and_json_of_a_sweep_give_ids_back(tmp_path: Path) -> None:
+def test_sweep_files_keep_ids(tmp_path: Path) -> None:
     space = [Parameter("inflow", 0.1, 0.9)]
     done = sweep(tank, rtamt.parse(SPEC), space, samples=3, sampler="grid", period=1)
     assert done.record.provenance.ids == IDS
@@ -145,7 +143,7 @@ def test_parquet_and_json_of_a_sweep_give_ids_back(tmp_path: Path) -> None:
     assert loaded[:1].provenance == loaded.violated().provenance == loaded.provenance
 
 
-def test_an_evaluation_keeps_ids_and_its_table_says_them(tmp_path: Path) -> None:
+def test_evaluation_keeps_ids(tmp_path: Path) -> None:
     spec = '@ id(upright, "SYS-REQ-7"); upright = always(abs(angle) < 0.1)'
     found = evaluate_policy("zero", "CartPole-v1", spec, {"angle": "obs[2]"}, episodes=2)
     assert "\nupright (SYS-REQ-7): always(abs(angle) < 0.1)\n" in str(found)
@@ -163,7 +161,7 @@ def test_an_evaluation_keeps_ids_and_its_table_says_them(tmp_path: Path) -> None
     assert "gymnasium" in loaded.record.provenance.versions
 
 
-def test_json_of_sweeps_and_searches_has_the_hash_of_the_specification(
+def test_json_has_hash_of_specification(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -36,16 +36,14 @@ def shortfall(values: list[float], share: Fraction) -> float:
 
 @settings(max_examples=examples(60))
 @given(NUMBERS, SHARES)
-def test_the_conditional_value_at_risk_is_the_mean_of_the_lowest_quantiles(
-    values: list[float], share: float
-) -> None:
+def test_cvar_is_mean_of_lowest_quantiles(values: list[float], share: float) -> None:
     expected = shortfall(values, Fraction(share).limit_denominator(100))
     assert expected_shortfall(values, share) == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
 
 @settings(max_examples=examples(30))
 @given(NUMBERS)
-def test_it_lies_between_the_least_value_and_the_mean(values: list[float]) -> None:
+def test_cvar_is_between_minimum_and_mean(values: list[float]) -> None:
     found = expected_shortfall(values)
     assert min(values) - 1e-9 <= found <= math.fsum(values) / len(values) + 1e-6
     assert expected_shortfall(values, 1.0) == pytest.approx(
@@ -63,20 +61,18 @@ def test_it_lies_between_the_least_value_and_the_mean(values: list[float]) -> No
         ([math.inf] * 3, 0.05, math.inf),
     ],
 )
-def test_an_infinite_robustness_counts_where_it_is_among_the_worst(
-    values: list[float], share: float, expected: float
-) -> None:
+def test_cvar_of_infinities(values: list[float], share: float, expected: float) -> None:
     assert expected_shortfall(values, share) == expected
 
 
 @given(st.lists(st.sampled_from([0.0, 0.25, 0.5, 1.0]), min_size=1, max_size=20))
-def test_progress_is_a_mean_that_is_1_only_if_all_are(values: list[float]) -> None:
+def test_mean_progress_is_1_only_if_all_are(values: list[float]) -> None:
     found = mean_progress(values)
     assert found == pytest.approx(sum(map(Fraction, values)) / len(values))
     assert (found == 1) == (set(values) == {1.0})
 
 
-def test_no_trial_has_no_progress() -> None:
+def test_no_progress_without_trials() -> None:
     assert mean_progress([]) is None
 
 
@@ -91,7 +87,7 @@ def test_no_trial_has_no_progress() -> None:
         ("violation", 5.0, None, 0.0),
     ],
 )
-def test_what_an_early_stop_saves_is_the_time_to_the_limit(
+def test_early_stop_saves_time_to_limit(
     ended: RunEnd, decided: float, limit: float | None, saved: float
 ) -> None:
     outcome = Outcome(-1.0, -1.0, -1.0, Verdict.VIOLATED, Moment(50, decided))
@@ -99,7 +95,7 @@ def test_what_an_early_stop_saves_is_the_time_to_the_limit(
     assert result_of("near", "always(x > 0)", [trial], [outcome], limit).saved == saved
 
 
-def test_trials_that_ask_are_told_among_those_that_were_judged() -> None:
+def test_triggered_counts_judged_trials() -> None:
     (asked,) = (each for each in STATISTICS if each.key == "asked")
     never = TriggerCount("req > 0 implies gnt > 0", 50, 0, None, vacuous=True)
     outcome = Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED, Moment(50, 5.0), triggers=(never,))
@@ -108,7 +104,7 @@ def test_trials_that_ask_are_told_among_those_that_were_judged() -> None:
     assert asked.cell(found) == "0 of 2"
 
 
-def test_every_statistic_is_a_column_of_the_data_frame() -> None:
+def test_statistics_are_columns_of_data_frame() -> None:
     evaluation = evaluation_of({"near": [float(i) for i in range(40)] + [FAILED]})
     frame = evaluation.statistics()
     result = evaluation.requirements["near"]
@@ -119,7 +115,7 @@ def test_every_statistic_is_a_column_of_the_data_frame() -> None:
     assert frame.loc["near", "cvar"] == 0.5
 
 
-def test_every_statistic_is_in_the_files_of_a_record(tmp_path: Path) -> None:
+def test_statistics_are_in_files(tmp_path: Path) -> None:
     evaluation = evaluation_of({"near": [float(i) for i in range(40)]})
     evaluation.record.save(tmp_path / "r.parquet")
     (kept,) = pq.read_schema(tmp_path / "r.parquet").metadata.values()
@@ -129,14 +125,14 @@ def test_every_statistic_is_in_the_files_of_a_record(tmp_path: Path) -> None:
         assert found["cvar"] == 0.5
 
 
-def test_twenty_episodes_have_the_column_on_the_terminal() -> None:
+def test_cvar_column_from_twenty_episodes() -> None:
     few, many = (evaluation_of({"near": [1.0, *range(1, n)]}) for n in (19, 20))
     assert "CVaR 5%" not in str(few)
     assert "minimum  CVaR 5%  median" in str(many)
     assert "minimum, CVaR 5%, median: of the robustness" in str(many).splitlines()
 
 
-def test_where_all_failed_there_is_no_robustness_to_tell() -> None:
+def test_no_robustness_if_all_failed() -> None:
     failed = evaluation_of({"near": [FAILED, FAILED]})
     cells = {each.key: each.cell(failed.requirements["near"]) for each in STATISTICS}
     assert {key for key, cell in cells.items() if cell == "-"} == {
@@ -149,7 +145,7 @@ def test_where_all_failed_there_is_no_robustness_to_tell() -> None:
     }
 
 
-def test_a_result_says_how_many_episodes_satisfy_it() -> None:
+def test_repr_of_result() -> None:
     found = evaluation_of({"near": [-1.0, 1.0, 0.5, 2.0], "far": [1.0] * 4}).requirements
     assert [repr(each) for each in found.values()] == [
         "<near: 3 of 4 episodes satisfy it, 1 violated>",
@@ -157,5 +153,5 @@ def test_a_result_says_how_many_episodes_satisfy_it() -> None:
     ]
 
 
-def test_a_trial_that_judged_nothing_has_failed() -> None:
+def test_trial_without_outcomes_failed() -> None:
     assert Trial(Case({}), None, {}, "error", 0.0, 0.0).word == "failed"

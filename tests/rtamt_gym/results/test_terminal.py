@@ -7,7 +7,7 @@ from rtamt_gym.tables import Coloured, Terminal, table
 ROWS = [["requirement", "violated"], ["near", Coloured("12", "red")], ["slow", Coloured("0", "")]]
 
 
-def test_colours_change_no_width() -> None:
+def test_colours_keep_widths() -> None:
     plain, coloured = Terminal(), Terminal(colours=True)
     lines = coloured.table(ROWS, "<>")
     assert lines[0].startswith("\x1b[1m")
@@ -17,14 +17,14 @@ def test_colours_change_no_width() -> None:
     assert lines == plain.table(ROWS, "<>") == table(ROWS, "<>")
 
 
-def test_names_are_cut_to_the_width_and_numbers_are_not() -> None:
+def test_names_are_cut_to_the_width() -> None:
     rows = [["requirement", "robustness"], ["a_name_of_" * 9, "-1.2345"]]
     lines = table(rows, "<>", 40)
     assert max(map(len, lines)) == 40
     assert lines[1].endswith("...     -1.2345")
 
 
-def test_what_is_no_terminal_has_80_columns_and_no_colour(
+def test_file_has_80_columns_without_colours(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert not capsys.readouterr().out

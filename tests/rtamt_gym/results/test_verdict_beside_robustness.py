@@ -323,7 +323,7 @@ CURVES = ("last info", "last infos", "overlay", "data frame")
 @pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.OpenEndWarning")
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 @pytest.mark.parametrize("name", OUTPUTS)
-def test_a_verdict_stands_beside_a_robustness_of_its_sign_or_it_is_said_why(
+def test_verdict_agrees_with_robustness_or_is_explained(
     name: str,
     kind: Kind,
     tmp_path: Path,
@@ -340,16 +340,14 @@ def test_a_verdict_stands_beside_a_robustness_of_its_sign_or_it_is_said_why(
 
 
 @pytest.mark.parametrize("kind", ["samples", "failure"])
-def test_tables_over_many_runs_say_that_violations_are_by_the_end(
-    kind: str, tmp_path: Path
-) -> None:
+def test_tables_explain_violations_by_end(kind: str, tmp_path: Path) -> None:
     evaluation = Made(KINDS[kind], tmp_path).evaluation()
     for text in (str(evaluation), "\n".join(record_table(evaluation.record))):
         assert ("violated by how it ended" in text) == (kind == "failure"), text
 
 
 @pytest.mark.parametrize("text", ["always(level < 99)", "always(level < 0.9)"])
-def test_a_search_says_that_what_it_found_is_violated_by_its_end(
+def test_search_explains_violation_by_end(
     text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     options: dict[str, Any] = {"period": 1, "at_termination": "failure", "seed": 0}
@@ -414,9 +412,7 @@ def events(spec: str, values: list[float], options: Mapping[str, Any]) -> str:
 
 @pytest.mark.parametrize("output", [judged, monitored, events])
 @pytest.mark.parametrize("kind", TRACES)
-def test_judgements_and_monitors_show_a_robustness_of_the_sign_of_their_verdict(
-    output: Callable[..., str], kind: str
-) -> None:
+def test_judgement_verdict_agrees_with_robustness(output: Callable[..., str], kind: str) -> None:
     shown = output(*TRACES[kind])
     assert not differs(shown), shown
 
@@ -430,7 +426,7 @@ ON_TRACES = [
 
 
 @pytest.mark.parametrize(("command", "kind"), ON_TRACES)
-def test_commands_say_where_another_end_has_another_sign(
+def test_commands_explain_other_end_modes(
     command: list[str], kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     spec, values, options = TRACES[kind]
@@ -455,7 +451,7 @@ def test_commands_say_where_another_end_has_another_sign(
     ), text
 
 
-def test_every_form_for_ci_says_the_verdict_with_its_own_robustness(tmp_path: Path) -> None:
+def test_ci_files_show_verdict_and_robustness(tmp_path: Path) -> None:
     trace = tmp_path / "trace.csv"
     trace.write_text("x\n-4\n")
     out = {each: tmp_path / f"out.{each}" for each in ("xml", "md")}

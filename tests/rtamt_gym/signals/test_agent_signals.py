@@ -52,7 +52,7 @@ READINGS: list[tuple[SignalLike, float]] = [
 
 @pytest.mark.parametrize("at", range(len(AGENTS)))
 @pytest.mark.parametrize(("reading", "number"), READINGS)
-def test_a_selector_reads_the_part_of_its_agent(reading: Any, number: float, at: int) -> None:
+def test_selector_reads_its_agent(reading: Any, number: float, at: int) -> None:
     written = ["scout_0: ", " scout_1 :", '"\'s:2": '][at]
     value = (written + reading[0], 5.0) if isinstance(reading, tuple) else written + reading
     signal = parse(value)
@@ -70,7 +70,7 @@ def test_agents_need_not_be_texts() -> None:
 
 
 @given(st.lists(st.sampled_from(AGENTS), min_size=1, unique=True))
-def test_a_callable_gets_the_step_of_all_agents(agents: list[str]) -> None:
+def test_callable_gets_all_agents(agents: list[str]) -> None:
     def highest(step: Step) -> float:
         assert step.env is CREW
         return max(float(seen[1]) for seen in step.obs.values()) + len(step.info)
@@ -80,7 +80,7 @@ def test_a_callable_gets_the_step_of_all_agents(agents: list[str]) -> None:
 
 
 @pytest.mark.parametrize(("reading", "number"), READINGS)
-def test_an_agent_that_left_gives_no_number(reading: Any, number: float) -> None:
+def test_absent_agent(reading: Any, number: float) -> None:
     pair = isinstance(reading, tuple)
     text = f"scout_1: {reading[0] if pair else reading}"
     value = (text, 0.0) if pair else text
@@ -96,7 +96,7 @@ def test_an_agent_that_left_gives_no_number(reading: Any, number: float) -> None
 
 
 @pytest.mark.parametrize("hold", [False, True])
-def test_an_info_at_reset_is_read_where_the_agent_has_it(hold: bool) -> None:  # noqa: FBT001
+def test_agent_info_at_reset(hold: bool) -> None:  # noqa: FBT001
     read = parse(("scout_1: info['own']", 5.0), hold=hold).bind_reset(CREW)  # type: ignore[arg-type]  # see above
     seen, *_, infos = step_of(AGENTS)
     assert read(seen, None, None, infos) == 14.0
@@ -121,9 +121,7 @@ WORDS = "one of the agents scout_0, scout_1, \"'s:2\", and ':'"
         ("scout_0: info[0]", 15, "expected a key in quotes, scout_0: info['key'], got '0'"),
     ],
 )
-def test_a_selector_that_cannot_be_read_gets_a_caret(
-    selector: str, column: int, wrong: str
-) -> None:
+def test_selector_syntax_errors(selector: str, column: int, wrong: str) -> None:
     with pytest.raises(InputError) as caught:
         parse(selector)
     caret = " " * (column - 1) + "^"
@@ -131,7 +129,7 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
     assert str(caught.value) == expected
 
 
-def test_a_selector_that_does_not_fit_says_what_the_space_is() -> None:
+def test_selector_outside_space_error() -> None:
     with pytest.raises(InputError) as caught:
         bind("scout_1: obs[2]")
     assert str(caught.value) == (
@@ -140,7 +138,7 @@ def test_a_selector_that_does_not_fit_says_what_the_space_is() -> None:
     )
 
 
-def test_a_variable_without_a_signal_is_shown_how_to_write_one() -> None:
+def test_missing_agent_signal_error() -> None:
     with pytest.raises(InputError) as caught:
         parse_signals({}, ["x"], agent_sources(NAMES, hold=False), agents=NAMES)
     assert str(caught.value) == (

@@ -54,9 +54,7 @@ def first(envs: Any, seed: int = 3) -> Any:
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("read", [sideways, drift, energy], ids=["obs", "action", "marked"])
-def test_a_function_reads_each_environment_as_if_it_stood_alone(
-    mode: AutoresetMode, read: Callable[[Step], Any]
-) -> None:
+def test_function_reads_each_environment(mode: AutoresetMode, read: Callable[[Step], Any]) -> None:
 
     signals = {"x": read}
 
@@ -68,13 +66,13 @@ def test_a_function_reads_each_environment_as_if_it_stood_alone(
     assert difference(trajectory(together, 40), trajectory(singles, 40)) == ""
 
 
-def test_a_native_environment_is_read_environment_by_environment() -> None:
+def test_native_vector_environment() -> None:
     obs, _ = native().reset(seed=3)
     expected = (1.0 - (obs[:, 0] - obs[:, 2]).astype(np.float64)).tolist()
     assert first(VectorStlMonitor(native(), SPEC, {"x": sideways})) == pytest.approx(expected)
 
 
-def test_environments_in_other_processes_are_read_environment_by_environment() -> None:
+def test_async_vector_environment() -> None:
     apart = AsyncVectorEnv([pole] * FOUR)
     both = []
     for envs in (apart, poles()):
@@ -114,7 +112,7 @@ def of_told(step: Step) -> Any:
     return value + step.action[0] + step.reward + step.info["deep"]["n"] + len(step.info["name"])
 
 
-def test_an_environment_has_its_own_observation_action_reward_info_and_environment() -> None:
+def test_single_steps_of_vector_environment() -> None:
     makes = [functools.partial(Told, number) for number in (1, 2, 5)]
     envs = VectorStlMonitor(sync(makes, AutoresetMode.NEXT_STEP), "always(x < 0)", {"x": of_told})
     _, infos = envs.reset()
@@ -134,9 +132,7 @@ def test_an_environment_has_its_own_observation_action_reward_info_and_environme
         ),
     ],
 )
-def test_an_environment_out_of_reach_is_not_taken_for_all_of_them(
-    envs: Callable[[], Any], why: str
-) -> None:
+def test_inaccessible_environment_error(envs: Callable[[], Any], why: str) -> None:
     with pytest.raises(InputError) as caught:
         VectorStlMonitor(envs(), SPEC, {"x": lambda step: step.env.unwrapped.state[0]}).reset()
     text = str(caught.value)
@@ -145,7 +141,7 @@ def test_an_environment_out_of_reach_is_not_taken_for_all_of_them(
     assert f": {why}; read step.obs or step.info, or wrap each environment" in text
 
 
-def test_an_environment_out_of_reach_has_no_protocol_of_any_kind() -> None:
+def test_inaccessible_environment_has_no_protocols() -> None:
     def read(step: Step) -> float:
         return float(not hasattr(step.env, "__len__") and copy.copy(step.obs)[0])
 
@@ -153,7 +149,7 @@ def test_an_environment_out_of_reach_has_no_protocol_of_any_kind() -> None:
     assert len(set(infos["robustness"].tolist())) == FOUR
 
 
-def test_an_info_that_is_one_for_all_is_that_of_each() -> None:
+def test_shared_info_value() -> None:
     class Shared(VectorEnv[Any, Any, Any]):
         """Two environments that share a wind and a table of places."""
 
@@ -183,7 +179,7 @@ def test_an_info_that_is_one_for_all_is_that_of_each() -> None:
 @pytest.mark.parametrize(
     "read", [lambda step: step.obs[:, 0], lambda step: step.obs[..., :, 0].tolist()]
 )
-def test_a_function_of_the_batch_that_is_not_marked_is_told_of_batched(
+def test_unmarked_batch_function_error(
     read: Callable[[Step], Any],
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -194,7 +190,7 @@ def test_a_function_of_the_batch_that_is_not_marked_is_told_of_batched(
     )
 
 
-def test_arrays_of_several_shapes_are_no_numbers() -> None:
+def test_arrays_of_different_shapes_error() -> None:
     sizes = iter([1, 3, 2])
 
     def read(_: Step) -> Any:
@@ -206,7 +202,7 @@ def test_arrays_of_several_shapes_are_no_numbers() -> None:
     assert str(caught.value).startswith("signal 'x': expected a number from ")
 
 
-def test_a_function_that_suits_neither_is_told_what_it_is_given() -> None:
+def test_wrong_function_error() -> None:
     with pytest.raises(InputTypeError) as caught:
         VectorStlMonitor(native(3), SPEC, {"x": lambda step: step.obs}).reset()
     assert str(caught.value).endswith(
@@ -214,7 +210,7 @@ def test_a_function_that_suits_neither_is_told_what_it_is_given() -> None:
     )
 
 
-def test_a_marked_function_is_called_once_a_step_after_its_first_calls() -> None:
+def test_batched_function_is_called_once_per_step() -> None:
     sizes: list[int] = []
 
     def count(step: Step) -> Any:
@@ -252,9 +248,7 @@ def test_a_marked_function_is_called_once_a_step_after_its_first_calls() -> None
         ),
     ],
 )
-def test_a_marked_function_that_mixes_environments_is_refused(
-    read: Callable[[Step], Any], says: str
-) -> None:
+def test_batched_function_mixes_environments_error(read: Callable[[Step], Any], says: str) -> None:
     envs = VectorStlMonitor(native(), SPEC, {"x": batched(read)})
     with pytest.raises(InputError) as caught:
         envs.reset(seed=3)
@@ -267,7 +261,7 @@ def test_a_marked_function_that_mixes_environments_is_refused(
     )
 
 
-def test_what_mixes_environments_at_steps_alone_is_refused_there() -> None:
+def test_batched_function_mixes_environments_at_step() -> None:
     def mixed(step: Step) -> Any:
         if step.action is None:
             return step.obs[:, 0]
@@ -279,7 +273,7 @@ def test_what_mixes_environments_at_steps_alone_is_refused_there() -> None:
         envs.step(np.ones(FOUR, np.int64))
 
 
-def test_a_marked_function_may_read_the_vector_environment_itself() -> None:
+def test_batched_function_reads_vector_environment() -> None:
     envs = VectorStlMonitor(
         native(), SPEC, {"x": batched(lambda step: step.env.unwrapped.state[2])}
     )
@@ -288,7 +282,7 @@ def test_a_marked_function_may_read_the_vector_environment_itself() -> None:
 
 
 @pytest.mark.parametrize("n_envs", [1, 3])
-def test_an_evaluation_reads_both_kinds_alike_however_many_run_side_by_side(n_envs: int) -> None:
+def test_evaluation_with_batched_function(n_envs: int) -> None:
     found = [
         evaluate_policy(
             "zero", "CartPole-v1", "always(x < 0.2)", {"x": read}, episodes=4, n_envs=n_envs
@@ -301,7 +295,7 @@ def test_an_evaluation_reads_both_kinds_alike_however_many_run_side_by_side(n_en
     assert len(vector.record) == 4
 
 
-def test_one_environment_gives_a_batch_of_one() -> None:
+def test_single_environment_is_batch_of_one() -> None:
     shapes = []
 
     def look(step: Step) -> Any:
@@ -318,7 +312,7 @@ def test_one_environment_gives_a_batch_of_one() -> None:
     assert shapes[1][2]["name"].tolist() == ["told"]
 
 
-def test_recorded_episodes_are_read_at_once_by_a_marked_function() -> None:
+def test_relabel_with_batched_function() -> None:
     episode = {
         "observations": [[0.5, 1.0], [0.2, 2.0], [0.1, 0.5]],
         "actions": [[0.0], [1.0]],
@@ -341,7 +335,7 @@ def test_recorded_episodes_are_read_at_once_by_a_marked_function() -> None:
     assert sizes == [1, 1, 2, 1, 1, 1, 2, 1, 2]
 
 
-def test_marked_functions_are_refused_where_there_are_no_batches() -> None:
+def test_batched_function_without_batches_error() -> None:
     import mujoco  # type: ignore[import-untyped]
 
     model = mujoco.MjModel.from_xml_string(
@@ -365,7 +359,7 @@ def test_marked_functions_are_refused_where_there_are_no_batches() -> None:
     assert str(caught.value) == message
 
 
-def test_a_marked_function_is_copied_pickled_and_compared_as_functions_are() -> None:
+def test_batched_function_copies_and_compares() -> None:
     assert pickle.loads(pickle.dumps(energy)) == energy
     assert copy.deepcopy(energies) is energies
     assert pickle.loads(pickle.dumps(energies)) is energies  # marked where it is defined

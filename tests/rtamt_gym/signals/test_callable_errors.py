@@ -63,7 +63,7 @@ def simulated(read: Callable[[Any], float]) -> None:
         (silent, "signal 'x': silent raised ValueError", ValueError),
     ],
 )
-def test_an_error_at_reset_names_the_signal(
+def test_error_at_reset_names_signal(
     run: Callable[[Any], None], read: Callable[[Any], Any], message: str, cause: type[Exception]
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -88,7 +88,7 @@ def paid(step: Step) -> Any:
         (paid, "signal 'x': expected a number from paid, got None; a "),
     ],
 )
-def test_a_function_of_what_no_reset_has_is_told_to_say_it(
+def test_function_reads_action_at_reset_error(
     run: Callable[[Any], None], read: Any, message: str
 ) -> None:
     with pytest.raises(rtamt.RtamtError) as caught:
@@ -105,7 +105,7 @@ def test_a_function_of_what_no_reset_has_is_told_to_say_it(
 
 
 @pytest.mark.parametrize("run", [scalar, simulated])
-def test_an_error_at_a_step_names_the_signal(run: Callable[[Any], None]) -> None:
+def test_error_at_step_names_signal(run: Callable[[Any], None]) -> None:
     with pytest.raises(InputError) as caught:
         run(late)
     assert str(caught.value) == (
@@ -113,7 +113,7 @@ def test_an_error_at_a_step_names_the_signal(run: Callable[[Any], None]) -> None
     )
 
 
-def test_an_error_at_a_step_of_many_environments_names_the_signal() -> None:
+def test_error_at_vector_step_names_signal() -> None:
     def read(step: Step) -> Any:
         return 0.0 if step.reward is None else 1.0 / step.reward["x"]
 
@@ -130,7 +130,7 @@ def rolled(model: Any, data: Any, read: Callable[..., float]) -> None:
 
 
 @pytest.mark.parametrize("loop", [monitored, rolled])
-def test_an_error_in_a_loop_of_mujoco_names_the_signal(loop: Callable[..., None]) -> None:
+def test_error_in_mujoco_loop_names_signal(loop: Callable[..., None]) -> None:
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body><joint type="slide"/><geom size=".1"/></body></worldbody>'
         "</mujoco>"
@@ -145,13 +145,13 @@ def test_an_error_in_a_loop_of_mujoco_names_the_signal(loop: Callable[..., None]
     with pytest.raises(InputError) as caught:
         loop(model, data, height)
     assert str(caught.value) == (
-        "signal 'z': test_an_error_in_a_loop_of_mujoco_names_the_signal.<locals>.height raised "
+        "signal 'z': test_error_in_mujoco_loop_names_signal.<locals>.height raised "
         "IndexError: index 99 is out of bounds for axis 0 with size 1"
     )
     assert given == [(model, data)] * 4
 
 
-def test_an_error_that_names_the_signal_is_not_wrapped_again_and_another_is() -> None:
+def test_error_with_signal_is_not_wrapped_again() -> None:
     own = InputError("signal 'x': expected a torso, got none")
 
     def raises_own(_: Step) -> float:
@@ -171,7 +171,7 @@ def test_an_error_that_names_the_signal_is_not_wrapped_again_and_another_is() ->
     assert isinstance(wrapped.value.__cause__, StateError)
 
 
-def test_an_interrupt_is_not_an_error_of_the_signal() -> None:
+def test_interrupt_passes_through() -> None:
     def interrupted(_: Step) -> float:
         raise KeyboardInterrupt
 
@@ -179,7 +179,7 @@ def test_an_interrupt_is_not_an_error_of_the_signal() -> None:
         scalar(interrupted)
 
 
-def test_a_callable_that_takes_the_step_for_the_observation_is_told_what_it_is_given() -> None:
+def test_callable_of_observation_error() -> None:
     def place(obs: Any) -> float:
         return obs[0]  # type: ignore[no-any-return]  # the whole observation
 

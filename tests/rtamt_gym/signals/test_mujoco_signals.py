@@ -53,9 +53,7 @@ READS: list[tuple[str, Callable[[Any], float]]] = [
 
 
 @pytest.mark.parametrize(("selector", "expected"), READS, ids=[text for text, _ in READS])
-def test_a_selector_reads_what_mujoco_has_under_that_name(
-    selector: str, expected: Callable[[Any], float]
-) -> None:
+def test_selectors_match_mujoco(selector: str, expected: Callable[[Any], float]) -> None:
     model, data = arm()
     read = reader(selector, model, data)
     for _ in range(30):
@@ -94,9 +92,7 @@ def contacts(model: Any, data: Any, one: set[int], two: set[int]) -> tuple[float
         ("rod,skin", {"rod"}, {"skin"}),
     ],
 )
-def test_a_contact_is_one_while_the_two_push_each_other(
-    names: str, one: set[str], two: set[str]
-) -> None:
+def test_contact_is_one_while_pushing(names: str, one: set[str], two: set[str]) -> None:
     model, data = arm()
     touch, force = (reader(f"contact:{names}{field}", model, data) for field in ("", ".force"))
     first, second = ({model.geom(name).id for name in each} for each in (one, two))
@@ -108,7 +104,7 @@ def test_a_contact_is_one_while_the_two_push_each_other(
     assert seen == ({0.0} if names == "rod,skin" else {0.0, 1.0})
 
 
-def test_a_body_at_rest_presses_with_its_weight() -> None:
+def test_contact_force_of_resting_body() -> None:
     model, data = arm()
     for _ in range(1500):
         mujoco.mj_step(model, data)
@@ -128,7 +124,7 @@ def test_any_printable_name_can_be_selected(name: str, field: str, index: int) -
 
 
 @given(st.text(alphabet="bodysitecnajqp:.,[]0123456789'\"k -+/é", max_size=24))
-def test_any_text_is_a_selector_that_prints_itself_or_an_error(text: str) -> None:
+def test_any_text_parses_or_fails(text: str) -> None:
     try:
         selector = parse_selector("signal 'x'", text, MUJOCO)
     except InputError:
@@ -193,9 +189,7 @@ UNFIT = [
 
 
 @pytest.mark.parametrize(("selector", "message"), UNFIT)
-def test_a_selector_that_does_not_fit_the_model_says_what_there_is(
-    selector: str, message: str
-) -> None:
+def test_selector_outside_model_error(selector: str, message: str) -> None:
     model, data = arm()
     geom = data.geom(0)
     fields = [n for n in dir(geom) if isinstance(getattr(geom, n), np.ndarray)]
@@ -204,7 +198,7 @@ def test_a_selector_that_does_not_fit_the_model_says_what_there_is(
     assert str(caught.value) == message.replace("{geom}", ", ".join(fields))
 
 
-def test_a_field_that_is_made_when_it_is_read_is_no_field() -> None:
+def test_computed_attribute_is_not_a_field() -> None:
     model, data = arm()
     motor = data.actuator("motor")
     if np.may_share_memory(motor.moment, motor.moment):  # in some versions of MuJoCo it is held
@@ -214,7 +208,7 @@ def test_a_field_that_is_made_when_it_is_read_is_no_field() -> None:
         reader("actuator:motor.moment[0]", model, data)
 
 
-def test_what_is_derived_again_leaves_the_warm_start(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_derive_keeps_warm_start(monkeypatch: pytest.MonkeyPatch) -> None:
     model, data = arm()
     mujoco.mj_step(model, data)
     before = data.qacc_warmstart.copy()
@@ -259,9 +253,7 @@ SOURCES = f"expected one of {', '.join(MUJOCO)}"
         ("qpos.x", 5, "expected '[' or the end of the selector, got '.'"),
     ],
 )
-def test_a_selector_that_cannot_be_read_gets_a_caret(
-    selector: str, column: int, wrong: str
-) -> None:
+def test_selector_syntax_errors(selector: str, column: int, wrong: str) -> None:
     with pytest.raises(InputError) as caught:
         parse_selector("signal 'x'", selector, MUJOCO)
     caret = " " * (column - 1) + "^"
@@ -271,7 +263,7 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
     )
 
 
-def test_the_same_selectors_serve_an_environment() -> None:
+def test_selectors_of_environment() -> None:
     env = StlMonitor(
         gym.make("HalfCheetah-v5"),
         "always(z > -9 and touch < 9 and t < 9)",

@@ -71,16 +71,14 @@ class Other(Point):
         ("MountainCar-v0", None),
     ],
 )
-def test_the_period_is_what_the_simulation_says_not_the_frame_rate(
-    env_id: str, period: float | None
-) -> None:
+def test_period_is_not_the_frame_rate(env_id: str, period: float | None) -> None:
     env = gym.make(env_id)
     assert read_period(env) == pytest.approx(period)
     env.close()
 
 
 @pytest.mark.parametrize("value", [0.0, -0.1, math.nan, math.inf, True, "0.1", None])
-def test_a_dt_that_is_no_time_is_no_period(value: object) -> None:
+def test_invalid_dt_is_ignored(value: object) -> None:
     env: Any = Bare()
     env.dt = value
     assert read_period(env) is None
@@ -88,7 +86,7 @@ def test_a_dt_that_is_no_time_is_no_period(value: object) -> None:
     assert read_period(env) == 0.5
 
 
-def test_an_environment_that_holds_one_has_its_period() -> None:
+def test_period_of_inner_environment() -> None:
     assert find_period(Maze(point=Point())) == (0.125, "point.dt")
     pole = gym.make("CartPole-v1")
     held = Maze(game=pole)
@@ -114,7 +112,7 @@ def test_an_environment_that_holds_one_has_its_period() -> None:
     ],
     ids=["nothing", "without", "two", "other actions", "deeper", "skips"],
 )
-def test_the_period_of_what_an_environment_holds_is_not_guessed(inside: Any) -> None:
+def test_inner_period_is_not_guessed(inside: Any) -> None:
     message = (
         "specification 'spec' has bounds in time, but <Bare> does not state the duration of a "
         "step: there is no dt, tau or config['policy_frequency'] in it, or in an environment "
@@ -151,7 +149,7 @@ class Made:
         return type(self), (self.make,)
 
 
-def test_an_asynchronous_environment_makes_another_where_a_period_is_needed() -> None:
+def test_async_period_from_another_environment() -> None:
     made = Made(make_pole)
     envs = AsyncVectorEnv([made, make_pole], context="forkserver")
     assert (len(made.made), made.closed) == (1, 1)  # as AsyncVectorEnv itself does
@@ -168,7 +166,7 @@ def test_an_asynchronous_environment_makes_another_where_a_period_is_needed() ->
     monitor.close()
 
 
-def test_an_asynchronous_environment_without_a_period_says_so_and_lives_on() -> None:
+def test_async_without_period_error() -> None:
     made = Made(Bare)
     envs = AsyncVectorEnv([made], context="forkserver")
     with pytest.raises(SpecificationError) as caught:
@@ -185,7 +183,7 @@ def test_an_asynchronous_environment_without_a_period_says_so_and_lives_on() -> 
     envs.close()
 
 
-def test_an_environment_that_cannot_be_made_twice_names_the_way_out() -> None:
+def test_async_cannot_make_another_error() -> None:
     made = Made(Bare)
     envs = AsyncVectorEnv([made], context="forkserver")
     failure = OSError("the port is taken")
@@ -204,7 +202,7 @@ def test_an_environment_that_cannot_be_made_twice_names_the_way_out() -> None:
     envs.close()
 
 
-def test_only_an_asynchronous_environment_makes_another() -> None:
+def test_only_async_makes_another() -> None:
     made = Made(make_pole)
     assert ask_another(made()) is None
     assert ask_another(SyncVectorEnv([made])) is None

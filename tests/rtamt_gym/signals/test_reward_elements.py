@@ -53,7 +53,7 @@ def monitor_agents(selector: str) -> Any:
     return ParallelStlMonitor(crew, SPEC, {"r": (f"one: {selector}", 0.0)})
 
 
-def test_selector_that_the_error_proposes_is_accepted() -> None:
+def test_proposed_selector_is_accepted() -> None:
     env = monitor_one("reward")
     env.reset()
     with pytest.raises(InputTypeError) as error:
@@ -76,7 +76,7 @@ def test_elements_of_rewards_are_read(selector: str, robustness: float) -> None:
     assert agents.step({"one": np.zeros(1)})[-1]["one"]["robustness"] == robustness
 
 
-def test_rewards_that_are_no_numbers_are_refused_in_batches_too() -> None:
+def test_batch_reward_error() -> None:
     env = monitor_many("reward")
     env.reset()
     with pytest.raises(
@@ -86,7 +86,7 @@ def test_rewards_that_are_no_numbers_are_refused_in_batches_too() -> None:
 
 
 @pytest.mark.parametrize("selector", ["reward[2]", "reward['speed']"])
-def test_elements_that_a_reward_lacks_are_errors(selector: str) -> None:
+def test_missing_reward_element_error(selector: str) -> None:
     for env, actions, held in (
         (monitor_one(selector), np.zeros(1), "it is array([ 1., 10.])"),
         (monitor_many(selector), np.zeros((3, 1)), "they have shape (3, 2)"),
@@ -96,7 +96,7 @@ def test_elements_that_a_reward_lacks_are_errors(selector: str) -> None:
             env.step(actions)
 
 
-def test_a_number_has_no_elements() -> None:
+def test_element_of_number_error() -> None:
     env = StlMonitor(Replay(SERIES), SPEC, {"r": ("reward[0]", 0.0)})
     env.reset()
     with pytest.raises(InputError) as error:

@@ -120,7 +120,7 @@ UNFIT: list[tuple[SignalLike, spaces.Space[Any], str]] = [
 
 
 @pytest.mark.parametrize(("value", "space", "message"), UNFIT)
-def test_a_selector_that_does_not_fit_says_what_the_space_is(
+def test_selector_outside_space_error(
     value: SignalLike, space: spaces.Space[Any], message: str
 ) -> None:
     with pytest.raises(InputError) as caught:
@@ -136,9 +136,7 @@ def test_a_selector_that_does_not_fit_says_what_the_space_is(
         ("qpos['a']", "signal 'x': expected one index, qpos[0], got qpos['a']"),
     ],
 )
-def test_a_mujoco_selector_that_does_not_fit_says_what_there_is(
-    selector: str, message: str
-) -> None:
+def test_mujoco_selector_outside_model_error(selector: str, message: str) -> None:
     env = gym.make("HalfCheetah-v5")
     with pytest.raises(InputError) as caught:
         ParsedSignal.parse("x", selector, SOURCES).bind(env)
@@ -173,9 +171,7 @@ WORDS = f"expected one of {', '.join(SOURCES)}"
         ("info['a", 6, 'expected an index or a key in quotes, got "\'"'),
     ],
 )
-def test_a_selector_that_cannot_be_read_gets_a_caret(
-    selector: str, column: int, wrong: str
-) -> None:
+def test_selector_syntax_errors(selector: str, column: int, wrong: str) -> None:
     with pytest.raises(InputError) as caught:
         ParsedSignal.parse("x", selector, SOURCES)
     caret = " " * (column - 1) + "^"
@@ -233,9 +229,7 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
         ),
     ],
 )
-def test_a_signal_that_is_none_says_what_is_one(
-    value: SignalLike, error: type[Exception], message: str
-) -> None:
+def test_wrong_signal_error(value: SignalLike, error: type[Exception], message: str) -> None:
     with pytest.raises(error) as caught:
         ParsedSignal.parse("x", value, SOURCES)
     assert str(caught.value) == message
@@ -282,7 +276,7 @@ def test_a_signal_that_is_none_says_what_is_one(
         ),
     ],
 )
-def test_an_info_without_the_number_says_what_it_has(
+def test_missing_info_key_error(
     selector: str, info: dict[str, Any], error: type[Exception], message: str
 ) -> None:
     bound = ParsedSignal.parse("x", (selector, 0.0), SOURCES).bind(Simulation(VECTOR))

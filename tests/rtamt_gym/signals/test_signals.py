@@ -69,7 +69,7 @@ def read(
         ("obs", spaces.Box(0.0, 1.0, ()), np.float32(0.5), 0.5),
     ],
 )
-def test_an_observation_selector_reads_one_number(
+def test_observation_selectors(
     selector: str, space: spaces.Space[Any], obs: object, expected: float
 ) -> None:
     value = read(selector, Simulation(space), obs)
@@ -88,7 +88,7 @@ def test_an_observation_selector_reads_one_number(
         ("info['x'][1]", 2.0),
     ],
 )
-def test_what_reset_does_not_give_is_its_default_there(selector: str, expected: float) -> None:
+def test_default_at_reset(selector: str, expected: float) -> None:
     env = Simulation(VECTOR)
     signal = ParsedSignal.parse("x", (selector, 7), SOURCES)
     assert signal.bind_reset(env)(VECTOR_OBS, None, None, {}) == 7.0
@@ -97,18 +97,18 @@ def test_what_reset_does_not_give_is_its_default_there(selector: str, expected: 
     assert type(value) is float
 
 
-def test_a_discrete_action_needs_no_index() -> None:
+def test_discrete_action_needs_no_index() -> None:
     env = Simulation(VECTOR, spaces.Discrete(3))
     assert read(("action", 0), env, VECTOR_OBS, action=2) == 2.0
 
 
-def test_a_pair_may_be_a_list_as_json_gives_it() -> None:
+def test_pair_may_be_a_list() -> None:
     assert ParsedSignal.parse("x", ["action[0]", 0.5], SOURCES) == ParsedSignal.parse(
         "x", ("action[0]", 0.5), SOURCES
     )
 
 
-def test_a_callable_sees_the_whole_step() -> None:
+def test_callable_gets_step() -> None:
     env = Simulation(VECTOR)
     seen: list[Step] = []
 
@@ -125,7 +125,7 @@ def test_a_callable_sees_the_whole_step() -> None:
     assert step.env is env
 
 
-def test_a_callable_with_a_default_is_not_called_at_reset() -> None:
+def test_callable_with_default_at_reset() -> None:
     def fail(_: Step) -> float:
         raise AssertionError
 
@@ -137,7 +137,7 @@ def test_a_callable_with_a_default_is_not_called_at_reset() -> None:
     )
 
 
-def test_mujoco_selectors_read_the_state_of_the_simulation() -> None:
+def test_mujoco_selectors_read_state() -> None:
     env = gym.make("HalfCheetah-v5")
     env.reset(seed=1)
     env.step(env.action_space.sample())
@@ -147,7 +147,7 @@ def test_mujoco_selectors_read_the_state_of_the_simulation() -> None:
     env.close()
 
 
-def test_mujoco_selectors_follow_a_simulation_that_is_built_anew() -> None:
+def test_mujoco_selectors_follow_rebuilt_simulation() -> None:
     env = gym.make("InvertedPendulum-v5")
     simulation: Any = env.unwrapped
     position = ParsedSignal.parse("x", "qpos[0]", SOURCES).bind(env)
@@ -157,7 +157,7 @@ def test_mujoco_selectors_follow_a_simulation_that_is_built_anew() -> None:
     env.close()
 
 
-def test_vehicle_selectors_follow_the_vehicle_that_every_reset_makes() -> None:
+def test_vehicle_selectors_follow_reset() -> None:
     env = gym.make("highway_env:parking-v0")
     signals = [
         ParsedSignal.parse("x", text, SOURCES).bind(env)
@@ -177,7 +177,7 @@ def test_vehicle_selectors_follow_the_vehicle_that_every_reset_makes() -> None:
     env.close()
 
 
-def test_a_kind_of_selector_is_a_row() -> None:
+def test_new_kind_of_selector() -> None:
     def bind(signal: ParsedSignal, env: gym.Env[Any, Any]) -> Read:
         depths = {"bow": 2.0, "stern": 3.0}
         return lambda *_: depths[str(signal.path[0])] + len(env.observation_space.shape or ())
@@ -189,7 +189,7 @@ def test_a_kind_of_selector_is_a_row() -> None:
         ParsedSignal.parse("x", "sonar", sources)
 
 
-def test_signals_come_in_the_order_of_the_variables() -> None:
+def test_order_of_signals() -> None:
     signals = parse_signals({"b": "obs[1]", "a": "obs[0]"}, ["a", "b", "a"], SOURCES)
     assert [signal.name for signal in signals] == ["a", "b"]
 
@@ -197,7 +197,7 @@ def test_signals_come_in_the_order_of_the_variables() -> None:
 @given(st.text(alphabet="obsinfreward[]0123456789'\"kx -+.,:", max_size=20))
 @example("obs[0][1]")
 @example("info['a'][0]")
-def test_any_text_is_a_selector_that_prints_itself_or_an_input_error(text: str) -> None:
+def test_any_text_parses_or_raises(text: str) -> None:
     default = () if not text.lstrip().startswith(("action", "reward", "info")) else (0.0,)
     try:
         signal = ParsedSignal.parse("x", (text, *default) if default else text, SOURCES)
