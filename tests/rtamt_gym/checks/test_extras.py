@@ -54,7 +54,7 @@ OF_MUJOCO = {"StepMonitor"}
         ("gymnasium mujoco fmpy", ALL - OF_INPUTS - OF_TRACES),
     ],
 )
-def test_a_star_imports_what_the_installed_packages_allow(without: str, lacks: set[str]) -> None:
+def test_star_import_skips_missing_packages(without: str, lacks: set[str]) -> None:
     code = "before = {*globals(), 'before'}\nfrom rtamt_gym import *\nprint(*{*globals()} - before)"
     assert set(said(code, without=without).split()) == ALL - lacks
     assert OF_MUJOCO < ALL
@@ -87,9 +87,7 @@ def test_a_star_imports_what_the_installed_packages_allow(without: str, lacks: s
         ("from rtamt_gym import StlMonitor", "numpy", "import of numpy halted"),
     ],
 )
-def test_what_needs_a_missing_package_names_its_extra(
-    code: str, without: str, message: str
-) -> None:
+def test_import_error_names_extra(code: str, without: str, message: str) -> None:
     caught = (
         f"try:\n    exec({code!r})\nexcept ModuleNotFoundError as e:\n    print(e.name, str(e))"
     )
@@ -146,7 +144,7 @@ DRAWING = ("rtamt_gym.drawing",)
         (lambda: scipy_stats("compare"), "scipy", (), "compare", "search"),
     ],
 )
-def test_what_needs_a_package_when_it_is_called_names_its_extra(
+def test_call_error_names_extra(
     call: Callable[[], object],
     package: str,
     inside: Sequence[str],
@@ -173,13 +171,13 @@ def test_what_needs_a_package_when_it_is_called_names_its_extra(
 @pytest.mark.parametrize(
     ("command", "extra"), [("compare", "files"), ("monitor", "files"), ("evaluate", "search")]
 )
-def test_a_command_names_the_smallest_extra(command: str, extra: str) -> None:
+def test_command_error_names_smallest_extra(command: str, extra: str) -> None:
     error = ModuleNotFoundError("No module named 'scipy'", name="scipy")
     text = f"scipy is not installed; from the checkout: pip install '.[{extra}]'"
     assert refusal(error, {}, command) == text
 
 
-def test_the_lack_of_a_package_of_no_extra_is_told_as_it_is(
+def test_other_import_errors_stay(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     error = ModuleNotFoundError("No module named 'yaml'", name="yaml")
@@ -194,11 +192,11 @@ def test_the_lack_of_a_package_of_no_extra_is_told_as_it_is(
     assert caught.value is error
 
 
-def test_names_that_are_not_imported_yet_are_listed() -> None:
+def test_dir_lists_lazy_names() -> None:
     assert {"__getattr__", *ALL} <= {*dir(rtamt_gym)}
 
 
-def test_the_released_library_over_this_one_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_released_library_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rtamt", ModuleType("rtamt"))
     with pytest.raises(ImportError) as caught:
         importlib.reload(extras)
@@ -209,7 +207,7 @@ def test_the_released_library_over_this_one_is_told(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.slow
-def test_a_scenario_that_draws_names_the_extra_of_matplotlib() -> None:
+def test_scenario_render_error_names_extra() -> None:
     code = (
         "import gymnasium as gym, rtamt_envs\n"
         "env = gym.make('rtamt/RequestGrant-v0', render_mode='rgb_array')\n"
@@ -222,7 +220,7 @@ def test_a_scenario_that_draws_names_the_extra_of_matplotlib() -> None:
 
 
 @pytest.mark.slow
-def test_environments_are_monitored_without_mujoco() -> None:
+def test_monitor_without_mujoco() -> None:
     code = (
         "import gymnasium as gym\nfrom rtamt_gym import *\n"
         "env = StlMonitor(gym.make('CartPole-v1'), 'always(x < 9)', {'x': 'obs[0]'})\n"

@@ -44,7 +44,7 @@ def spaces(draw: st.DrawFn) -> Space:
 
 
 @given(spaces(), st.data())
-def test_points_become_cases_and_points_again(space: Space, data: st.DataObject) -> None:
+def test_points_and_cases_round_trip(space: Space, data: st.DataObject) -> None:
     point = [data.draw(st.floats(0, 1)) for _ in range(space.dimension)]
     case = space.case(point)
     assert tuple(case.columns()) == space.columns
@@ -63,7 +63,7 @@ def test_points_become_cases_and_points_again(space: Space, data: st.DataObject)
 
 
 @given(spaces(), st.sampled_from([0.0, 1.0]))
-def test_the_ends_of_ranges_are_reached(space: Space, end: float) -> None:
+def test_points_reach_the_ends_of_ranges(space: Space, end: float) -> None:
     columns = iter(space.case(np.full(space.dimension, end)).columns().values())
     for each in space:
         for _ in each.columns:
@@ -73,7 +73,7 @@ def test_the_ends_of_ranges_are_reached(space: Space, end: float) -> None:
                 assert next(columns) == (each.low if end == 0 else each.high)
 
 
-def test_a_coordinate_runs_evenly_over_its_range() -> None:
+def test_coordinates_are_even() -> None:
     space = Space(
         {
             "u": Signal("u", -1, 1, points=2, interpolation="pchip"),
@@ -93,7 +93,7 @@ def test_a_coordinate_runs_evenly_over_its_range() -> None:
 
 
 @given(spaces())
-def test_spaces_equal_those_made_again(space: Space) -> None:
+def test_equal_spaces(space: Space) -> None:
     for again in (pickle.loads(pickle.dumps(space)), Space(space, duration=space.duration)):
         assert again == space
         assert hash(again) == hash(space)
@@ -101,7 +101,7 @@ def test_spaces_equal_those_made_again(space: Space) -> None:
     assert space != list(space)
 
 
-def test_held_pieces_and_joined_points_divide_the_duration() -> None:
+def test_control_points_divide_the_duration() -> None:
     def times(**options: Any) -> object:  # noqa: ANN401 - of a signal
         space = Space([Signal("u", 0, 1, **options)], duration=0.7)
         waveform = space.case([0.5] * space.dimension)["u"]
@@ -146,7 +146,7 @@ SPACE_ERRORS: list[tuple[Any, type[Exception], str]] = [
 
 
 @pytest.mark.parametrize(("entries", "kind", "message"), SPACE_ERRORS)
-def test_a_space_says_what_it_expects(entries: object, kind: type[Exception], message: str) -> None:
+def test_space_errors(entries: object, kind: type[Exception], message: str) -> None:
     with pytest.raises(kind) as caught:
         Space(cast("Any", entries))
     assert str(caught.value) == message
@@ -190,7 +190,7 @@ SMALL = Space(
 
 
 @pytest.mark.parametrize(("case", "message"), CASE_OF_SPACE_ERRORS)
-def test_a_case_of_another_space_has_no_point(case: dict[str, Any], message: str) -> None:
+def test_case_of_another_space_error(case: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError) as caught:
         SMALL.point(case)
     assert str(caught.value) == message
@@ -204,19 +204,19 @@ def test_a_case_of_another_space_has_no_point(case: dict[str, Any], message: str
         ([0, np.nan, 1, 0], "expected 'u[1]' of a point from 0 to 1, got nan"),
     ],
 )
-def test_a_point_outside_of_the_cube_has_no_case(point: list[float], message: str) -> None:
+def test_point_outside_the_cube_error(point: list[float], message: str) -> None:
     with pytest.raises(InputError) as caught:
         SMALL.case(point)
     assert str(caught.value) == message
 
 
-def test_a_point_is_made_of_numbers() -> None:
+def test_point_without_numbers_error() -> None:
     with pytest.raises(InputTypeError) as caught:
         SMALL.case(cast("Any", ["u", 0, 0, 0]))
     assert str(caught.value) == "expected a point as 4 numbers, got ['u', 0, 0, 0]"
 
 
-def test_a_signal_without_duration_says_where_to_give_one() -> None:
+def test_missing_duration_error() -> None:
     with pytest.raises(InputError) as caught:
         Space([Signal("u", 0, 1, points=2)]).case([0, 0])
     assert str(caught.value) == (
@@ -226,7 +226,7 @@ def test_a_signal_without_duration_says_where_to_give_one() -> None:
 
 
 @given(spaces(), st.data())
-def test_cases_equal_those_made_again(space: Space, data: st.DataObject) -> None:
+def test_equal_cases(space: Space, data: st.DataObject) -> None:
     case = space.case([data.draw(st.floats(0, 1)) for _ in range(space.dimension)])
     text = case.to_json()
     json.loads(text, parse_constant=pytest.fail)
@@ -237,14 +237,14 @@ def test_cases_equal_those_made_again(space: Space, data: st.DataObject) -> None
     assert Case({**case, "more": 1}) != case
 
 
-def test_a_case_is_shown_as_it_is_written() -> None:
+def test_repr_of_case() -> None:
     assert repr(Case({"mass": 1, "u": U})) == (
         "Case({'mass': 1.0, 'u': Waveform(times=(0.0, 5.0), values=(0.0, 1.0), "
         "interpolation='hold')})"
     )
 
 
-def test_infinite_numbers_are_texts_in_json() -> None:
+def test_infinities_are_texts_in_json() -> None:
     case = Case({"H1": math.inf, "low": -math.inf, "mass": np.float64(1.5)})
     assert case.to_json() == '{"H1": "inf", "low": "-inf", "mass": 1.5}'
     assert Case.from_json(case.to_json()) == case
@@ -274,13 +274,13 @@ CASE_ERRORS: list[tuple[Any, type[Exception], str]] = [
 
 
 @pytest.mark.parametrize(("entries", "kind", "message"), CASE_ERRORS)
-def test_a_case_says_what_it_expects(entries: object, kind: type[Exception], message: str) -> None:
+def test_case_argument_errors(entries: object, kind: type[Exception], message: str) -> None:
     with pytest.raises(kind) as caught:
         Case(cast("Any", entries))
     assert str(caught.value) == message
 
 
-def test_json_is_text() -> None:
+def test_json_must_be_text() -> None:
     with pytest.raises(InputTypeError) as caught:
         Case.from_json(cast("Any", {"m": 1}))
     assert str(caught.value) == "expected a case as text in JSON, got {'m': 1}"
@@ -304,7 +304,7 @@ def test_json_is_text() -> None:
         ('{"m": NaN}', "expected 'm' of a case as a number, got nan"),
     ],
 )
-def test_text_that_is_no_case_is_refused(text: str, message: str) -> None:
+def test_case_json_errors(text: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
         Case.from_json(text)
     assert str(caught.value) == message
@@ -314,7 +314,7 @@ THROTTLE = Signal("throttle", 0, 100, points=3, interpolation="linear", duration
 GEAR = Parameter("gear", values=[1, 2, math.inf], default=math.inf, unit="1", about="which")
 
 
-def test_ranges_are_floats_and_equal_those_made_again() -> None:
+def test_ranges_convert_to_floats_and_compare() -> None:
     assert THROTTLE.columns == ("throttle[0]", "throttle[1]", "throttle[2]")
     assert (type(THROTTLE.high), type(THROTTLE.duration)) == (float, float)
     assert GEAR.columns == ("gear",)
@@ -366,9 +366,7 @@ SIGNAL_ERRORS: list[tuple[dict[str, Any], type[Exception], str]] = [
 
 
 @pytest.mark.parametrize(("change", "kind", "message"), SIGNAL_ERRORS)
-def test_a_signal_says_what_it_expects(
-    change: dict[str, Any], kind: type[Exception], message: str
-) -> None:
+def test_signal_errors(change: dict[str, Any], kind: type[Exception], message: str) -> None:
     with pytest.raises(kind) as caught:
         Signal(**{"name": "u", "low": 0, "high": 1, "points": 2, **change})
     assert str(caught.value) == message
@@ -421,9 +419,7 @@ PARAMETER_ERRORS: list[tuple[dict[str, Any], type[Exception], str]] = [
 
 
 @pytest.mark.parametrize(("given", "kind", "message"), PARAMETER_ERRORS)
-def test_a_parameter_says_what_it_expects(
-    given: dict[str, Any], kind: type[Exception], message: str
-) -> None:
+def test_parameter_errors(given: dict[str, Any], kind: type[Exception], message: str) -> None:
     with pytest.raises(kind) as caught:
         Parameter(**{"name": "m", **given})
     assert str(caught.value) == message

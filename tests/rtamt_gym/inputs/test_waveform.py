@@ -38,9 +38,7 @@ instants = st.floats(-1, 60) | st.fractions(0, 60, max_denominator=100).map(floa
 
 
 @given(waveforms(), st.lists(instants, max_size=20))
-def test_values_at_times_are_those_of_calls_and_between_those_of_the_points(
-    waveform: Waveform, others: list[float]
-) -> None:
+def test_values_match_calls_and_stay_in_range(waveform: Waveform, others: list[float]) -> None:
     times = [*others, *waveform.times, *(np.nextafter(t, -1.0) for t in waveform.times)]
     at = waveform.at(np.array(times).reshape(-1, 1))[:, 0]
     assert at.tobytes() == np.array([waveform(t) for t in times]).tobytes()
@@ -59,7 +57,7 @@ REFERENCES: dict[str, Callable[[Waveform, list[float]], Any]] = {
 
 @pytest.mark.parametrize("kind", INTERPOLATIONS)
 @given(data=st.data(), shares=st.lists(st.floats(0, 1), min_size=1, max_size=20))
-def test_waveforms_are_those_of_numpy_and_scipy(
+def test_waveforms_match_numpy_and_scipy(
     kind: WaveformInterpolation, data: st.DataObject, shares: list[float]
 ) -> None:
     small = st.floats(-100, 100).filter(lambda v: v == 0 or abs(v) > 1e-9)
@@ -72,9 +70,7 @@ def test_waveforms_are_those_of_numpy_and_scipy(
 
 
 @given(waveforms(), st.fractions(Fraction(1, 200), 2, max_denominator=200), st.integers(0, 40))
-def test_a_step_gets_the_value_at_its_start_or_at_its_end(
-    waveform: Waveform, period: Fraction, count: int
-) -> None:
+def test_steps_get_values_at_start_or_end(waveform: Waveform, period: Fraction, count: int) -> None:
     ahead = 0 if waveform.interpolation == "hold" else 1
     expected = [waveform(float((i + ahead) * period)) for i in range(count)]
     assert waveform.from_steps(period, count).tolist() == expected
@@ -88,7 +84,7 @@ def test_a_step_gets_the_value_at_its_start_or_at_its_end(
     st.integers(1, 30),
     st.integers(1, 60),
 )
-def test_a_piece_begins_with_its_step_sharp(period: Fraction, points: int, length: int) -> None:
+def test_pieces_start_exactly_at_steps(period: Fraction, points: int, length: int) -> None:
     duration = float(period * points * length)
     space = Space([Signal("u", 0, 1, points=points)], duration=duration)
     waveform = space.case(np.arange(points) / points)["u"]
@@ -97,7 +93,7 @@ def test_a_piece_begins_with_its_step_sharp(period: Fraction, points: int, lengt
     assert steps.tolist() == [value for value in waveform.values for _ in range(length)]
 
 
-def test_rounding_leaves_no_range() -> None:
+def test_rounding_stays_in_range() -> None:
     just_before = float(np.nextafter(1.0, 0.0))  # the cubic alone is 2e-16 beside 0.1 there
     for sign in (1, -1):
         waveform = Waveform([0, 1, 2], [sign * 0.9, sign * 0.1, sign * 0.6], "pchip")
@@ -105,27 +101,27 @@ def test_rounding_leaves_no_range() -> None:
         assert waveform.at([just_before]).tolist() == [sign * 0.1]
 
 
-def test_times_are_the_fractions_that_floats_lie_beside() -> None:
+def test_times_are_nearest_fractions() -> None:
     waveform = Waveform([0, 0.1 + 0.2], [0, 1])
     assert waveform.times == (0.0, 0.3)
     assert waveform.from_steps(0.1, 5).tolist() == [0, 0, 0, 1, 1]
 
 
-def test_five_seconds_at_a_hundredth_are_step_500() -> None:
+def test_step_500_is_at_five_seconds() -> None:
     waveform = Waveform([0, 5, 0.1 + 0.2 + 9], [1, 2, 3])
     assert waveform.times == (0.0, 5.0, 9.3)
     steps = waveform.from_steps(0.01, 1000)
     assert np.flatnonzero(np.diff(steps)).tolist() == [499, 929]
 
 
-def test_periods_of_large_terms_are_exact_too() -> None:
+def test_periods_of_large_terms_are_exact() -> None:
     period = Fraction(999_999_999_989, 10**12)
     waveform = Waveform([0, float(period * 9000), 1e9], [1, 2, 3])
     assert np.flatnonzero(np.diff(waveform.from_steps(period, 10_000))).tolist() == [8999]
 
 
 @given(waveforms())
-def test_waveforms_equal_those_made_again(waveform: Waveform) -> None:
+def test_equal_waveforms(waveform: Waveform) -> None:
     again = pickle.loads(pickle.dumps(waveform))
     assert again == waveform
     assert hash(again) == hash(waveform)
@@ -169,9 +165,7 @@ ERRORS: list[tuple[tuple[Any, ...], type[Exception], str]] = [
 
 
 @pytest.mark.parametrize(("arguments", "kind", "message"), ERRORS)
-def test_a_waveform_says_what_it_expects(
-    arguments: tuple[Any, ...], kind: type[Exception], message: str
-) -> None:
+def test_waveform_errors(arguments: tuple[Any, ...], kind: type[Exception], message: str) -> None:
     with pytest.raises(kind) as caught:
         Waveform(*arguments)
     assert str(caught.value) == message

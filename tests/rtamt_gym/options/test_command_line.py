@@ -21,7 +21,7 @@ def parser_of(*options: str | Option) -> argparse.ArgumentParser:
     return parser
 
 
-def test_rows_make_arguments() -> None:
+def test_rows_become_arguments() -> None:
     parser = parser_of(
         Option("SPEC", "texts", nargs="+", dest="specs"),
         Option("--count N", "a share of 80%", 10, read=positive),
@@ -44,7 +44,7 @@ def test_rows_make_arguments() -> None:
         assert line in text
 
 
-def test_shared_rows_take_the_word_and_changes_of_a_command() -> None:
+def test_shared_rows_with_changes() -> None:
     parser = parser_of("--seed", shared("--timeout", default=3.0), "--below", "--end")
     text = " ".join(parser.format_help().split())
     assert "seed of the first episode; each further episode adds 1 (default: 0)" in text
@@ -58,7 +58,7 @@ def test_shared_rows_take_the_word_and_changes_of_a_command() -> None:
 
 
 @pytest.mark.parametrize(("read", "wrong"), [(whole, "-1"), (whole, "²"), (positive, "0")])
-def test_numbers_are_whole(read: type, wrong: str) -> None:
+def test_whole_number_errors(read: type, wrong: str) -> None:
     assert read("7") == 7
     with pytest.raises(argparse.ArgumentTypeError, match="expected a whole number"):
         read(wrong)

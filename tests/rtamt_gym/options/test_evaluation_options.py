@@ -99,7 +99,7 @@ def test_one_docstring_describes_options() -> None:
 
 
 @pytest.mark.parametrize("function", [simulate, sweep, falsify, evaluate_policy, Runner])
-def test_a_keyword_that_is_none_names_the_nearest(function: Callable[..., Any]) -> None:
+def test_unknown_keyword_error(function: Callable[..., Any]) -> None:
     needed = {"samples": 1} if function is sweep else {}
     with pytest.raises(TypeError) as refused:
         function(None, None, veiw="step", **needed)
@@ -108,7 +108,7 @@ def test_a_keyword_that_is_none_names_the_nearest(function: Callable[..., Any]) 
     )
 
 
-def test_what_was_given_is_told_from_what_equals_a_default() -> None:
+def test_given_differs_from_default() -> None:
     assert EvaluationOptions(view="episode").given == {"view"}
     assert EvaluationOptions(view="episode") == EvaluationOptions()
     assert EvaluationOptions(inputs=["a"]) == EvaluationOptions(inputs=("a",))
@@ -132,9 +132,7 @@ def test_monitors_report_wrong_semantics_and_names() -> None:
 @pytest.mark.parametrize(
     ("option", "value"), [(name, value) for name, pair in OTHERS.items() for value in pair]
 )
-def test_an_option_lies_over_that_of_a_monitor_only_if_it_is_the_same(
-    option: str, value: object
-) -> None:
+def test_option_conflicts_with_monitor(option: str, value: object) -> None:
     for own in OTHERS[option]:
         over: dict[str, Any] = {option: value}
         has = EvaluationOptions(**{option: own}).complete("runs")
@@ -154,7 +152,7 @@ def test_an_option_lies_over_that_of_a_monitor_only_if_it_is_the_same(
         ({"outputs": ["a"]}, {"outputs": {"a"}}),
     ],
 )
-def test_an_option_is_the_same_in_other_words(has: dict[str, Any], got: dict[str, Any]) -> None:
+def test_equal_options_in_other_forms(has: dict[str, Any], got: dict[str, Any]) -> None:
     assert EvaluationOptions(**got).over(EvaluationOptions(**has), "a", "b") == EvaluationOptions(
         **has
     )
@@ -177,7 +175,7 @@ DEFAULTS = [("view", "step"), ("semantics", "boolean"), ("at_truncation", "open"
     ],
     ids=["simulate", "evaluate_policy", "sweep", "falsify", "Runner"],
 )
-def test_a_default_that_is_given_does_not_lose_against_a_monitor(
+def test_given_default_conflicts_with_monitor(
     judge: Callable[..., Any], option: str, own: str
 ) -> None:
     default = getattr(EvaluationOptions(), option)
@@ -190,9 +188,7 @@ def test_a_default_that_is_given_does_not_lose_against_a_monitor(
 
 
 @pytest.mark.parametrize(("option", "own"), DEFAULTS)
-def test_a_default_that_is_given_does_not_lose_against_a_vector_monitor(
-    option: str, own: str
-) -> None:
+def test_given_default_conflicts_with_vector_monitor(option: str, own: str) -> None:
     envs = gym.make_vec("CartPole-v1", num_envs=2, vectorization_mode="sync")
     options: dict[str, Any] = {option: own}
     watched = VectorStlMonitor(envs, "always(x < 1)", {"x": "obs[0]"}, **options)
@@ -201,7 +197,7 @@ def test_a_default_that_is_given_does_not_lose_against_a_vector_monitor(
         evaluate_policy(push, watched, episodes=2, **{option: default})
 
 
-def test_what_a_monitor_has_may_be_said_again() -> None:
+def test_repeated_options_of_monitor() -> None:
     own: dict[str, Any] = {"view": "step", "at_truncation": "open", "at_termination": "failure"}
     plain = simulate(monitored(own), policy=push, seed=1)
     assert simulate(monitored(own), policy=push, seed=1, **own) == plain

@@ -36,7 +36,7 @@ def raised(inflow: float, leak: float, start: float) -> Iterator[dict[str, float
         yield {"level": sample["level"] + start}
 
 
-def test_a_map_says_whether_a_cell_stands_for_several_simulations() -> None:
+def test_map_notes_minima_of_several_simulations() -> None:
     start = Parameter("start", 0.0, 0.6)
     options: dict[str, Any] = {"samples": 3, "sampler": "grid", "period": 1, "progress": False}
     one = of_record(sweep(tank, SPECS, [INFLOW, LEAK], **options), ROOM)
@@ -51,7 +51,7 @@ def test_a_map_says_whether_a_cell_stands_for_several_simulations() -> None:
     assert least == pytest.approx(alone - 0.6)
 
 
-def test_points_that_are_left_out_are_counted() -> None:
+def test_omitted_points_are_counted() -> None:
     heights = np.random.default_rng(1).normal(size=2100)
     rows = [row({"dry": height}, case={"x": float(i)}) for i, height in enumerate(heights)]
     formulas = {"dry": "always(x < 1)"}
@@ -67,7 +67,7 @@ def saved(run: Run, folder: Path) -> Section:
     return section_of(folder / "run.parquet", ROOM)
 
 
-def test_a_curve_of_each_instant_is_told_from_one_of_the_whole_episode(tmp_path: Path) -> None:
+def test_instant_curve_is_noted(tmp_path: Path) -> None:
     rows = [{"x": value} for value in (1.0, -2.0, 3.0)]
     said = {}
     for view in ("episode", "step"):
@@ -82,7 +82,7 @@ def test_a_curve_of_each_instant_is_told_from_one_of_the_whole_episode(tmp_path:
     )
 
 
-def test_a_long_episode_says_how_many_of_its_samples_are_shown() -> None:
+def test_shown_samples_of_long_episode() -> None:
     made = evaluation([row({"low": -4.0, "seen": 1.0}, seed=0)], {"low": (wave(6000),)})
     (episode,) = of_evaluation(made, ROOM).requirements[0].worst
     assert 60 <= len(episode.times) < 6000
@@ -91,7 +91,7 @@ def test_a_long_episode_says_how_many_of_its_samples_are_shown() -> None:
     )
 
 
-def test_a_comparison_draws_the_pairs_of_what_is_known_alone() -> None:
+def test_pairs_with_known_robustness() -> None:
     a, b = (
         evaluation([row({"low": low, "seen": math.nan}, seed=i) for i in range(4)], {})
         for low in (1.0, 2.0)

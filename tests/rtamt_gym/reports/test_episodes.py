@@ -21,7 +21,7 @@ def shown(run: Run) -> ShownEpisode:
     return episode
 
 
-def test_where_a_sample_is_not_known_an_episode_has_its_verdict_and_no_reason() -> None:
+def test_episode_with_unknown_sample() -> None:
     runs = {
         known: simulate(
             gym.make("CartPole-v1"),
@@ -44,7 +44,7 @@ def test_where_a_sample_is_not_known_an_episode_has_its_verdict_and_no_reason() 
         assert episode.signals["x"][1:] == (1.0,) * (episode.samples - 1)
 
 
-def test_no_sample_decides_where_a_window_lies_outside_of_the_trace() -> None:
+def test_window_outside_trace_has_no_decision() -> None:
     rows = [{"x": 1.0}, {"x": 2.0}]
     episode = shown(simulate(rows, "eventually[5:6](x > 0)", period=1, stop="end"))
     assert episode.deciding == ()

@@ -53,7 +53,7 @@ def page() -> Elements:
     return Elements(render(EXAMPLE))
 
 
-def test_the_page_loads_nothing(page: Elements) -> None:
+def test_page_loads_nothing(page: Elements) -> None:
     loads = {"src", "srcset", "data", "action", "poster", "background"}
     assert [each for each in page.found if loads & set(each[1])] == []
     links = [attributes["href"] for _, attributes in page.found if "href" in attributes]
@@ -78,7 +78,7 @@ def test_ids_are_unique_and_links_have_targets(page: Elements) -> None:
     assert links | named <= set(ids)
 
 
-def test_the_data_of_every_chart_is_in_the_page(page: Elements) -> None:
+def test_page_has_data_of_charts(page: Elements) -> None:
     scripts = page.of("script")
     place = next(i for i, script in enumerate(scripts) if script.get("id") == "data")
     data = json.loads(page.text_of("script")[place])
@@ -91,7 +91,7 @@ def test_the_data_of_every_chart_is_in_the_page(page: Elements) -> None:
 
 
 @pytest.mark.slow
-def test_no_name_ends_the_script_that_it_stands_in() -> None:
+def test_names_cannot_end_the_script() -> None:
     section = EXAMPLE.sections[0]
     name = "</script><script>alert(1)</script><!--"
     hostile = replace(section.requirements[0], name=name, words=name, formula=name)
@@ -101,7 +101,7 @@ def test_no_name_ends_the_script_that_it_stands_in() -> None:
 
 
 @pytest.mark.slow
-def test_a_hundred_long_episodes_stay_below_six_megabytes() -> None:
+def test_size_of_a_hundred_long_episodes() -> None:
     section = EXAMPLE.sections[0]
     upright = section.requirements[0]
     rng = np.random.default_rng(0)
@@ -134,7 +134,7 @@ def test_a_hundred_long_episodes_stay_below_six_megabytes() -> None:
 
 
 @given(st.lists(st.floats(allow_nan=False), max_size=60))
-def test_bins_count_every_number_once_and_never_mix_signs(values: list[float]) -> None:
+def test_bins_count_numbers_once(values: list[float]) -> None:
     found = bins(values)
     finite = [value for value in values if abs(value) <= 1e100]
     assert sum(found.counts) == len(finite)
@@ -157,14 +157,12 @@ def test_bins_count_every_number_once_and_never_mix_signs(values: list[float]) -
         ([1.25e6, 3.0, -0.5], ["1250000", "3", "\N{MINUS SIGN}0.5"]),
     ],
 )
-def test_a_column_of_tiny_or_huge_numbers_has_each_in_its_own_digits(
-    values: list[float | None], texts: list[str]
-) -> None:
+def test_columns_of_tiny_or_huge_numbers(values: list[float | None], texts: list[str]) -> None:
     assert aligned(values) == texts
 
 
 @given(st.lists(st.floats(-1e5, 1e5).map(lambda value: round(value, 6)), min_size=1))
-def test_the_points_of_a_column_align_and_signs_stay(values: list[float]) -> None:
+def test_columns_align(values: list[float]) -> None:
     texts = [text.replace("\N{MINUS SIGN}", "-") for text in aligned(values)]
     if max(map(abs, values)) >= 1e-4:
         pairs = zip(texts, values, strict=True)
@@ -177,7 +175,7 @@ def test_the_points_of_a_column_align_and_signs_stay(values: list[float]) -> Non
 
 
 @given(st.integers(1, 100_000), st.data())
-def test_a_share_is_a_hundred_percent_only_if_it_is(total: int, data: st.DataObject) -> None:
+def test_only_full_share_is_100_percent(total: int, data: st.DataObject) -> None:
     share = data.draw(st.integers(0, total)) / total
     text = percent(share)
     assert (text == "100") == (share == 1)
@@ -186,7 +184,7 @@ def test_a_share_is_a_hundred_percent_only_if_it_is(total: int, data: st.DataObj
 
 
 @given(st.lists(st.text(max_size=80), max_size=30))
-def test_ids_are_safe_and_each_is_given_once(names: list[str]) -> None:
+def test_ids_are_safe_and_unique(names: list[str]) -> None:
     log = PageIds()
     found = [log.add("section", name) for name in names]
     assert len(set(found)) == len(found)
@@ -199,7 +197,7 @@ def test_numbers_have_few_digits() -> None:
     ]
 
 
-def test_headings_descend_one_by_one(page: Elements) -> None:
+def test_heading_levels(page: Elements) -> None:
     levels = [int(tag[1]) for tag, _ in page.found if re.fullmatch("h[1-6]", tag)]
     assert levels[0] == 1
     assert max(after - before for before, after in pairwise(levels)) == 1

@@ -58,7 +58,7 @@ def read(shown: object) -> _Read:
 
 
 @pytest.mark.parametrize("end", ["cut", "complete"])
-def test_a_judgement_shows_what_it_prints(end: rtamt.typing.End) -> None:
+def test_html_of_judgement(end: rtamt.typing.End) -> None:
     trace = {"req": [0, 4, 0, 0, 4], "gnt": [0, 0, 5, 0, 0]}
     spec = "always(req >= 3 implies eventually[0:2](gnt >= 3))"
     judgement = rtamt.judge(spec, trace, period=1, end=end)
@@ -68,7 +68,7 @@ def test_a_judgement_shows_what_it_prints(end: rtamt.typing.End) -> None:
     assert "code" in page.tags
 
 
-def test_a_run_shows_every_specification_with_its_curve() -> None:
+def test_html_of_run() -> None:
     levels = [{"level": float(x)} for x in range(5000)]
     specs = {"dry": "always(level < 3)", "high": "eventually(level > 4000)"}
     run = simulate(levels, specs, period=0.5, stop="end")
@@ -83,14 +83,14 @@ def test_a_run_shows_every_specification_with_its_curve() -> None:
     assert repr(run)[1:-1] in page.text
 
 
-def test_names_of_others_are_text() -> None:
+def test_foreign_names_are_escaped() -> None:
     run = simulate([{"x": 1.0}], {HOSTILE: "always(x > 0)"}, period=1)
     page = read(run)
     assert "<script>alert('x')</script> & \\x1b[31m" in page.text
     assert "script" not in page.tags
 
 
-def test_an_end_that_alone_violates_is_said() -> None:
+def test_html_of_violation_by_end() -> None:
     run = simulate(
         [{"x": 1.0}] * 3, "eventually[0:9](x > 5) or x > 0 and always[0:9](x > 0)",
         period=1, at_termination="failure",
@@ -99,7 +99,7 @@ def test_an_end_that_alone_violates_is_said() -> None:
     assert "VIOLATED by how it ended" in read(run).text
 
 
-def test_an_evaluation_shows_rates_and_intervals() -> None:
+def test_html_of_evaluation() -> None:
     specs = {"near": "always(abs(x) < 9)", "up": "always(abs(angle) < 0.01)"}
     signals = {"x": "obs[0]", "angle": "obs[2]"}
     result = evaluate_policy(
@@ -114,7 +114,7 @@ def test_an_evaluation_shows_rates_and_intervals() -> None:
 
 
 @pytest.mark.parametrize("falsified", [True, False])
-def test_a_falsification_shows_its_input(*, falsified: bool) -> None:
+def test_html_of_falsification(*, falsified: bool) -> None:
     space = [Signal("drive", 0, 1, points=3), Parameter("gain", 1, 2)]
     requirement = f"always(x < {1 if falsified else 50})"
     found = falsify(wave, requirement, space, period=1, duration=8, budget=4)
@@ -125,7 +125,7 @@ def test_a_falsification_shows_its_input(*, falsified: bool) -> None:
 
 
 @given(st.lists(st.floats(width=32), max_size=300))
-def test_a_curve_stays_in_its_picture_and_touches_its_ends(values: list[float]) -> None:
+def test_curve_fits_the_picture(values: list[float]) -> None:
     html = markup.curve(values, "it")
     heights = np.array(values)[np.isfinite(values)] if values else np.array([])
     if not len(heights):

@@ -45,7 +45,7 @@ def found() -> dict[str, RequirementExamples]:
     return rtamt.examples({"dry": TEXT}, 1)
 
 
-def test_the_page_shows_each_example_as_it_is(
+def test_page_shows_examples(
     swept: Sweep, found: dict[str, RequirementExamples], tmp_path: Path
 ) -> None:
     ((requirement,),) = (s.requirements for s in report_of(swept, examples=[found]).sections)
@@ -69,7 +69,7 @@ def test_the_page_shows_each_example_as_it_is(
 
 
 @pytest.mark.slow
-def test_the_file_of_the_command_gives_the_same_page(
+def test_examples_from_file(
     swept: Sweep,
     found: dict[str, RequirementExamples],
     tmp_path: Path,
@@ -87,7 +87,7 @@ def test_the_file_of_the_command_gives_the_same_page(
 
 
 @given(st.lists(st.integers(-3, 3), min_size=1, max_size=60))
-def test_a_drawing_has_the_values_of_its_signal(numbers: list[int]) -> None:
+def test_drawing_has_signal_values(numbers: list[int]) -> None:
     values = tuple(map(float, numbers))
     trace = ExampleTrace({"angle": values}, len(values), 0)
     one = Example(("violated",), "drawn", Verdict.VIOLATED, -1.0, trace)
@@ -109,13 +109,13 @@ def test_a_drawing_has_the_values_of_its_signal(numbers: list[int]) -> None:
     assert len(band.levels) == 2
 
 
-def test_a_signal_that_never_changes_has_room() -> None:
+def test_constant_signal_has_room() -> None:
     assert examples._levels(rtamt.parse("always(2 * angle < 3)").formula) == {}
     band = examples._band("angle", (2.0, 2.0), ())
     assert (band.line, band.levels, band.low, band.high) == ("M0 18H100", (), "1", "3")
 
 
-def test_texts_of_examples_are_escaped_and_infinities_said() -> None:
+def test_example_texts_are_escaped() -> None:
     page = render(EXAMPLE)
     assert "a trace that &lt;i&gt;satisfies&lt;/i&gt; it" in page
     assert "a trace that <i>" not in page
@@ -125,7 +125,7 @@ def test_texts_of_examples_are_escaped_and_infinities_said() -> None:
 
 
 @pytest.mark.slow
-def test_many_requirements_have_their_examples_closed() -> None:
+def test_many_examples_are_closed() -> None:
     few = render(EXAMPLE)
     (section, *_) = EXAMPLE.sections
     named = [
@@ -137,7 +137,7 @@ def test_many_requirements_have_their_examples_closed() -> None:
     assert '<details class="examples" open>' not in page
 
 
-def test_examples_of_something_else_are_refused(swept: Sweep, tmp_path: Path) -> None:
+def test_other_examples_error(swept: Sweep, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     yes = Answer("yes")
     other = RequirementExamples("always(level < 3)", None, yes, yes)
@@ -150,7 +150,7 @@ def test_examples_of_something_else_are_refused(swept: Sweep, tmp_path: Path) ->
     assert not page.exists()
 
 
-def test_a_file_without_examples_is_refused(
+def test_file_without_examples_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], swept: Sweep
 ) -> None:
     record, page = tmp_path / "sweep.json", tmp_path / "page.html"
@@ -163,7 +163,7 @@ def test_a_file_without_examples_is_refused(
     assert "a result of kind 'examples'" in capsys.readouterr().err
 
 
-def test_an_infinite_value_is_drawn_at_the_edge() -> None:
+def test_infinite_value_is_at_the_edge() -> None:
     trace = ExampleTrace({"angle": (-math.inf, 0.0, math.inf)}, 3, 0)
     one = Example(("violated",), "drawn", Verdict.VIOLATED, -math.inf, trace)
     yes = Answer("yes")

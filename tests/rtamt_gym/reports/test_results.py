@@ -35,13 +35,13 @@ def evaluated(shift: float = 0.0) -> Evaluation:
     return evaluation(rows, {"low": (wave(30),)})
 
 
-def test_an_evaluation_and_its_file_give_one_section(tmp_path: Path) -> None:
+def test_evaluation_file(tmp_path: Path) -> None:
     made = evaluated()
     made.save(tmp_path / "e.json")
     assert section_of(tmp_path / "e.json", ROOM) == section_of(made, ROOM)
 
 
-def test_a_comparison_and_its_file_give_one_section(tmp_path: Path) -> None:
+def test_comparison_file(tmp_path: Path) -> None:
     made = compare(evaluated(), evaluated(3.0))
     made.save(tmp_path / "c.json")
     section = section_of(str(tmp_path / "c.json"), ROOM)
@@ -61,7 +61,7 @@ def test_a_comparison_and_its_file_give_one_section(tmp_path: Path) -> None:
     assert section.blocks[0] == Text(made.sentence, "sentence")
 
 
-def test_methods_and_their_file_give_one_section(tmp_path: Path) -> None:
+def test_methods_file(tmp_path: Path) -> None:
     curves = {
         "plain": [[0.0, 0.25], [0.25, 0.0], [0.0, 0.0]],
         "shaped": [[0.5, 1.0], [0.25, 0.75], [0.0, 0.125]],
@@ -95,7 +95,7 @@ def test_methods_and_their_file_give_one_section(tmp_path: Path) -> None:
     assert [each.title for each in figures(without, "curves")] == ["Performance profile"]
 
 
-def test_a_sweep_its_parquet_and_its_json_have_the_same_results(tmp_path: Path) -> None:
+def test_sweep_files(tmp_path: Path) -> None:
     done = swept()
     done.save(tmp_path / "s.parquet")
     done.record.save(tmp_path / "r.parquet")
@@ -113,7 +113,7 @@ def test_a_sweep_its_parquet_and_its_json_have_the_same_results(tmp_path: Path) 
         assert cells[0] == cells[1]
 
 
-def test_the_folder_of_a_campaign_is_a_result(tmp_path: Path) -> None:
+def test_campaign_folder(tmp_path: Path) -> None:
     folder = tmp_path / "campaign"
     specs = {"dry": "always(level < 2)"}
     rtamt_gym.sweep(
@@ -123,9 +123,7 @@ def test_the_folder_of_a_campaign_is_a_result(tmp_path: Path) -> None:
     assert section.requirements[0].counts.episodes == 9
 
 
-def test_what_falsify_prints_is_a_result(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_falsify_output(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["falsify", "rtamt/ChasingCars-v0", "CC1", "--budget", "20", "--json"]) == 1
     printed = capsys.readouterr().out
     (tmp_path / "f.json").write_text(printed, encoding="utf-8")
@@ -137,9 +135,7 @@ def test_what_falsify_prints_is_a_result(
     assert section.requirements[0].words == "y5 - y4 stays at most 40 during the first 100 s"
 
 
-def test_a_page_is_written_from_objects_and_files(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_page_from_objects_and_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = evaluated()
     made.save(tmp_path / "e.json")
     write_report(tmp_path / "a.html", made, searched(), title="All & more")
@@ -153,7 +149,7 @@ def test_a_page_is_written_from_objects_and_files(
     assert report_of(made, made).title == "2 results"
 
 
-def test_results_of_one_title_are_told_apart(tmp_path: Path) -> None:
+def test_equal_titles(tmp_path: Path) -> None:
     made = evaluated()
     for folder in ("", "old", "new"):
         (tmp_path / folder).mkdir(exist_ok=True)
@@ -174,13 +170,13 @@ def test_results_of_one_title_are_told_apart(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("names", ["ab", ["a"], ["a", "a"], ["a", ""], ["a", 3], 7])
-def test_names_are_different_texts_for_all_results(names: object) -> None:
+def test_names_error(names: object) -> None:
     made = evaluated()
     with pytest.raises(InputError, match=r"^names=: expected"):
         report_of(made, made, names=names)  # type: ignore[arg-type]
 
 
-def test_a_file_has_its_hash_on_the_page(tmp_path: Path) -> None:
+def test_page_has_file_hash(tmp_path: Path) -> None:
     made = evaluated()
     made.save(tmp_path / "e.json")
     sha = hashlib.sha256((tmp_path / "e.json").read_bytes()).hexdigest()
@@ -192,9 +188,7 @@ def test_a_file_has_its_hash_on_the_page(tmp_path: Path) -> None:
     assert f'<abbr title="SHA-256: {sha}">{sha[:12]}</abbr>' in page
 
 
-def test_the_same_results_and_date_give_the_same_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_page_is_reproducible(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = evaluated()
     pages = []
     berlin = pd.Timestamp("2026-01-02 04:05:06+01:00").to_pydatetime()
@@ -209,7 +203,7 @@ def test_the_same_results_and_date_give_the_same_page(
 
 
 @pytest.mark.parametrize("epoch", ["", "today", "1.5", "9" * 30])
-def test_a_date_that_is_none_is_refused(epoch: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_date_error(epoch: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SOURCE_DATE_EPOCH", epoch)
     with pytest.raises(InputError, match=r"^expected SOURCE_DATE_EPOCH as seconds since 1970, got"):
         report_of(evaluated())
@@ -223,7 +217,7 @@ def test_a_date_that_is_none_is_refused(epoch: str, monkeypatch: pytest.MonkeyPa
         ("[1, 2]", ""),
     ],
 )
-def test_a_file_that_holds_no_result_is_refused(
+def test_file_without_result_error(
     tmp_path: Path, text: str, why: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "some.json"
@@ -234,9 +228,7 @@ def test_a_file_that_holds_no_result_is_refused(
     assert not (tmp_path / "page.html").exists()
 
 
-def test_a_file_that_is_called_parquet_and_is_none_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_parquet_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "some.parquet"
     path.write_text("nothing", encoding="utf-8")
     assert main(["report", str(path), "-o", str(tmp_path / "page.html")]) == 2
@@ -245,7 +237,7 @@ def test_a_file_that_is_called_parquet_and_is_none_is_refused(
     )
 
 
-def test_a_damaged_result_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
+def test_damaged_result_error(tmp_path: Path) -> None:
     path = tmp_path / "o.json"
     path.write_text(
         '{"format": "rtamt result", "version": 2, "kind": "traces", "trials": []}', encoding="utf-8"
@@ -258,7 +250,7 @@ def test_a_damaged_result_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
     )
 
 
-def test_what_is_no_result_is_refused(tmp_path: Path) -> None:
+def test_wrong_result_error(tmp_path: Path) -> None:
     with pytest.raises(InputTypeError) as caught:
         write_report(tmp_path / "a.html", 3)  # type: ignore[arg-type]
     assert str(caught.value) == (
@@ -277,7 +269,7 @@ def test_what_is_no_result_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["drive.mcap", "runs/a.csv", "my drive.bag", "bag"])
-def test_a_trace_is_no_result_and_says_how_it_becomes_one(
+def test_trace_as_result_error(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

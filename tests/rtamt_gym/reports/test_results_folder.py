@@ -68,7 +68,7 @@ def test_folders_have_totals(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [20, 4000])
-def test_the_worst_files_are_listed_in_a_small_page(count: int, tmp_path: Path) -> None:
+def test_worst_files_in_small_page(count: int, tmp_path: Path) -> None:
     page = page_of(folder_of(tmp_path, count))
     _, *rows = texts(page, 'class="matrix"')
     assert len(rows) == min(count - 1, 1000)
@@ -79,7 +79,7 @@ def test_the_worst_files_are_listed_in_a_small_page(count: int, tmp_path: Path) 
     assert len(page) < 3e6
 
 
-def test_the_command_of_the_page_lists_the_violated_files(tmp_path: Path) -> None:
+def test_command_lists_violated_files(tmp_path: Path) -> None:
     page = page_of(folder_of(tmp_path, 9))
     (command,) = re.findall(r"<code>(python -c .*?)</code>", page)
     _, *arguments = shlex.split(unescape(command))

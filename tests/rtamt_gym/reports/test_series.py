@@ -9,9 +9,7 @@ from rtamt_gym.reports.numbers import MOST, ROOM, evenly, points_of, shown
 
 
 @given(st.integers(0, 10_000), st.integers(1, 3000), st.integers(1, 4), st.integers(2, 300))
-def test_first_last_extremes_and_deciding_samples_stay(
-    seed: int, count: int, width: int, most: int
-) -> None:
+def test_required_samples_stay(seed: int, count: int, width: int, most: int) -> None:
     rng = np.random.default_rng(seed)
     series = [rng.normal(size=count) for _ in range(width)]
     series[0][rng.integers(count)] = np.inf
@@ -26,7 +24,7 @@ def test_first_last_extremes_and_deciding_samples_stay(
     assert len(places) == count if count <= most else len(places) <= most + 5 + 2 * width
 
 
-def test_a_spike_in_any_series_is_seen_near_its_place() -> None:
+def test_spikes_stay_visible() -> None:
     flat, spiky = np.zeros(10_000), np.zeros(10_000)
     spikes = list(range(500, 10_000, 1000))
     spiky[spikes] = 1.0
@@ -41,7 +39,7 @@ def test_episodes_share_the_room() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 7, 1000, 1001, 5000])
-def test_ranks_are_even_and_keep_both_ends(count: int) -> None:
+def test_even_ranks(count: int) -> None:
     numbers = [float(i) for i in range(count)]
     kept = evenly(numbers, 1000)
     assert len(kept) == min(count, 1000)

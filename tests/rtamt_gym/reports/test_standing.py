@@ -67,7 +67,7 @@ def sections_of(drawn: Sequence[Drawn]) -> list[Section]:
 
 
 @given(drawn_sections())
-def test_each_requirement_and_each_run_counts_once(drawn: list[Drawn]) -> None:
+def test_requirements_and_runs_count_once(drawn: list[Drawn]) -> None:
     worst: dict[str, Word] = {}
     asked: dict[str, list[int]] = {}
     judged: dict[str, int] = {}
@@ -126,9 +126,7 @@ def test_each_requirement_and_each_run_counts_once(drawn: list[Drawn]) -> None:
         ([], None, "Undecided: of 1 requirement 1 undecided; 0 episodes evaluated."),
     ],
 )
-def test_the_answer_to_a_target_counts_and_nothing_judged_is_no_pass(
-    words: list[Word], answer: Word | None, text: str
-) -> None:
+def test_answer_to_target_counts(words: list[Word], answer: Word | None, text: str) -> None:
     trials = [TrialRow(f"seed {i}", word) for i, word in enumerate(words)]
     section = Section(
         "evaluation", "x", requirements=(requirement_of("a", "a", "a > 0", trials, answer=answer),)
@@ -138,7 +136,7 @@ def test_the_answer_to_a_target_counts_and_nothing_judged_is_no_pass(
     assert found.text == text
 
 
-def test_a_comparison_judges_nothing() -> None:
+def test_comparison_has_no_standing() -> None:
     comparison = EXAMPLE.sections[-1]
     assert standing_of([comparison]) is None
     assert standing_of([]) is None
@@ -146,7 +144,7 @@ def test_a_comparison_judges_nothing() -> None:
     assert 'class="standing' not in page
 
 
-def test_the_line_is_at_the_head_of_the_page_once() -> None:
+def test_standing_is_at_the_head() -> None:
     page = render(EXAMPLE)
     text = (
         "Failed: of 3 requirements 2 violated, 1 failed; 19 episodes evaluated, 1 failed; "
@@ -156,7 +154,7 @@ def test_the_line_is_at_the_head_of_the_page_once() -> None:
     assert page.index(text) < page.index("At a glance")
 
 
-def test_the_page_shows_warnings_on_verdicts(
+def test_page_shows_warnings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -54,7 +54,7 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_a_page_of_a_case_imports_nothing_and_names_the_option(case: Path, capsys: Output) -> None:
+def test_case_page_imports_nothing(case: Path, capsys: Output) -> None:
     assert main(["report", "case.json", "-o", "page.html"]) == 0
     assert not Path("imported").exists()
     said = "a report only reads; --play runs the case, which imports stranger"
@@ -66,7 +66,7 @@ def test_a_page_of_a_case_imports_nothing_and_names_the_option(case: Path, capsy
     assert not Path("imported").exists()
 
 
-def test_a_case_is_played_if_asked_and_what_it_imports_is_said_first(
+def test_play_option_runs_the_case(
     case: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
     (case.parent / "loud.py").write_text("import sys\nprint('loud', file=sys.stderr)\n")
@@ -105,15 +105,13 @@ def test_a_case_is_played_if_asked_and_what_it_imports_is_said_first(
         ({"system": {}}, ()),
     ],
 )
-def test_a_case_says_what_a_replay_imports(
-    tmp_path: Path, kept: dict[str, object], imports: tuple[str, ...]
-) -> None:
+def test_imports_of_case(tmp_path: Path, kept: dict[str, object], imports: tuple[str, ...]) -> None:
     path = tmp_path / "case.json"
     path.write_text(json.dumps(CASE | kept), encoding="utf-8")
     assert SavedCase.load(path).imports == imports
 
 
-def test_help_and_docstring_say_that_a_case_is_code(capsys: Output) -> None:
+def test_docs_state_that_a_case_is_code(capsys: Output) -> None:
     main(["replay", "--help"])
     said = " ".join(capsys.readouterr().out.split())
     assert "A case is code of its author, as a pickle is" in said
@@ -140,7 +138,7 @@ def note_of(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Ou
 
 
 @pytest.mark.parametrize("way", ["absolute", "above", "link", "linked folder"])
-def test_a_trace_outside_the_folders_is_not_opened(
+def test_trace_outside_folders_is_not_opened(
     way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
     inside, outside = tmp_path / "in", tmp_path / "out"
@@ -165,7 +163,7 @@ def test_a_trace_outside_the_folders_is_not_opened(
     assert "--traces: expected a folder, got nowhere" in capsys.readouterr().err
 
 
-def test_a_pipe_is_not_opened(
+def test_pipe_is_not_opened(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
     os.mkfifo(tmp_path / "pipe.csv")
@@ -179,7 +177,7 @@ def test_a_pipe_is_not_opened(
 
 
 @pytest.mark.parametrize("name", ["secret", "secret.csv", "secret.parquet", "secret.jsonl"])
-def test_a_note_on_a_trace_repeats_nothing_of_the_file(
+def test_note_has_no_content_of_file(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
     (tmp_path / name).write_text(CONTENT, encoding="utf-8")

@@ -55,9 +55,7 @@ def satisfied(formula: rtamt.Formula, trace: dict[str, list[Any]], end: rtamt.ty
 
 @pytest.mark.parametrize("end", ["complete", "cut"])
 @given(flags=FLAGS, hold=st.integers(1, 5))
-def test_a_reading_is_what_a_count_by_hand_says(
-    end: rtamt.typing.End, flags: list[int], hold: int
-) -> None:
+def test_readings_match_counts(end: rtamt.typing.End, flags: list[int], hold: int) -> None:
     for name, formula in readings("ok", hold).items():
         expected = by_hand(name, flags, hold)  # type: ignore[arg-type]  # a name of them
         judged = rtamt.judge(formula, {"ok": flags}, period=1, end=end)
@@ -67,7 +65,7 @@ def test_a_reading_is_what_a_count_by_hand_says(
 
 
 @given(flags=FLAGS, hold=st.integers(1, 5))
-def test_each_reading_implies_those_that_ask_for_less(flags: list[int], hold: int) -> None:
+def test_stricter_readings_imply_weaker(flags: list[int], hold: int) -> None:
     any_, last, held, kept = (by_hand(name, flags, hold) for name in READINGS)
     assert kept <= (held and last)
     assert (held or last) <= any_
@@ -77,7 +75,7 @@ def test_each_reading_implies_those_that_ask_for_less(flags: list[int], hold: in
 
 
 @pytest.mark.parametrize("name", READINGS)
-def test_a_reading_can_be_satisfied_and_violated(name: SuccessReading) -> None:
+def test_readings_can_be_satisfied_and_violated(name: SuccessReading) -> None:
     formula = reading(name, one_sided("angle", at_least=1.0) & at_rest("speed", below=0.1), "300ms")
     good = {"angle": [0.0, 1.0, 1.2, 1.3, 1.3], "speed": [9.0, 0.0, 0.05, 0.0, 0.0]}
     bad = good | {"speed": [9.0, 0.2, 0.3, 0.2, 0.2]}
@@ -86,7 +84,7 @@ def test_a_reading_can_be_satisfied_and_violated(name: SuccessReading) -> None:
 
 
 @given(distances=st.lists(st.sampled_from([0.0, 4.0, 5.0, 6.0, 7.0, 8.0]), min_size=1, max_size=9))
-def test_hysteresis_is_a_switch_with_two_points(distances: list[float]) -> None:
+def test_hysteresis_matches_a_switch(distances: list[float]) -> None:
     """A state machine by hand, of a distance and of a height."""
     low, high, on, off = [], [], False, False
     for each in distances:
@@ -104,7 +102,7 @@ def test_hysteresis_is_a_switch_with_two_points(distances: list[float]) -> None:
         assert [rtamt.holds(monitor.update(*each)) for each in values] == low
 
 
-def test_a_flicker_that_hysteresis_bridges_is_no_gap() -> None:
+def test_hysteresis_bridges_flicker() -> None:
     distances = {"x": [9.0, 4.0, 6.0, 4.0, 6.0]}
     strict = reading("kept", one_sided("x", at_most=5.0), 2)
     bridged = reading("kept", hysteresis("x", enter=5.0, leave=7.0), 2)
@@ -112,13 +110,13 @@ def test_a_flicker_that_hysteresis_bridges_is_no_gap() -> None:
     assert satisfied(bridged, distances, "complete")
 
 
-def test_a_band_rejects_a_door_that_is_open_further_and_one_side_does_not() -> None:
+def test_band_and_one_side() -> None:
     angle = {"angle": [0.0, 0.5, 1.0, 1.5, 1.5, 1.5]}
     assert not satisfied(reading("kept", within("angle", 1.0, 0.1), 1), angle, "complete")
     assert satisfied(reading("kept", one_sided("angle", at_least=1.0), 1), angle, "complete")
 
 
-def test_a_block_in_the_hand_is_not_released() -> None:
+def test_held_block_is_not_released() -> None:
     at_goal = within("height", 0.2, 0.05)
     trace = {"height": [0.0, 0.2, 0.2, 0.2], "reach": [0.0, 0.0, 0.0, 0.0]}
     assert satisfied(reading("kept", at_goal, 1), trace, "complete")
@@ -164,7 +162,7 @@ def test_a_block_in_the_hand_is_not_released() -> None:
         (lambda: flag("always"), "'always' is an operator and cannot name a variable"),
     ],
 )
-def test_mistakes_are_told(make: Any, message: str) -> None:  # noqa: ANN401
+def test_success_errors(make: Any, message: str) -> None:  # noqa: ANN401
     with pytest.raises((InputError, InputTypeError, rtamt.SpecificationError)) as refused:
         make()
     assert str(refused.value).startswith(message)

@@ -39,7 +39,7 @@ def judged(
     return outcomes
 
 
-def test_every_outcome_is_shown_and_the_worst_trace_in_full(
+def test_outcomes_and_worst_trace(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     section = of_matrix(judged(tmp_path, monkeypatch, capsys), tmp_path, ROOM)
@@ -68,7 +68,7 @@ def test_every_outcome_is_shown_and_the_worst_trace_in_full(
     assert episode.deciding[0].values == {"gap": 1.0}
 
 
-def test_occurrences_are_statistics_and_a_timeline(
+def test_occurrence_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     outcomes = judged(tmp_path, monkeypatch, capsys, "--occurrences")
@@ -88,7 +88,7 @@ def test_occurrences_are_statistics_and_a_timeline(
     assert texts == ["", "0", "0 %", "0", "1", "0.5 s"]
 
 
-def test_the_options_of_the_columns_are_read_again(
+def test_column_options_are_reused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     outcomes = judged(
@@ -102,7 +102,7 @@ def test_the_options_of_the_columns_are_read_again(
     assert episode.times == (0.0, 0.0005, 0.001)
 
 
-def test_traces_are_found_below_the_folders_that_are_allowed_and_else_it_says_so(
+def test_traces_below_allowed_folders(
     tmp_path: Path,
     tmp_path_factory: pytest.TempPathFactory,
     monkeypatch: pytest.MonkeyPatch,
@@ -128,7 +128,7 @@ def test_traces_are_found_below_the_folders_that_are_allowed_and_else_it_says_so
         assert section.notes == ()
 
 
-def test_a_trace_that_has_changed_since_is_not_shown(
+def test_changed_trace_is_not_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     outcomes = judged(tmp_path, monkeypatch, capsys)
@@ -145,7 +145,7 @@ def test_a_trace_that_has_changed_since_is_not_shown(
     assert of_matrix(outcomes, tmp_path, ROOM).requirements[0].worst
 
 
-def test_without_times_bounds_count_steps(
+def test_bounds_count_steps_without_times(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -158,7 +158,7 @@ def test_without_times_bounds_count_steps(
 
 
 @pytest.mark.parametrize(("end", "value"), [("cut", 2.0), ("open", 2.0), ("complete", 5.0)])
-def test_deciding_values_go_by_the_end_mode(
+def test_end_mode_sets_deciding_values(
     end: str,
     value: float,
     tmp_path: Path,
@@ -177,7 +177,7 @@ def test_deciding_values_go_by_the_end_mode(
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize(("samples", "drawn"), [(20_000, True), (20_001, False)])
-def test_of_a_very_long_trace_the_signals_are_drawn_and_no_bounds(
+def test_very_long_trace_has_no_bounds(
     samples: int,
     drawn: bool,  # noqa: FBT001
     tmp_path: Path,
@@ -199,7 +199,7 @@ def test_of_a_very_long_trace_the_signals_are_drawn_and_no_bounds(
         assert len(curve) == drawn * len(episode.times)
 
 
-def test_an_outcome_that_knows_its_time_alone_is_marked_at_that_sample(
+def test_outcome_with_time_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     kept = judged(tmp_path, monkeypatch, capsys)
@@ -210,7 +210,7 @@ def test_an_outcome_that_knows_its_time_alone_is_marked_at_that_sample(
     assert episode.decided_at == Moment(1, 0.5)
 
 
-def test_rows_say_how_often_they_were_asked_and_whether_they_hung_on_an_answer(
+def test_rows_show_triggers_and_answers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -23,7 +23,7 @@ from rtamt_gym.results import Record, SavedCase, Sweep
 PLAY = Access(play=True)
 
 
-def test_a_sweep_has_its_points_its_maps_and_its_worst_simulations() -> None:
+def test_sweep_section() -> None:
     done = swept()
     section = of_record(done, ROOM)
     assert section.kind == "sweep"
@@ -47,7 +47,7 @@ def test_a_sweep_has_its_points_its_maps_and_its_worst_simulations() -> None:
     assert section.cases["robustness"]["dry"][12] == pytest.approx(dry.robustness[0])
 
 
-def test_a_sweep_without_its_system_is_shown_without_plots() -> None:
+def test_sweep_without_system() -> None:
     done = swept()
     bare = Sweep(done.record, done.space, done.sampler, done.seed)
     section = of_record(bare, ROOM)
@@ -62,7 +62,7 @@ def test_a_sweep_without_its_system_is_shown_without_plots() -> None:
 
 
 @pytest.mark.slow
-def test_of_many_simulations_the_worst_stay() -> None:
+def test_worst_of_many_simulations() -> None:
     rng = np.random.default_rng(1)
     heights = rng.normal(size=5000)
     rows = [row({"dry": h}, case={"x": float(i), "fixed": 1.0}) for i, h in enumerate(heights)]
@@ -82,7 +82,7 @@ def test_of_many_simulations_the_worst_stay() -> None:
     assert len(requirement.robustness) == 1000
 
 
-def test_simulations_that_all_failed_have_no_map() -> None:
+def test_no_map_if_all_failed() -> None:
     rows = [
         row({}, case={"x": float(i), "y": float(-i)}, error="ValueError: broke") for i in range(3)
     ]
@@ -90,7 +90,7 @@ def test_simulations_that_all_failed_have_no_map() -> None:
     assert figures(of_record(record, ROOM), "map") == []
 
 
-def test_of_episodes_that_differ_by_their_seed_a_rate_is_known() -> None:
+def test_rate_of_seeds() -> None:
     rows = [row({"dry": 1.0 if i % 4 else -1.0}, seed=i) for i in range(8)]
     requirement = of_record(Record(rows, {"dry": "always(x < 1)"}), ROOM).requirements[0]
     assert requirement.rate == 0.75
@@ -98,7 +98,7 @@ def test_of_episodes_that_differ_by_their_seed_a_rate_is_known() -> None:
     assert requirement.trials[0].label == "seed 0"
 
 
-def test_a_search_shows_its_course_and_the_case_that_it_found() -> None:
+def test_search_section() -> None:
     found = searched()
     section = of_search(found, ROOM)
     assert section.notes[:2] == (
@@ -117,7 +117,7 @@ def test_a_search_shows_its_course_and_the_case_that_it_found() -> None:
     assert episode.final == pytest.approx(found.robustness, rel=1e-5)
 
 
-def test_a_case_that_was_made_simpler_says_by_how_many_simulations() -> None:
+def test_search_notes_reductions() -> None:
     def leaking(push: Waveform, leak: float) -> Iterator[dict[str, float]]:
         level = 0.0
         for second in range(20):
@@ -134,7 +134,7 @@ def test_a_case_that_was_made_simpler_says_by_how_many_simulations() -> None:
     assert not any("simpler" in note for note in of_search(whole, ROOM).notes)
 
 
-def test_every_new_least_of_a_long_search_is_shown() -> None:
+def test_convergence_shows_each_minimum() -> None:
     heights = np.random.default_rng(2).normal(size=9000)
     rows = [row({"dry": h}, case={"x": float(i)}) for i, h in enumerate(heights)]
     rows[0] = row({}, case={"x": 0.0}, error="ValueError: broke")
@@ -147,7 +147,7 @@ def test_every_new_least_of_a_long_search_is_shown() -> None:
 
 
 @pytest.mark.parametrize("least", [2, 0])
-def test_a_saved_case_says_how_often_its_run_was_asked(
+def test_saved_case_shows_triggers(
     least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "tank_of_case.py").write_text(
@@ -175,7 +175,7 @@ def test_a_saved_case_says_how_often_its_run_was_asked(
     assert section_of("case.json", ROOM, PLAY).requirements[0].asked is None
 
 
-def test_a_saved_case_is_played_again_or_shown_as_it_is(tmp_path: Path) -> None:
+def test_saved_case_section(tmp_path: Path) -> None:
     path = tmp_path / "case.json"
     searched().save(path, system="tank_of_test:tank")
     saved = SavedCase.load(path)

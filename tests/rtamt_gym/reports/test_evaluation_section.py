@@ -26,7 +26,7 @@ ROWS = [
 ]
 
 
-def test_counts_rates_and_times_are_those_of_the_rows() -> None:
+def test_section_matches_rows() -> None:
     section = of_evaluation(evaluation(ROWS, {}), ROOM)
     low, seen, every = section.requirements
     assert (low.name, seen.name, every.name) == ("low", "seen", "all requirements")
@@ -52,7 +52,7 @@ def test_counts_rates_and_times_are_those_of_the_rows() -> None:
     assert section.replay.format(seed=8) == "evaluation.replay(8)"
 
 
-def test_an_episode_has_its_signals_predicates_and_the_samples_that_decided() -> None:
+def test_episode_in_full() -> None:
     run = wave(50)
     section = of_evaluation(evaluation(ROWS, {"low": (run,)}), ROOM)
     (episode,) = section.requirements[0].worst
@@ -72,7 +72,7 @@ def test_an_episode_has_its_signals_predicates_and_the_samples_that_decided() ->
     assert episode.verdict == "violated"
 
 
-def test_a_hundred_episodes_and_long_plots_stay_small() -> None:
+def test_size_of_evaluation_page() -> None:
     heights = np.random.default_rng(0).normal(size=100)
     rows = [row({"low": h, "seen": -h}, seed=7 + i, at=1.0) for i, h in enumerate(heights)]
     long = wave(6000, signals=12)
@@ -92,7 +92,7 @@ def test_a_hundred_episodes_and_long_plots_stay_small() -> None:
     assert len(section.requirements[1].worst[0].times) == 20
 
 
-def test_without_a_period_times_are_steps() -> None:
+def test_steps_without_period() -> None:
     made = evaluation(ROWS, {})
     steps = type(made)(made.record, "Waves-v0", "random", None, None, 7)
     section = of_evaluation(steps, ROOM)
@@ -101,7 +101,7 @@ def test_without_a_period_times_are_steps() -> None:
     assert not math.isnan(section.durations[0])
 
 
-def test_what_sequential_stopping_decided_is_said() -> None:
+def test_decision_of_sequential_stopping() -> None:
     made = evaluation(ROWS, {})
     decided = type(made)(
         *(made.record, "Waves-v0", "random", None, None, 7),
@@ -121,7 +121,7 @@ def test_what_sequential_stopping_decided_is_said() -> None:
         ([-1.0, -math.inf, -0.1], "3 of 4 episodes below zero. "),
     ],
 )
-def test_violations_above_zero_are_said_to_be_by_the_end(violated: list[float], words: str) -> None:
+def test_violations_by_end_are_noted(violated: list[float], words: str) -> None:
     rows = [row({"low": 3.0, "seen": 3.0}, seed=7)]
     for seed, height in enumerate(violated, 8):
         outcome = Outcome(height, height, height, Verdict.VIOLATED, Moment(20, 2.0))
@@ -138,7 +138,7 @@ def test_violations_above_zero_are_said_to_be_by_the_end(violated: list[float], 
         assert list(sums) == histogram.data["counts"]
 
 
-def test_what_is_undecided_is_painted_as_undecided_on_either_side_of_zero() -> None:
+def test_undecided_colours() -> None:
     verdicts = {
         -1.0: Verdict.VIOLATED,
         -0.9: Verdict.UNDECIDED,
@@ -176,7 +176,7 @@ def test_what_is_undecided_is_painted_as_undecided_on_either_side_of_zero() -> N
     assert cells[0][1:] == ("1", "0", "1", "0")
 
 
-def test_robustness_at_an_early_stop_of_undecided_episodes_is_marked() -> None:
+def test_early_stop_is_noted() -> None:
     ends: list[tuple[float, RunEnd]] = [
         (0.5, "violation"),
         (0.5, "violation"),
