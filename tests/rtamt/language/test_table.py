@@ -1,14 +1,16 @@
-"""The table of operators: the parser, the printer and the monitors need only its rows."""
+"""The table of operators, its words in the grammar, and rows as all that a new operator needs."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 import random
+import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Literal, cast
 
 import pytest
+from paths import ROOT
 
 import rtamt
 from rtamt import Formula, Term, variable
@@ -20,6 +22,8 @@ from rtamt.program.algebra import FUNCTIONS, Function
 from rtamt.program.intervals import monotone
 
 Add = Callable[[Operator], None]
+
+GRAMMAR = ROOT / "rtamt" / "language" / "grammar"
 
 LATER = Operator(
     ("later", "lX"),
@@ -293,3 +297,24 @@ def test_a_row_of_windows_over_a_constant_is_explained(
         assert result.robustness == expected
         if expected != 1.0:
             assert [x[cause.sample] for cause in result.causes] == [expected]
+
+
+def test_grammar_and_table_know_the_same_symbols() -> None:
+    rules = re.findall(
+        r"^(?:SYMBOL|MINUS|SLASH)\s*:([^;]*);", (GRAMMAR / "Stl.g4").read_text(), re.MULTILINE
+    )
+    symbols = {s for rule in rules for s in re.findall(r"'([^']+)'", rule)}
+    spellings = {s for row in OPERATORS.values() for s in row.spellings if s}
+    assert symbols == spellings - OPERATORS.words.keys()
+
+
+def test_the_grammar_has_the_keywords_and_no_other_word() -> None:
+    words = re.findall(r"'([A-Za-z_]+)'", (GRAMMAR / "Stl.g4").read_text())
+    assert set(words) == KEYWORDS
+
+
+def test_the_committed_parser_holds_no_path_of_a_machine() -> None:
+    paths = [path for path in (GRAMMAR / "generated").glob("*.py") if path.name != "__init__.py"]
+    assert len(paths) == 2
+    for path in paths:
+        assert "from Stl.g4" in path.read_text().splitlines()[0]
