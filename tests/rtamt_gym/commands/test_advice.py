@@ -21,7 +21,7 @@ Output = pytest.CaptureFixture[str]
 
 # Arguments of Python alone: no command has an option for them.
 OF_PYTHON = {
-    *("batch", "cost", "eval_freq", "inputs", "modules", "names", "observe", "outputs"),
+    *("batch", "cost", "eval_freq", "inputs", "keep", "modules", "names", "observe", "outputs"),
     *("resamples", "resolution", "window"),
 }
 
