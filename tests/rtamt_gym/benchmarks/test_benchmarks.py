@@ -71,7 +71,7 @@ def test_robosuite_horizon_truncates() -> None:
         flags.append(info["success"])
         assert info["own"] == 1
     assert flags == [0.0, 0.0, 0.0, *[1.0] * 6]
-    verdicts = {name: each["verdict"] for name, each in info["stl_episode"].items()}
+    verdicts = {name: item["verdict"] for name, item in info["stl_episode"].items()}
     assert verdicts == {**dict.fromkeys(readings(), "SATISFIED"), "ahead": "UNDECIDED"}
 
 
@@ -87,8 +87,8 @@ def test_a_seed_repeats_an_episode_of_robosuite() -> None:
     env = robosuite.make("Lift")
     heights = [float(env.reset(seed=seed)[0]["height"][0]) for seed in (3, 4, 3)]
     assert heights[0] == heights[2] != heights[1]
-    found = evaluate_policy(up, env, readings("success", hold=0.3), FLAG, episodes=3)
-    assert (found.repeats, found.success.satisfied) == (True, 3)
+    result = evaluate_policy(up, env, readings("success", hold=0.3), FLAG, episodes=3)
+    assert (result.repeats, result.success.satisfied) == (True, 3)
     assert len(compare(up, "zero", env, readings("success", hold=0.3), FLAG, episodes=3).seeds) == 3
 
 
@@ -115,14 +115,14 @@ def test_door_beyond_its_target_is_kept() -> None:
     name = "door-open-v3"
     specs = {**readings("success", hold=0.25), "side": readings(metaworld.done(name))["kept"]}
     env = metaworld.make(name)
-    found = evaluate_policy(
+    result = evaluate_policy(
         "baseline", env, specs, {**FLAG, **metaworld.signals_of(name)}, episodes=3
     )
-    counts = {spec: found.requirements[spec].satisfied for spec in specs}
+    counts = {spec: result.requirements[spec].satisfied for spec in specs}
     # 17 samples lie in the band: 0.2 s, and the way on is 24 steps and more.
     StlMonitor(env, metaworld.done(name).always(), metaworld.signals_of(name))
     assert counts == {"any": 3, "last": 0, "held": 0, "kept": 0, "side": 3}
-    assert found.repeats is True
+    assert result.repeats is True
 
 
 def test_a_seed_is_the_number_of_a_variation() -> None:
@@ -138,8 +138,8 @@ def test_a_lever_is_read_as_an_angle() -> None:
     data = type("Data", (), {"joint": staticmethod(lambda name: {"LeverAxis": joint}[name])})
     env: Any = type("Env", (), {"unwrapped": type("Simulation", (), {"data": data})})
     read: Any = metaworld.signals_of("lever-pull-v3")["past"]
-    found = read(Step(None, None, None, {}, env))
-    assert found == pytest.approx(1.5 - np.pi / 2)
+    result = read(Step(None, None, None, {}, env))
+    assert result == pytest.approx(1.5 - np.pi / 2)
 
 
 def test_the_command_judges_a_task(capsys: Output) -> None:

@@ -37,7 +37,7 @@ def episodes(count: int = 12) -> tuple[list[Raw], list[Raw]]:
     env = monitored(gym.make("CartPole-v1", max_episode_steps=40), SPECS, SIGNALS, **OPTIONS)
     env.action_space.seed(1)
     pairs = [record(env, seed, lambda _: env.action_space.sample()) for seed in range(count)]
-    return [raw for raw, _ in pairs], [said for _, said in pairs]
+    return [raw for raw, _ in pairs], [message for _, message in pairs]
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def test_new_dataset_equals_online_monitors(
     monkeypatch: pytest.MonkeyPatch, samples: int, data_format: str
 ) -> None:
     monkeypatch.setattr(module, "SAMPLES", samples)
-    raw, said = episodes()
+    raw, message = episodes()
     source = dataset_of(raw, data_format=data_format)
     made = relabel(source, SPECS, SIGNALS, dataset_id="cart/added-v0", **OPTIONS)
     assert isinstance(made, minari.MinariDataset)
@@ -79,14 +79,14 @@ def test_new_dataset_equals_online_monitors(
         source.total_steps,
     )
     again = minari.load_dataset("cart/added-v0")
-    for found, old, expected in zip(again, source, said, strict=True):
-        assert np.array_equal(found.observations, old.observations)
-        assert np.array_equal(found.actions, old.actions)
-        assert np.array_equal(found.rewards, expected["rewards"])
-        assert np.array_equal(found.infos["reward"][1:], old.rewards)
+    for result, old, expected in zip(again, source, message, strict=True):
+        assert np.array_equal(result.observations, old.observations)
+        assert np.array_equal(result.actions, old.actions)
+        assert np.array_equal(result.rewards, expected["rewards"])
+        assert np.array_equal(result.infos["reward"][1:], old.rewards)
         for key in ("robustness", "stl_lower", "stl_upper", "stl_violated", "cost", "stl_success"):
-            assert np.array_equal(found.infos[key], expected[key])
-    assert difference(relabel(source, SPECS, SIGNALS, **OPTIONS), said) == ""
+            assert np.array_equal(result.infos[key], expected[key])
+    assert difference(relabel(source, SPECS, SIGNALS, **OPTIONS), message) == ""
 
 
 def test_metadata_of_a_new_dataset(carts: Any) -> None:  # noqa: ANN401
@@ -113,18 +113,18 @@ def test_metadata_of_a_new_dataset(carts: Any) -> None:  # noqa: ANN401
     assert made.recover_environment().spec.id == "CartPole-v1"
     shaping: Any = {"mode": "terminal", "clip": 2.0, "weights": {"back": 0.25}}
     shaped = relabel(carts, SPECS, SIGNALS, dataset_id="cart/shaped-v0", **shaping)
-    said = shaped.storage.metadata
-    assert "ref_max_score" not in said
-    assert {name: said["rtamt"][name] for name in shaping} == shaping
+    message = shaped.storage.metadata
+    assert "ref_max_score" not in message
+    assert {name: message["rtamt"][name] for name in shaping} == shaping
 
 
 @pytest.mark.parametrize("data_format", ["hdf5", "arrow"])
 def test_details_of_every_specification_are_kept(data_format: str) -> None:
     source = dataset_of(episodes(3)[0], data_format=data_format)
     relabel(source, SPECS, SIGNALS, dataset_id="cart/told-v0", details=True, **OPTIONS)
-    told = relabel(source, SPECS, SIGNALS, details=True, **OPTIONS)
-    for found, expected in zip(minari.load_dataset("cart/told-v0"), told, strict=True):
-        stl = found.infos["stl"]
+    relabelled = relabel(source, SPECS, SIGNALS, details=True, **OPTIONS)
+    for result, expected in zip(minari.load_dataset("cart/told-v0"), relabelled, strict=True):
+        stl = result.infos["stl"]
         for name in SPECS:
             for key in ("robustness", "lower", "upper"):
                 if data_format == "arrow":  # Minari reads a mapping for each sample
@@ -138,7 +138,7 @@ def test_satisfied_episodes_keep_seeds(carts: Any) -> None:  # noqa: ANN401
     made = relabel(carts, SPECS, SIGNALS, dataset_id="cart/satisfied-v0", keep="satisfied")
     kept = relabel(carts, SPECS, SIGNALS, keep="satisfied")
     assert 0 < len(kept) < carts.total_episodes
-    seeds = [said["seed"] for said in made.storage.get_episode_metadata(made.episode_indices)]
+    seeds = [message["seed"] for message in made.storage.get_episode_metadata(made.episode_indices)]
     assert seeds == [each.seed for each in kept]
     env = gym.make("CartPole-v1")
     for seed, episode in zip(seeds, made, strict=True):
@@ -184,9 +184,9 @@ def test_observations_that_are_dictionaries_stay_so() -> None:
         )
     signals = {"a": "obs['a'][1]", "b": "obs['b']"}
     made = relabel(source, "always(a > b)", signals, dataset_id="dict/made-v0")
-    (found,) = made
-    assert found.infos["robustness"].tolist() == [1.0, 0.0, -1.0, -1.0]
-    assert np.array_equal(found.observations["b"], observations["b"])
+    (result,) = made
+    assert result.infos["robustness"].tolist() == [1.0, 0.0, -1.0, -1.0]
+    assert np.array_equal(result.observations["b"], observations["b"])
 
 
 def test_after_an_error_nothing_is_written(carts: Any, root: Path, monkeypatch: Any) -> None:  # noqa: ANN401
@@ -236,9 +236,9 @@ def test_period_of_the_dataset_environment(carts: Any, root: Path) -> None:  # n
     read = relabel(carts, SPECS, SIGNALS)
     assert [each.outcomes for each in given] == [each.outcomes for each in read]
     path = root / "cart" / "random-v0" / "data" / "metadata.json"
-    said = json.loads(path.read_text())
-    said["env_spec"] = said["env_spec"].replace("CartPoleEnv", "NoEnv")
-    path.write_text(json.dumps(said))
+    message = json.loads(path.read_text())
+    message["env_spec"] = message["env_spec"].replace("CartPoleEnv", "NoEnv")
+    path.write_text(json.dumps(message))
     lost = minari.load_dataset("cart/random-v0")
     with pytest.raises(AttributeError) as missing:
         relabel(lost, SPECS, SIGNALS)

@@ -82,16 +82,16 @@ def test_relabel_equals_wrappers(
         )
         for k, series in enumerate(values)
     ]
-    raw = [each for each, _ in pairs]
+    raw = [item for item, _ in pairs]
     if end == "cut":
-        for each in raw:
-            each["truncations"] = np.zeros_like(each["truncations"])
+        for item in raw:
+            item["truncations"] = np.zeros_like(item["truncations"])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "ENTRIES", entries)
         patch.setattr(module, "SAMPLES", samples)
-        found = relabel(raw, SPECS, SIGNALS, **options)
-    assert difference(found, [said for _, said in pairs]) == ""
-    assert [each.seed for each in found] == list(range(len(values)))
+        result = relabel(raw, SPECS, SIGNALS, **options)
+    assert difference(result, [message for _, message in pairs]) == ""
+    assert [item.seed for item in result] == list(range(len(values)))
 
 
 def sampling(env: gym.Env[Any, Any]) -> Callable[[Any], Any]:
@@ -115,12 +115,12 @@ def test_relabel_equals_shaped_rewards(case: Any, mode: Mode) -> None:  # noqa: 
         period = shaped.get_wrapper_attr("period")
         pairs.append(record(shaped, seed, sampling(env)))
         env.close()
-    raw = [each for each, _ in pairs]
-    found = relabel(raw, specs, signals, period=float(period), **options)
-    assert difference(found, [said for _, said in pairs]) == ""
-    for each, episode in zip(found, raw, strict=True):
-        assert np.array_equal(each.actions, episode["actions"])
-        assert set(each.infos) >= set(episode["infos"])
+    raw = [item for item, _ in pairs]
+    result = relabel(raw, specs, signals, period=float(period), **options)
+    assert difference(result, [message for _, message in pairs]) == ""
+    for item, episode in zip(result, raw, strict=True):
+        assert np.array_equal(item.actions, episode["actions"])
+        assert set(item.infos) >= set(episode["infos"])
 
 
 def test_callable_signal_gets_equal_steps() -> None:
@@ -134,9 +134,9 @@ def test_callable_signal_gets_equal_steps() -> None:
         record(monitored(Replay(values), specs, signals), 0, lambda _: np.array([0.5]))
         for values in ([1.0, 2.0, 3.0], [5.0, 5.0, 5.0, 5.0])
     ]
-    found = relabel([raw for raw, _ in pairs], specs, signals)
-    assert difference(found, [said for _, said in pairs]) == ""
-    assert [each.satisfied for each in found] == [True, False]
+    result = relabel([raw for raw, _ in pairs], specs, signals)
+    assert difference(result, [message for _, message in pairs]) == ""
+    assert [item.satisfied for item in result] == [True, False]
 
 
 STEPS = 3
@@ -167,12 +167,12 @@ def test_nested_observations_and_infos(
     nan: Any,  # noqa: ANN401
     robustness: list[float],
 ) -> None:
-    (found,) = relabel(
+    (result,) = relabel(
         [OF_PARTS], "always(y < 3)", {"y": signal}, nan=nan, details=True, at_truncation="cut"
     )
-    assert found.infos["robustness"].tolist() == robustness
-    assert found.observations[1].tolist() == [False, True, False, True]
-    assert found.actions[1].tolist() == [0, 1, 2]
+    assert result.infos["robustness"].tolist() == robustness
+    assert result.observations[1].tolist() == [False, True, False, True]
+    assert result.actions[1].tolist() == [0, 1, 2]
 
 
 def test_nan_is_held_as_online() -> None:
@@ -181,8 +181,8 @@ def test_nan_is_held_as_online() -> None:
         record(monitored(Replay(value), "always(x > 1)", X, nan="hold"), 0, lambda _: np.zeros(1))
         for value in values
     ]
-    found = relabel([raw for raw, _ in pairs], "always(x > 1)", X, nan="hold")
-    assert difference(found, [said for _, said in pairs]) == ""
+    result = relabel([raw for raw, _ in pairs], "always(x > 1)", X, nan="hold")
+    assert difference(result, [message for _, message in pairs]) == ""
 
 
 def test_the_infos_of_a_reset_are_read_where_they_are() -> None:
@@ -190,11 +190,11 @@ def test_the_infos_of_a_reset_are_read_where_they_are() -> None:
     signals = {"s": ("info['s']", 7.0)}
     for entries, first in (([5.0, 1.0, 1.0], 5.0), ([np.nan, 1.0, 1.0], 7.0), ([1.0, 1.0], 7.0)):
         raw["infos"] = {"s": np.array(entries)}
-        (found,) = relabel([raw], "always(s > 0)", signals)
-        assert found.infos["robustness"].tolist() == [first, 1.0, 1.0]
+        (result,) = relabel([raw], "always(s > 0)", signals)
+        assert result.infos["robustness"].tolist() == [first, 1.0, 1.0]
         if first == 5.0:  # the reset has it
-            (found,) = relabel([raw], "always(s > 0)", {"s": "info['s']"})
-            assert found.infos["robustness"].tolist() == [first, 1.0, 1.0]
+            (result,) = relabel([raw], "always(s > 0)", {"s": "info['s']"})
+            assert result.infos["robustness"].tolist() == [first, 1.0, 1.0]
             continue
         with pytest.raises(InputError, match=r"is nan at sample 0|give a first value, "):
             relabel([raw], "always(s > 0)", {"s": "info['s']"})
@@ -205,10 +205,10 @@ def test_details_are_those_of_every_specification() -> None:
     states = [env.reset(seed=0)[1]["stl"]]
     states += [env.step(np.zeros(1))[4]["stl"] for _ in range(3)]
     raw, _ = record(env, 0, lambda _: np.zeros(1))
-    (found,) = relabel([raw], SPECS, SIGNALS, period=1, details=True)
+    (result,) = relabel([raw], SPECS, SIGNALS, period=1, details=True)
     for name in SPECS:
         for key in ("robustness", "lower", "upper"):
-            assert found.infos["stl"][name][key].tolist() == [state[name][key] for state in states]
+            assert result.infos["stl"][name][key].tolist() == [state[name][key] for state in states]
 
 
 def test_keep_filters_episodes() -> None:
@@ -222,8 +222,8 @@ def test_keep_filters_episodes() -> None:
         (lambda _: False, []),
     ]
     for keep, numbers in cases:
-        found = relabel(iter(raw), "always(x > 1)", X, keep=keep)
-        assert [each.number for each in found] == numbers
+        result = relabel(iter(raw), "always(x > 1)", X, keep=keep)
+        assert [item.number for item in result] == numbers
 
 
 def test_second_relabelling_uses_own_rewards() -> None:
@@ -246,9 +246,9 @@ def test_second_relabelling_uses_own_rewards() -> None:
 def test_the_episodes_given_are_not_changed() -> None:
     raw, _ = record(monitored(Replay([3.0, 0.5, 2.0]), "always(x > 1)", X), 0, lambda _: [0.0])
     before = {key: np.array(value) for key, value in raw.items() if key != "infos"}
-    found = relabel([raw], "always(x > 1)", X, mode="add")
-    found[0].rewards[:] = 9.0
-    found[0].infos["robustness"][:] = 9.0
+    result = relabel([raw], "always(x > 1)", X, mode="add")
+    result[0].rewards[:] = 9.0
+    result[0].infos["robustness"][:] = 9.0
     assert raw["infos"] == {}
     assert all(np.array_equal(raw[key], value) for key, value in before.items())
 

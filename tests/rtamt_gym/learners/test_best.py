@@ -36,7 +36,7 @@ def evaluation(policy: Any, bound: float = 0.12, **more: Any) -> Evaluation:  # 
 
 def by_hand(policy: Any) -> list[tuple[bool, bool, int, float, float]]:  # noqa: ANN401
     """Of each episode: near, upright, length, the time of the first sample not near, its margin."""
-    found = []
+    result = []
     env = cart()
     for seed in range(50, 62):
         obs, _ = env.reset(seed=seed)
@@ -48,44 +48,44 @@ def by_hand(policy: Any) -> list[tuple[bool, bool, int, float, float]]:  # noqa:
         margins = 0.12 - np.abs(np.array(rows, float)[:, 0])
         upright = bool((np.abs(np.array(rows, float)[:, 2]) < 0.1).all())
         first = float(np.argmax(margins <= 0)) * 0.02
-        found.append((bool(margins.min() > 0), upright, len(rows) - 1, first, margins.min()))
-    return found
+        result.append((bool(margins.min() > 0), upright, len(rows) - 1, first, margins.min()))
+    return result
 
 
 def test_evaluation_metrics() -> None:
     made = evaluation(leaning(0.0))
-    found, episodes = evaluation_metrics(made), by_hand(leaning(0.0))
+    result, episodes = evaluation_metrics(made), by_hand(leaning(0.0))
     both = [near and upright for near, upright, *_ in episodes]
     assert successes(made) == both
     assert 0 < sum(both) < 12
-    assert found["rate"] == sum(both) / 12
-    assert (found["low"], found["high"]) == clopper_pearson(sum(both), 12)
-    assert found["return"] == np.mean([length for *_, length, _, _ in episodes])
+    assert result["rate"] == sum(both) / 12
+    assert (result["low"], result["high"]) == clopper_pearson(sum(both), 12)
+    assert result["return"] == np.mean([length for *_, length, _, _ in episodes])
     near = [episode[0] for episode in episodes]
-    assert found["near/rate"] == sum(near) / 12
-    assert (found["near/low"], found["near/high"]) == clopper_pearson(sum(near), 12)
+    assert result["near/rate"] == sum(near) / 12
+    assert (result["near/low"], result["near/high"]) == clopper_pearson(sum(near), 12)
     heights = sorted(episode[4] for episode in episodes)
-    assert found["near/robustness_p5"] == heights[0]
-    assert found["near/robustness_median"] == heights[5]
-    assert found["near/robustness_p95"] == heights[11]
+    assert result["near/robustness_p5"] == heights[0]
+    assert result["near/robustness_median"] == heights[5]
+    assert result["near/robustness_p95"] == heights[11]
     times = sorted(episode[3] for episode in episodes if not episode[0])
-    assert found["near/first_violation"] == pytest.approx(times[(len(times) - 1) // 2])
+    assert result["near/first_violation"] == pytest.approx(times[(len(times) - 1) // 2])
 
 
 def test_infinite_quantiles_are_left_out() -> None:
-    found = evaluation_metrics(evaluation(leaning(0.3), semantics="boolean"))
-    assert not [key for key in found if "robustness" in key]
-    assert all(np.isfinite(value) for value in found.values())
+    result = evaluation_metrics(evaluation(leaning(0.3), semantics="boolean"))
+    assert not [key for key in result if "robustness" in key]
+    assert all(np.isfinite(value) for value in result.values())
 
 
 def test_best_by_success_then_return() -> None:
     good, bad = leaning(0.3), leaning(-0.3)
     some, none = evaluation(good), evaluation(bad, bound=0.001)
     tie = evaluation(good, bound=0.001)  # as few successes, and longer episodes
-    assert [each.success.satisfied > 0 for each in (some, none, tie)] == [True, False, False]
+    assert [item.success.satisfied > 0 for item in (some, none, tie)] == [True, False, False]
     assert none.returns.mean() < tie.returns.mean()
     best = Best()
-    assert [best.add(each) for each in (none, tie, none, tie, some, tie, some)] == [
+    assert [best.add(item) for item in (none, tie, none, tie, some, tie, some)] == [
         *(True, True, False, False, True, False, False)
     ]
     assert best.evaluation is some

@@ -76,8 +76,8 @@ def test_a_compiled_controller_goes_on_with_its_pointers_and_is_put_back(integra
     given: list[tuple[int, int]] = []
 
     def note(model: Any, data: Any) -> None:
-        pointers = (ctypes.cast(each, ctypes.c_void_p).value for each in (model, data))
-        given.append(tuple(each or 0 for each in pointers))  # type: ignore[arg-type]
+        pointers = (ctypes.cast(item, ctypes.c_void_p).value for item in (model, data))
+        given.append(tuple(item or 0 for item in pointers))  # type: ignore[arg-type]
 
     pointer = ctypes.POINTER(ctypes.c_char)
     controller = ctypes.CFUNCTYPE(None, pointer, pointer)(note)

@@ -66,8 +66,8 @@ def rolled_out(integrator: str) -> tuple[Any, Any, Any, Any, Any]:
 @pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicitfast"])
 def test_a_rollout_has_the_robustness_of_the_samples_of_a_monitored_loop(integrator: str) -> None:
     model, initial, control, states, sensed = rolled_out(integrator)
-    found = evaluate_rollouts(model, SPECS, SIGNALS, states, sensed)
-    assert {name: values.shape for name, values in found.items()} == dict.fromkeys(SPECS, (4, 80))
+    result = evaluate_rollouts(model, SPECS, SIGNALS, states, sensed)
+    assert {name: values.shape for name, values in result.items()} == dict.fromkeys(SPECS, (4, 80))
     for i in range(4):
         data = mujoco.MjData(model)
         kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -79,7 +79,7 @@ def test_a_rollout_has_the_robustness_of_the_samples_of_a_monitored_loop(integra
             monitor.step()
             rows.append(monitor.values)
         columns = {name: [row[name] for row in rows] for name in SIGNALS}
-        for name, values in found.items():
+        for name, values in result.items():
             offline = evaluate(SPECS[name], columns, monitor.period)
             assert values[i].tolist() == offline.tolist()
 
@@ -87,10 +87,10 @@ def test_a_rollout_has_the_robustness_of_the_samples_of_a_monitored_loop(integra
 def test_the_first_sample_is_the_initial_state_where_it_is_put_before_the_others() -> None:
     model, initial, _, states, _ = rolled_out("Euler")
     whole = np.concatenate([initial[:, None], states], axis=1)
-    found = evaluate_rollouts(model, "z > 0", {"z": "qpos[2]"}, whole)["spec"]
-    assert found[:, 0].tolist() == initial[:, 3].tolist()
+    result = evaluate_rollouts(model, "z > 0", {"z": "qpos[2]"}, whole)["spec"]
+    assert result[:, 0].tolist() == initial[:, 3].tolist()
     assert np.array_equal(
-        found[:, 1:], evaluate_rollouts(model, "z > 0", {"z": "qpos[2]"}, states)["spec"]
+        result[:, 1:], evaluate_rollouts(model, "z > 0", {"z": "qpos[2]"}, states)["spec"]
     )
 
 

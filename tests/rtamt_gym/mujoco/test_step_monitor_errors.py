@@ -164,14 +164,14 @@ def test_no_verdict_is_decided_from_samples_of_another_course() -> None:
 def test_a_reset_between_two_runs_begins_a_new_one() -> None:
     model, data = arm()
     monitor = StepMonitor(model, data, "always(x < 9)", X)
-    found = []
+    result = []
     for _ in range(3):
         mujoco.mj_resetData(model, data)
         monitor.reset()
         monitor.run(0.3)
-        found.append((monitor.samples, monitor.robustness))
-    assert found == [found[0]] * 3
-    assert found[0][0] == 31
+        result.append((monitor.samples, monitor.robustness))
+    assert result == [result[0]] * 3
+    assert result[0][0] == 31
 
 
 def test_a_nan_ends_the_run_and_a_reset_begins_another() -> None:

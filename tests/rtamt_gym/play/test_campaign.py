@@ -148,8 +148,8 @@ def test_libraries_of_a_process_start_no_more_threads_than_there_are_cores_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for jobs in (1, 2, 64):
-        with chosen_workers(None, jobs) as (count, each):
-            assert (count, each) == (jobs, max(1, joblib.cpu_count() // jobs))
+        with chosen_workers(None, jobs) as (count, item):
+            assert (count, item) == (jobs, max(1, joblib.cpu_count() // jobs))
     monkeypatch.setenv("OMP_NUM_THREADS", "7")  # what the user says holds
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
     runner = Runner(threads, {"dry": "always(level < 0)"}, period=1)

@@ -75,8 +75,8 @@ def test_a_changed_byte_of_a_part_is_found(folder: Path, place: float) -> None:
     raw = bytearray(part.read_bytes())
     raw[int(place * len(raw))] ^= 1
     part.write_bytes(bytes(raw))
-    said = f"{part} is damaged: its content does not match the checksum in its name; {REMOVE}"
-    assert refusal(folder) == said
+    message = f"{part} is damaged: its content does not match the checksum in its name; {REMOVE}"
+    assert refusal(folder) == message
     with pytest.raises(InputError, match="is damaged"):
         Record.load(folder)
     part.unlink()
@@ -100,9 +100,9 @@ def test_a_part_of_before_that_is_no_record_is_named(folder: Path, content: byte
         Record([trial(1.0)], {"dry": "always(x > 0)"}, "tank").save(part)
     else:
         part.write_bytes(content)
-    said = refusal(folder)
-    assert said.startswith(f"{part} is damaged: ")
-    assert said.endswith(REMOVE)
+    message = refusal(folder)
+    assert message.startswith(f"{part} is damaged: ")
+    assert message.endswith(REMOVE)
 
 
 @pytest.mark.parametrize(
@@ -110,9 +110,9 @@ def test_a_part_of_before_that_is_no_record_is_named(folder: Path, content: byte
 )
 def test_a_damaged_description_is_named(folder: Path, text: str) -> None:
     (folder / "campaign.json").write_text(text, encoding="utf-8")
-    said = refusal(folder)
-    assert said.startswith(f"{folder / 'campaign.json'} is damaged: ")
-    assert said.endswith(OTHER)
+    message = refusal(folder)
+    assert message.startswith(f"{folder / 'campaign.json'} is damaged: ")
+    assert message.endswith(OTHER)
     with pytest.raises(InputError, match=r"campaign\.json is damaged"):
         Record.load(folder)
 
@@ -122,9 +122,9 @@ def test_a_damaged_record_is_named(folder: Path) -> None:
         rows = made.rows()
         made.finish(Record(rows.values(), {"dry": "always(x > 0)"}, "tank"))
     (folder / "record.parquet").write_bytes(b"PAR1")
-    said = refusal(folder)
-    assert said.startswith(f"{folder / 'record.parquet'} is damaged: ")
-    assert said.endswith(OTHER)
+    message = refusal(folder)
+    assert message.startswith(f"{folder / 'record.parquet'} is damaged: ")
+    assert message.endswith(OTHER)
 
 
 @pytest.mark.parametrize(
@@ -139,11 +139,11 @@ def test_a_pipe_among_the_files_is_not_opened(folder: Path, name: str, way_out: 
     path = folder / name
     path.unlink(missing_ok=True)
     os.mkfifo(path)
-    said = f"{path} is damaged: expected a regular file; {way_out}"
-    assert refusal(folder) == said
+    message = f"{path} is damaged: expected a regular file; {way_out}"
+    assert refusal(folder) == message
     with pytest.raises(InputError) as caught:
         Record.load(folder)
-    assert str(caught.value) == said
+    assert str(caught.value) == message
 
 
 @pytest.mark.parametrize("kind", ["link", "dangling", "pipe"])

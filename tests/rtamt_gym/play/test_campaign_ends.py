@@ -23,7 +23,7 @@ def test_a_run_that_dies_or_hangs_is_in_its_row_and_costs_no_other(tmp_path: Pat
     runner = tank_runner(troubled(tmp_path))
     # The first are given out one by one, the others together.
     troubles = [HANGS, EXITS, FINE, FINE, FINE, ONCE, FINE, KILLED, FINE, RAISES, FINE]
-    tasks = [({"inflow": i / 30, "trouble": each}, None) for i, each in enumerate(troubles)]
+    tasks = [({"inflow": i / 30, "trouble": item}, None) for i, item in enumerate(troubles)]
     record = run_campaign(runner, tasks, n_jobs=2, timeout=3)
     errors = {
         HANGS: "TimeoutError: the run was ended after timeout=3 s",
@@ -31,7 +31,7 @@ def test_a_run_that_dies_or_hangs_is_in_its_row_and_costs_no_other(tmp_path: Pat
         KILLED: "ChildProcessError: the run ended its process by SIGKILL, twice",
         RAISES: "ZeroDivisionError: division by zero",
     }
-    assert [row.error for row in record] == [errors.get(each, "") for each in troubles]
+    assert [row.error for row in record] == [errors.get(item, "") for item in troubles]
     assert [dict(row.case) for row in record] == [case for case, _ in tasks]
     assert record.rows[0].wall >= 3
     for row, trouble in zip(record, troubles, strict=True):
@@ -70,8 +70,8 @@ def test_an_interrupted_campaign_leaves_no_process_and_goes_on(
     assert all(row in whole.rows for row in partly)
     system = noted(tmp_path / "others", Path(os.devnull))
     folder = tmp_path / "campaign"
-    found = run_campaign(tank_runner(system), tasks, folder=folder, accept_changed=True)
-    assert found.rows == whole.rows
+    result = run_campaign(tank_runner(system), tasks, folder=folder, accept_changed=True)
+    assert result.rows == whole.rows
     left = (tmp_path / "others").read_text().split()
     assert sorted(map(float, left)) == [
         row.case["inflow"] for row in whole if row not in partly.rows

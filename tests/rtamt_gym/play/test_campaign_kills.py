@@ -87,8 +87,8 @@ def test_after_ten_kills_at_random_moments_the_record_is_that_of_an_undisturbed_
         assert finished <= set(after)
         finished = set(after)
     whole = run_campaign(tank_runner(), tank_tasks(count))
-    found = Record.load(tmp_path / "campaign")
-    assert (found.rows, found.requirements) == (whole.rows, whole.requirements)
+    result = Record.load(tmp_path / "campaign")
+    assert (result.rows, result.requirements) == (whole.rows, whole.requirements)
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # files left open
@@ -106,7 +106,7 @@ def test_what_is_cut_off_at_any_line_goes_on_from_there(
             run_campaign(runner, tasks, folder=folder)
         cut = cutting.lines
         assert run_campaign(runner, tasks, folder=folder) == Record.load(folder) == whole
-        assert sorted(each.name for each in folder.iterdir()) == [
+        assert sorted(item.name for item in folder.iterdir()) == [
             "campaign.json",
             "lock",
             "record.parquet",

@@ -57,36 +57,36 @@ def searched(
         return falsify(
             *(plant, formula, SPACE),
             period=1,
-            optimizer=asks([each[:2] for each in points]),
+            optimizer=asks([item[:2] for item in points]),
             scales="plain",
             reduce=False,
         )
 
 
-@given(asked_points.filter(lambda points: not all(each[2] for each in points)), st.booleans())
+@given(asked_points.filter(lambda points: not all(item[2] for item in points)), st.booleans())
 def test_failed_simulations_leave_what_the_judged_ones_alone_give(
     points: list[tuple[float, float, bool]],
     late: bool,  # noqa: FBT001 - drawn
 ) -> None:
-    judged = [each for each in points if not each[2]]
+    judged = [item for item in points if not item[2]]
     found = searched(points, "always(z > -2)", late=late)
     alone = searched(judged, "always(z > -2)")
     assert (found.judged, found.failed) == (len(judged), len(points) - len(judged))
     assert found.coverage == alone.coverage
     assert (found.input, found.robustness) == (alone.input, alone.robustness)
-    told = str(found).splitlines()
+    output = str(found).splitlines()
     if found.failed:
         assert found.not_violated == (
             f"not violated in {len(judged)} evaluated simulation{'s' * (len(judged) > 1)}; "
             f"{found.failed} failed"
         )
-        first = next(each for each in points if each[2])
+        first = next(item for item in points if item[2])
         head = f"the first with x={first[0]:.4g}, y={first[1]:.4g}:"
-        assert any(line.endswith(head) for line in told)
-        assert f"  ValueError: {first[0]}" in told
+        assert any(line.endswith(head) for line in output)
+        assert f"  ValueError: {first[0]}" in output
     else:
         assert found.not_violated == "not violated"
-        assert told == str(alone).splitlines()
+        assert output == str(alone).splitlines()
     kept = json.loads(found.to_json())
     assert (kept["judged"], kept["failed"]) == (found.judged, found.failed)
     assert (kept["gap"], kept["distance"]) == (alone.coverage.gap, alone.coverage.distance)
@@ -109,11 +109,11 @@ def test_of_no_points_nothing_is_covered() -> None:
     assert (nothing.simulations, nothing.gap, nothing.distance) == (0, 1.0, 1.0)
 
 
-@given(asked_points.filter(lambda points: not all(each[2] for each in points)))
+@given(asked_points.filter(lambda points: not all(item[2] for item in points)))
 def test_rates_and_maps_of_a_sweep_are_of_judged_simulations(
     points: list[tuple[float, float, bool]],
 ) -> None:
-    fails = {each[:2] for each in points if each[2]}
+    fails = {item[:2] for item in points if item[2]}
 
     def plant(x: float, y: float) -> Iterator[Mapping[str, float]]:
         yield {"z": x - y}
@@ -173,13 +173,13 @@ def test_a_search_that_saw_failures_exits_3_unless_they_are_allowed(
 ) -> None:
     reason = f"not violated in 10 evaluated simulations; 10 failed ({words})"
     assert main(["falsify", *SEARCH, *allowed]) == code
-    told = capsys.readouterr().out.splitlines()
-    assert all(len(line) <= 80 for line in told)
-    assert " ".join(" ".join(told).split()).endswith(reason)
+    output = capsys.readouterr().out.splitlines()
+    assert all(len(line) <= 80 for line in output)
+    assert " ".join(" ".join(output).split()).endswith(reason)
     head = "spec of half was not violated in 10 evaluated simulations; 10 failed: robustness 1"
-    assert " ".join((told[0], told[1].strip())) == head
-    at = told.index("10 of 20 simulations failed, the first with x=0:")
-    assert told[at + 1].startswith("  ValueError: no step of the solver is small enough to go on")
+    assert " ".join((output[0], output[1].strip())) == head
+    at = output.index("10 of 20 simulations failed, the first with x=0:")
+    assert output[at + 1].startswith("  ValueError: no step of the solver is small enough to go on")
     assert main(["falsify", *SEARCH, *allowed, "--json"]) == code
     out, err = capsys.readouterr()
     assert json.loads(out)["failed"] == 10
@@ -189,9 +189,9 @@ def test_a_search_that_saw_failures_exits_3_unless_they_are_allowed(
 def test_a_violation_beside_failures_exits_1(capsys: Output) -> None:
     violated = [SEARCH[0], "always(z < 0.2)", *SEARCH[2:]]
     assert main(["falsify", *violated, "--no-reduce"]) == 1
-    told = capsys.readouterr().out
-    assert "spec of half is violated" in told
-    assert "1 of 2 simulations failed, the first with x=0:" in told
+    output = capsys.readouterr().out
+    assert "spec of half is violated" in output
+    assert "1 of 2 simulations failed, the first with x=0:" in output
 
 
 def test_a_search_whose_simulations_all_failed_exits_2(capsys: Output) -> None:
@@ -208,13 +208,13 @@ def test_a_sweep_fails_where_more_failed_than_is_allowed(
     spec = ["--requirement", "always(abs(x) < 9)", "--signal", "x=obs[0]"]
     more = [] if allowed is None else ["--allow-failures", str(allowed)]
     assert main(["sweep", "failing_systems:HalfCart-v0", *grid, *spec, *more]) == code
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert (
         "4 of 8 simulations failed, the first with env.gravity=5.571:\n  ValueError: too heavy"
-        in told
+        in output
     )
-    assert ("let them pass" in told) == (allowed == 3)
-    assert all(len(line) <= 80 for line in told.splitlines())
+    assert ("let them pass" in output) == (allowed == 3)
+    assert all(len(line) <= 80 for line in output.splitlines())
 
 
 INTERRUPTED = """
@@ -253,14 +253,14 @@ def test_ctrl_c_prints_and_saves_what_was_found_so_far(more: list[str], folder: 
         (folder / "go").touch()  # what is saved may run a simulation again
         running.send_signal(signal.SIGINT)
         out, err = running.communicate(timeout=100)
-    told = out.splitlines()
-    assert told[-1] == "130", err
+    output = out.splitlines()
+    assert output[-1] == "130", err
     record = Record.load(folder / "runs.parquet")
     failed = len(record.failed())
     runs = "1 simulation" if len(record) == 1 else f"{len(record)} simulations"
-    assert told[0] == f"interrupted after {runs} of 300"
-    assert told[2].startswith("spec of plant was not violated")
-    assert f"in {len(record) - failed} evaluated simulations; 1 failed" in told[2] or not failed
+    assert output[0] == f"interrupted after {runs} of 300"
+    assert output[2].startswith("spec of plant was not violated")
+    assert f"in {len(record) - failed} evaluated simulations; 1 failed" in output[2] or not failed
     assert len(record) >= (1 if more else 8)
     assert json.loads((folder / "case.json").read_text())["expected"]["verdict"] == "SATISFIED"
 

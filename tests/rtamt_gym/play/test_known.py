@@ -66,12 +66,12 @@ def test_environments_know_what_runs_alone_know(level: float) -> None:
 
 
 def test_numbers_to_stay_above_are_checked() -> None:
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as caught:
         simulate(sampled([1]), "always(x < 1)", period=1, above={"spec": 0})
-    assert str(told.value) == "expected above= with stop='known' alone, got stop='violation'"
-    with pytest.raises(InputError) as told:
+    assert str(caught.value) == "expected above= with stop='known' alone, got stop='violation'"
+    with pytest.raises(InputError) as caught:
         simulate(sampled([1]), "always(x < 1)", period=1, stop="known", above={"spek": 0})
-    assert str(told.value) == (
+    assert str(caught.value) == (
         "above= names an unknown specification 'spek'; the specifications are 'spec'; "
         "did you mean 'spec'?"
     )

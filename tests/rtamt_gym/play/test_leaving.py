@@ -22,10 +22,10 @@ NO_END = "which does not end a simulation; return, or raise an error"
 
 
 def test_a_simulation_that_leaves_is_an_error_with_its_samples() -> None:
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as caught:
         simulate(leaves_while_running, "always(y < 2)", case={"x": 1.0}, period=1)
-    assert str(told.value) == f"leaves_while_running called sys.exit(0), {NO_END}"
-    assert told.value.run.steps == 0  # type: ignore[attr-defined]
+    assert str(caught.value) == f"leaves_while_running called sys.exit(0), {NO_END}"
+    assert caught.value.run.steps == 0  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow(keep=1)
@@ -118,20 +118,20 @@ def test_a_policy_that_leaves_is_told_from_its_environment() -> None:
         (StepMonitor(model, mujoco.MjData(model), *given), (), {}),
     ]
     for system, asked, options in systems:
-        with pytest.raises(InputError) as told:
+        with pytest.raises(InputError) as caught:
             simulate(system, *asked, policy=act, duration=3, **options)
-        assert str(told.value) == f"the policy called sys.exit(3), {NO_END}"
-        assert told.value.run.steps == 0  # type: ignore[attr-defined]
+        assert str(caught.value) == f"the policy called sys.exit(3), {NO_END}"
+        assert caught.value.run.steps == 0  # type: ignore[attr-defined]
 
 
 def test_an_environment_that_leaves_while_it_is_made_is_an_error() -> None:
     gym.register("Leaves-v0", lambda **_: Leaving("init"))
     try:
-        with pytest.raises(InputError) as told:
+        with pytest.raises(InputError) as caught:
             Runner("Leaves-v0", "always(y < 2)", signals={"y": "obs[0]"})
     finally:
         del gym.registry["Leaves-v0"]
-    assert str(told.value) == f"the making of Leaves-v0 called sys.exit(0), {NO_END}"
+    assert str(caught.value) == f"the making of Leaves-v0 called sys.exit(0), {NO_END}"
     with pytest.raises(InputError, match="the function that makes the environment called"):
         evaluate_policy(lambda _obs: 0, lambda: Leaving("init"), "always(y < 2)", {"y": "obs[0]"})
 
@@ -161,8 +161,10 @@ def test_a_module_that_leaves_while_it_is_imported_exits_2(more: list[str], caps
     assert main(["falsify", "wry:tank", *search]) == 2
     assert capsys.readouterr().err == IMPORTED
     assert main(["falsify", "sly:tank", *search]) == 2
-    told = "rtamt: error: all 3 simulations failed, the first with InputError: tank called sys.exit"
-    assert capsys.readouterr().err.startswith(told)
+    expected = (
+        "rtamt: error: all 3 simulations failed, the first with InputError: tank called sys.exit"
+    )
+    assert capsys.readouterr().err.startswith(expected)
     run = ["run", "CartPole-v1", "--spec", "always(x < 2)", "--signal", "x=obs[0]"]
     assert main([*run, "--policy", "wry:tank"]) == 2
     assert capsys.readouterr().err == IMPORTED
@@ -175,8 +177,11 @@ def test_a_case_whose_system_leaves_has_no_verdict(capsys: Output) -> None:
     found.save("case.json")
     kept = json.loads(Path("case.json").read_text())
     del kept["fingerprint"]  # which another system does not have
-    told = {"wry:tank": IMPORTED, "sly:tank": f"rtamt: error: tank called sys.exit(), {NO_END}\n"}
-    for name, message in told.items():
+    messages = {
+        "wry:tank": IMPORTED,
+        "sly:tank": f"rtamt: error: tank called sys.exit(), {NO_END}\n",
+    }
+    for name, message in messages.items():
         Path("case.json").write_text(json.dumps(kept | {"system": {"object": name}}))
         assert main(["replay", "case.json"]) == 2
         assert capsys.readouterr().err == message

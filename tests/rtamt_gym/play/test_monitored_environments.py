@@ -78,25 +78,25 @@ def test_an_option_that_the_monitor_has_is_refused() -> None:
 def test_other_signals_than_the_monitor_has_are_refused() -> None:
     with pytest.raises(InputError) as refused:
         simulate(monitored("monitor"), None, {"x": "obs[1]"}, policy=acts())
-    said = str(refused.value)
-    assert said.startswith("signals= comes from the monitor of the environment, which has ")
-    assert said.endswith("leave it out, or give specifications with it")
+    message = str(refused.value)
+    assert message.startswith("signals= comes from the monitor of the environment, which has ")
+    assert message.endswith("leave it out, or give specifications with it")
 
 
 def test_a_sweep_takes_a_monitored_environment() -> None:
     env = StlMonitor(Walk(), SPECS, SIGNALS, **ENDS)
     goals = [Parameter("env._goal", 0.5, 3)]
-    found = sweep(env, space=goals, samples=4, policy=lambda _: 2, progress=False)
+    result = sweep(env, space=goals, samples=4, policy=lambda _: 2, progress=False)
     expected = sweep(
         Walk(), SPECS, goals, samples=4, policy=lambda _: 2, signals=SIGNALS, progress=False, **ENDS
     )
-    assert found.record == expected.record
+    assert result.record == expected.record
 
 
 def test_a_search_takes_a_monitored_environment() -> None:
     goals = [Parameter("env._goal", 0.5, 3)]
     options: Any = {"space": goals, "budget": 20, "policy": lambda _: 2}
-    found = falsify(StlMonitor(Walk(), SPECS, SIGNALS, **ENDS), **options)
+    result = falsify(StlMonitor(Walk(), SPECS, SIGNALS, **ENDS), **options)
     expected = falsify(Walk(), SPECS, signals=SIGNALS, **options, **ENDS)
-    assert found.record == expected.record
-    assert found.input == expected.input
+    assert result.record == expected.record
+    assert result.input == expected.input

@@ -66,17 +66,17 @@ def test_rows_are_those_of_monitored_runs(system: str, names: list[str], count: 
         expected = dict(runner.run(cases, seeds))
         whole = OfflineRunner(make, runner.requirements)
         assert prefers_offline(runner.requirements, runner)
-        found = dict(whole.run(cases, seeds))
+        result = dict(whole.run(cases, seeds))
         whole.close()
-    assert sorted(found) == list(range(count))
+    assert sorted(result) == list(range(count))
     verdicts = set()
     for index, row in expected.items():
-        violated = any(each.verdict is Verdict.VIOLATED for each in row.outcomes.values())
+        violated = any(item.verdict is Verdict.VIOLATED for item in row.outcomes.values())
         verdicts.add(violated)
         if violated:
-            assert found[index] == row
+            assert result[index] == row
         else:
-            assert found[index] == _decided_at_the_end(row)
+            assert result[index] == _decided_at_the_end(row)
     assert verdicts == {True, False}
 
 
@@ -108,11 +108,11 @@ def test_what_fails_or_ends_early_is_left_to_monitors() -> None:
     cases = [{"steps": steps} for steps in (20.0, 7.0, 6.0, 1.0, -20.0, -7.0, -6.0, -1.0)]
     specs = {"spec": rtamt.parse(TEXT)}
     whole, monitored = OfflineRunner(make, specs), make(specs, "known")
-    found, expected = dict(whole.run(cases)), dict(monitored.run(cases))
-    assert [found[index] for index in (2, 3, 6, 7)] == [expected[index] for index in (2, 3, 6, 7)]
-    assert [found[index].error != "" for index in range(8)] == [False] * 6 + [True] * 2
+    result, expected = dict(whole.run(cases)), dict(monitored.run(cases))
+    assert [result[index] for index in (2, 3, 6, 7)] == [expected[index] for index in (2, 3, 6, 7)]
+    assert [result[index].error != "" for index in range(8)] == [False] * 6 + [True] * 2
     for index in (0, 1, 4, 5):
-        outcome = found[index].outcomes["spec"]
+        outcome = result[index].outcomes["spec"]
         height = rtamt.evaluate(TEXT, {"x": [(-1.0) ** i for i in range(7)]}, Fraction(1, 2))[0]
         assert (outcome.robustness, outcome.lower, outcome.upper) == (height,) * 3
         assert (outcome.verdict, outcome.decided_at) == (Verdict.SATISFIED, 3.0)

@@ -47,8 +47,8 @@ def test_what_cannot_be_imported_is_refused_with_the_way_out(tmp_path: Path) -> 
         f"cannot save a case of CartPole-v1 below the wrapper 'TimeAwareObservation'{NAMED}",
         f"cannot save a case of CartPoleEnv, which was not made by gymnasium.make{NAMED}",
     ]
-    found = falsify(named_systems.pump, "always(x < 2)", SPACE, period=1, budget=5)
-    assert refusal(found.save, tmp_path / "case.txt") == (
+    result = falsify(named_systems.pump, "always(x < 2)", SPACE, period=1, budget=5)
+    assert refusal(result.save, tmp_path / "case.txt") == (
         f"cannot write {tmp_path}/case.txt: expected a name that ends in .json"
     )
     assert not path.exists()
@@ -61,19 +61,19 @@ def test_functions_among_signals_and_policies_are_refused(tmp_path: Path) -> Non
         "policy": lambda _obs: 0,
     }
     space = [Parameter("env.gravity", 5, 25)]
-    found = falsify(env, "always(angle < 9)", space, budget=2, at_termination="cut", **cart)
-    assert refusal(found.save, tmp_path / "case.json") == (
+    result = falsify(env, "always(angle < 9)", space, budget=2, at_termination="cut", **cart)
+    assert refusal(result.save, tmp_path / "case.json") == (
         "cannot save a case: signal 'angle' is a function; use a selector, such as "
         "signals={'angle': 'obs[0]'}, or an environment that has the signal in its info"
     )
     cart["signals"] = {"angle": "obs[2]"}
-    found = falsify(env, "always(angle < 9)", space, budget=2, at_termination="cut", **cart)
+    result = falsify(env, "always(angle < 9)", space, budget=2, at_termination="cut", **cart)
     what = "test_functions_among_signals_and_policies_are_refused.<locals>.<lambda>"
-    assert refusal(found.save, tmp_path / "case.json") == (
+    assert refusal(result.save, tmp_path / "case.json") == (
         f"cannot save a case with the policy {what}, which no other program can import; write "
         'save(path, policy="module:function"), or policy="sb3:FILE.zip" or "zero"'
     )
-    found.save(tmp_path / "case.json", policy="zero")
+    result.save(tmp_path / "case.json", policy="zero")
     saved = SavedCase.load(tmp_path / "case.json")
     assert saved.repeats(saved.replay())
 

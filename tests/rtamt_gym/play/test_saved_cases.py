@@ -119,27 +119,27 @@ def test_fmus_are_found_beside_the_file(
 
 @pytest.mark.parametrize("requirement", [["AT1", "AT6a"], "always(rpm < 9000)"])
 def test_what_a_search_has_found_is_saved_as_it_is(requirement: Any, tmp_path: Path) -> None:  # noqa: ANN401
-    found = falsify("rtamt/AutomaticTransmission-v0", requirement, budget=20, seed=3)
-    found.save(tmp_path / "case.json")
+    result = falsify("rtamt/AutomaticTransmission-v0", requirement, budget=20, seed=3)
+    result.save(tmp_path / "case.json")
     saved = SavedCase.load(tmp_path / "case.json")
-    assert (saved.case, saved.seed) == (found.input, found.row.seed)
-    assert saved.name == found.requirement
+    assert (saved.case, saved.seed) == (result.input, result.row.seed)
+    assert saved.name == result.requirement
     run = saved.replay()
     assert saved.repeats(run)
-    assert run.histories[saved.name].final == found.replay().histories[saved.name].final
-    assert (run.histories[saved.name].verdict is rtamt.Verdict.VIOLATED) == found.falsified
+    assert run.histories[saved.name].final == result.replay().histories[saved.name].final
+    assert (run.histories[saved.name].verdict is rtamt.Verdict.VIOLATED) == result.falsified
 
 
 def test_a_case_keeps_the_unit_of_bounds(tmp_path: Path) -> None:
     requirement = rtamt.parse("always[0:2000](x < 2)", unit="ms")
-    found = falsify(
+    result = falsify(
         named_systems.pump, requirement, [Parameter("inflow", 0, 1)], period=1, budget=5
     )
-    found.save(tmp_path / "case.json")
+    result.save(tmp_path / "case.json")
     assert '"unit": "ms"' in (tmp_path / "case.json").read_text()
     saved = SavedCase.load(tmp_path / "case.json")
     assert saved.requirement.unit == "ms"
-    assert saved.replay().histories[saved.name].final == found.robustness
+    assert saved.replay().histories[saved.name].final == result.robustness
 
 
 def test_another_robustness_and_another_verdict_are_told_apart(tmp_path: Path) -> None:

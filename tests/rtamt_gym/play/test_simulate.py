@@ -59,20 +59,20 @@ def test_a_run_says_what_an_episode_monitor_says(formula: Formula, trace: Trace)
     if not rtamt.Specification.of(formula).looks_ahead:
         formula = formula.always()
     monitor = EpisodeMonitor(formula)
-    said = []
+    message = []
     try:
-        for each in samples(trace):
-            monitor.update({name: each[name] for name in monitor.variables})
-            said.append((monitor.robustness, monitor.lower, monitor.upper))
+        for item in samples(trace):
+            monitor.update({name: item[name] for name in monitor.variables})
+            message.append((monitor.robustness, monitor.lower, monitor.upper))
     except rtamt.InputError:  # a difference of infinities
         return
     run = simulate(samples(trace), formula, stop="end", period=1)
     (course,) = run.histories.values()
     monitor.finish()
-    said[-1] = (monitor.robustness, monitor.lower, monitor.upper)
-    assert list(zip(course.robustness, course.lower, course.upper, strict=True)) == said
+    message[-1] = (monitor.robustness, monitor.lower, monitor.upper)
+    assert list(zip(course.robustness, course.lower, course.upper, strict=True)) == message
     assert (course.final, course.verdict) == (monitor.robustness, monitor.verdict)
-    signs = [(math.copysign(1.0, low), math.copysign(1.0, high)) for _, low, high in said]
+    signs = [(math.copysign(1.0, low), math.copysign(1.0, high)) for _, low, high in message]
     assert course.verdicts.tolist() == [(low > 0) - (high < 0) for low, high in signs]
     assert (run.ended, run.steps) == ("terminated", length(trace) - 1)
     assert {name: values.tolist() for name, values in run.signals.items()} == {
@@ -136,17 +136,17 @@ def test_a_run_of_an_environment_is_what_the_wrapper_sees(case: Case, view: View
         at_truncation="open",
     )
     _, info = wrapped.reset(seed=3)
-    said = [info["stl"]]
+    message = [info["stl"]]
     over = False
     for action in actions:
         if not over:
             _, _, terminated, truncated, info = wrapped.step(action)
-            said.append(info["stl"])
+            message.append(info["stl"])
             over = terminated or truncated
     for name, course in run.histories.items():
         for curve in ("robustness", "lower", "upper"):
-            assert getattr(course, curve).tolist() == [each[name][curve] for each in said]
-        assert course.verdict.name == said[-1][name]["verdict"]
+            assert getattr(course, curve).tolist() == [item[name][curve] for item in message]
+        assert course.verdict.name == message[-1][name]["verdict"]
     if view == "episode":
         for name, offline in run.replay().items():
             assert offline[0] == run.histories[name].final
@@ -165,12 +165,12 @@ def test_a_run_of_a_model_is_what_the_step_monitor_sees(read: str) -> None:
     twin = pendulum()
     monitor = StepMonitor(*twin, spec, signals, forward=True)
     monitor.reset()
-    said = [(monitor.values["x"], monitor.robustness)]
+    message = [(monitor.values["x"], monitor.robustness)]
     for _ in range(100):
         push(*twin)
         robustness = monitor.step()
-        said.append((monitor.values["x"], robustness))
-    assert list(zip(run.signals["x"], run.histories["spec"].robustness, strict=True)) == said
+        message.append((monitor.values["x"], robustness))
+    assert list(zip(run.signals["x"], run.histories["spec"].robustness, strict=True)) == message
     assert (run.system, run.period, run.duration) == ("pendulum", monitor.period, 1.0)
     assert np.array_equal(data.qpos, twin[1].qpos)
 

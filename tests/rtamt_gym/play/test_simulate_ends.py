@@ -134,9 +134,9 @@ def test_what_the_options_make_of_a_fall_and_of_a_time_limit() -> None:
 def test_a_fall_that_satisfies_an_invariant_is_told_where_nobody_has_said_what_it_means() -> None:
     env = gym.make("CartPole-v1")
     named: dict[str, Any] = {"signals": SIGNALS, "policy": lambda _: 1, "seed": 4}
-    with pytest.warns(UserWarning, match=r"specification 'near' was open") as told:
+    with pytest.warns(UserWarning, match=r"specification 'near' was open") as caught:
         simulate(env, {"goal": "eventually(x > 9)", "near": "always(abs(x) < 1)"}, **named)
-    assert [each.filename for each in told] == [__file__]
+    assert [item.filename for item in caught] == [__file__]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         simulate(env, "always(abs(x) < 1)", at_termination="complete", **named)

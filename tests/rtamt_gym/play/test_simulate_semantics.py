@@ -56,14 +56,14 @@ def test_the_roles_of_a_run_are_those_that_its_texts_declare() -> None:
     busy = gnt >= 3
     always(req >= 3 implies eventually[0:2](busy))
     """
-    said = simulate(TRACE, text, period=1, stop="end", semantics="output-robustness")
+    message = simulate(TRACE, text, period=1, stop="end", semantics="output-robustness")
     named = simulate(
         TRACE, SPECS["granted"], period=1, stop="end", semantics="output-robustness", **ROLES
     )
-    ((_, course),) = said.histories.items()
+    ((_, course),) = message.histories.items()
     assert (course.inputs, course.outputs) == (("req",), ("gnt",))
     assert course.robustness.tolist() == named.histories["spec"].robustness.tolist()
-    assert said.replay()["spec"][0] == course.final
+    assert message.replay()["spec"][0] == course.final
 
 
 def test_runs_under_different_semantics_differ() -> None:
@@ -134,7 +134,7 @@ def test_rollouts_are_evaluated_under_their_semantics(semantics: SemanticsName) 
     states, _ = rollout.rollout(model, data, start, nstep=30)
     specs = {"one": ARM, "two": "always(angle > 0.1)"}
     options: Any = {"semantics": semantics, "inputs": ["rate"], "outputs": ["angle"]}
-    found = evaluate_rollouts(model, specs, SIGNALS, states, **options)
+    result = evaluate_rollouts(model, specs, SIGNALS, states, **options)
     plain = evaluate_rollouts(
         model, {"a": "always(angle > -9)", "r": "always(rate > -9)"}, SIGNALS, states
     )
@@ -143,7 +143,7 @@ def test_rollouts_are_evaluated_under_their_semantics(semantics: SemanticsName) 
     columns = {"angle": states[:, :, 1 + place[0]], "rate": states[:, :, 1 + place[1]]}
     period = float(model.opt.timestep)
     expected = rtamt.evaluate(ARM, columns, period, **options)
-    assert np.array_equal(found["one"], expected)
+    assert np.array_equal(result["one"], expected)
     options["inputs"] = []
     expected = rtamt.evaluate(specs["two"], columns, period, **options)
-    assert np.array_equal(found["two"], expected)
+    assert np.array_equal(result["two"], expected)

@@ -96,7 +96,7 @@ def test_a_run_says_what_the_judgement_of_its_samples_says(
         return
     # The end alone violates it, so that an answer could be missing.
     assert (at_termination, found.verdict, found.vacuous) == ("failure", -1, False)
-    assert found.triggers == tuple(replace(each, vacuous=False) for each in expected.triggers)
+    assert found.triggers == tuple(replace(item, vacuous=False) for item in expected.triggers)
 
 
 @pytest.mark.parametrize("nan", ["hold", "unknown"])
@@ -163,8 +163,8 @@ def test_environments_of_a_vector_environment_have_the_rows_of_single_ones() -> 
     options: dict[str, Any] = {"episodes": 4, "at_termination": "cut"}
     together = evaluate_policy("zero", vector, LEAN, ANGLE, **options).record
     alone = evaluate_policy("zero", "CartPole-v1", LEAN, ANGLE, **options).record
-    assert [each.outcomes for each in together] == [each.outcomes for each in alone]
-    assert any(each.outcomes["right"].trigger_count for each in alone)
+    assert [item.outcomes for item in together] == [item.outcomes for item in alone]
+    assert any(item.outcomes["right"].trigger_count for item in alone)
 
 
 def test_a_monitored_environment_is_counted_too() -> None:

@@ -41,9 +41,9 @@ def spaces(env: gym.Env[Any, Any]) -> st.SearchStrategy[Space]:
             how = draw(st.sampled_from(get_args(WaveformInterpolation)))
             entries += [
                 Signal(
-                    each.name, low[i], high[i], points=draw(st.integers(2, 4)), interpolation=how
+                    item.name, low[i], high[i], points=draw(st.integers(2, 4)), interpolation=how
                 )
-                for i, each in enumerate(scenario.actions)
+                for i, item in enumerate(scenario.actions)
             ]
         return Space(entries, duration=draw(st.sampled_from([1.7, 5.0])))
 

@@ -78,13 +78,13 @@ def test_a_step_monitor_decides_by_the_sign_of_zeros(text: str, verdicts: list[s
     model = mujoco.MjModel.from_xml_string(SLIDE)
     monitor = StepMonitor(model, mujoco.MjData(model), text, {"z": "joint:up.qpos"})
     monitor.reset()
-    found = [monitor.verdict.name]
+    result = [monitor.verdict.name]
     for _ in range(2):
         monitor.step()
-        found.append(monitor.verdict.name)
+        result.append(monitor.verdict.name)
     monitor.finish()
-    found.append(monitor.verdict.name)
-    assert found == verdicts
+    result.append(monitor.verdict.name)
+    assert result == verdicts
     assert (monitor.violated_at == 0) == (verdicts[0] == "VIOLATED")
     monitor.reset()
     assert monitor.run(0.004).name == verdicts[2]

@@ -216,5 +216,5 @@ def test_a_step_is_that_of_the_environment(substeps: bool) -> None:  # noqa: FBT
         duration=0.16,
         stop="end",
     )
-    each = 2 if substeps else 1
-    assert run.signals["u"][1:].tolist() == [0.5] * 2 * each + [-0.5] * 2 * each
+    item = 2 if substeps else 1
+    assert run.signals["u"][1:].tolist() == [0.5] * 2 * item + [-0.5] * 2 * item

@@ -151,10 +151,10 @@ def test_a_search_and_its_case(project: Path, capsys: Output) -> None:
 def test_a_case_is_not_saved_after_an_edit(project: Path) -> None:
     import plant  # type: ignore[import-not-found]
 
-    found = falsify(plant.tank, "always(level < 1.5)", [Parameter("inflow", 0.1, 0.3)], period=1)
+    result = falsify(plant.tank, "always(level < 1.5)", [Parameter("inflow", 0.1, 0.3)], period=1)
     (project / "drain.py").write_text("RATE = 0.2\n")
     with pytest.raises(InputError, match=r"drain.py has changed since the search; search again"):
-        found.save("case.json")
+        result.save("case.json")
 
 
 def test_evaluations_and_comparisons(project: Path, capsys: Output) -> None:
@@ -233,7 +233,7 @@ def test_a_folder_and_a_project_may_move(project: Path, capsys: Output) -> None:
     assert main([*SWEEP[:-1], "moved"]) == 0
     assert "reused 4 of 4 simulations from moved" in capsys.readouterr().out
     (project / "plant.py").rename("renamed.py")
-    command = [each.replace("plant:", "renamed:") for each in [*SWEEP[:-1], "moved"]]
+    command = [item.replace("plant:", "renamed:") for item in [*SWEEP[:-1], "moved"]]
     refused(command, "plant.py is no longer used, renamed.py is new", "moved", capsys)
 
 

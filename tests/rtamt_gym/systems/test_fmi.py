@@ -44,10 +44,10 @@ def levels(
     steps: int, inflow: Callable[[int], float], *, area: float = 1.0, drain: float = 0.5
 ) -> list[float]:
     """The definition of the tank."""
-    found = [1.0]
+    result = [1.0]
     for i in range(steps):
-        found.append(found[-1] + 0.1 * (inflow(i) - drain * found[-1]) / area)
-    return found
+        result.append(result[-1] + 0.1 * (inflow(i) - drain * result[-1]) / area)
+    return result
 
 
 def test_an_fmu_computes_what_its_model_does(folder: Path) -> None:

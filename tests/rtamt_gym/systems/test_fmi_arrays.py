@@ -59,21 +59,21 @@ def test_a_formula_reads_a_number_by_a_signal(tank: Path) -> None:
 
 def test_all_types_are_read_with_what_they_start_with(tank: Path) -> None:
     names = "turns[0]", "turns[2]", "open[0]", "open[1]", "valves[1]", "grid[0][0]", "grid[1][2]"
-    found = values(Fmus(tank), *names)
-    assert [each[0] for each in found] == [4.0, 4.0, 0.0, 1.0, 0.0, 7.0, 0.0]
+    result = values(Fmus(tank), *names)
+    assert [item[0] for item in result] == [4.0, 4.0, 0.0, 1.0, 0.0, 7.0, 0.0]
 
 
 @given(st.dictionaries(st.sampled_from(GRID), st.floats(-9, 9)))
 def test_a_matrix_is_set_row_by_row_and_keeps_the_rest(tank: Path, given: dict[str, float]) -> None:
-    found = values(Fmus(tank, parameters=given), *SHOWN, *GRID)
+    result = values(Fmus(tank, parameters=given), *SHOWN, *GRID)
     expected = [given.get(name, 7.0 if name == GRID[0] else 0.0) for name in GRID]
-    assert [each[0] for each in found] == expected * 2
+    assert [item[0] for item in result] == expected * 2
 
 
 def test_inputs_of_every_type_are_set_beside_those_that_are_not(tank: Path) -> None:
     system = Fmus(tank, inputs={"turns[1]": 9, "open[0]": 1, "valves[1]": 0.5})
     names = "turns[0]", "turns[1]", "turns[2]", "open[0]", "open[1]", "valves[0]", "valves[1]"
-    assert [each[2] for each in values(system, *names)] == [4.0, 9.0, 4.0, 1.0, 1.0, 0.0, 0.5]
+    assert [item[2] for item in values(system, *names)] == [4.0, 9.0, 4.0, 1.0, 1.0, 0.0, 0.5]
 
 
 def test_a_function_and_a_number_share_an_array(tank: Path) -> None:

@@ -40,10 +40,10 @@ def levels(
     area: float = 1.0,
 ) -> list[float]:
     """The definition of the tank."""
-    found = [level]
+    result = [level]
     for i in range(steps):
-        found.append(found[-1] + step * (inflow(i) - 0.5 * found[-1]) / area)
-    return found
+        result.append(result[-1] + step * (inflow(i) - 0.5 * result[-1]) / area)
+    return result
 
 
 @settings(max_examples=examples(25), suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -83,15 +83,15 @@ def test_an_interrupt_while_an_fmu_speaks_ends_the_run(
 def test_another_error_that_cannot_be_raised_is_told_as_before(
     tank: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[type[BaseException]] = []
-    monkeypatch.setattr(sys, "unraisablehook", lambda said: told.append(said.exc_type))
+    caught: list[type[BaseException]] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda said: caught.append(said.exc_type))
 
     def listen(_self: Instance, *_message: object) -> None:
         raise ZeroDivisionError
 
     monkeypatch.setattr(Instance, "listen", listen)
     assert simulate(Fmus(tank), LOW, duration=0.2).steps == 2
-    assert told == [ZeroDivisionError] * 4
+    assert caught == [ZeroDivisionError] * 4
 
 
 def test_what_breaks_a_rule_is_taken_where_it_is_not_checked(tank: Path, version: int) -> None:

@@ -63,8 +63,8 @@ def test_a_violation_ends_the_simulation_at_once(folder: Path) -> None:
 
 
 def test_a_parameter_moves_the_violation(folder: Path) -> None:
-    found = []
+    result = []
     for most in (1.5, 2.5, 99.0):
         run = simulate(coupled(folder, most=most), OPEN, duration=6)
-        found.append(run.signals["monitor.verdict"].tolist().count(-1))
-    assert found[0] > found[1] > found[2] == 0
+        result.append(run.signals["monitor.verdict"].tolist().count(-1))
+    assert result[0] > result[1] > result[2] == 0

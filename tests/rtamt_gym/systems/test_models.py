@@ -73,8 +73,8 @@ def test_an_episode_draws_by_its_seed_whatever_others_draw(kind: type[Drawing]) 
 
 def test_the_global_generators_are_left_as_they_were(torch: Torch) -> None:
     def key() -> list[int]:
-        found: Any = np.random.get_state()  # noqa: NPY002
-        return [*map(int, found[1])]
+        result: Any = np.random.get_state()  # noqa: NPY002
+        return [*map(int, result[1])]
 
     np.random.seed(3)  # noqa: NPY002
     before = torch.get_rng_state(), key()
@@ -106,16 +106,16 @@ def test_models_with_other_weights_are_told_apart() -> None:
         network = SimpleNamespace(state_dict=lambda: weights)
         return Model(SimpleNamespace(name="PPO", policy=network)).fingerprint
 
-    found = [
+    result = [
         fingerprint(),
         fingerprint(a=Weights(1, 2)),
         fingerprint(a=Weights(1, 3)),
         fingerprint(b=Weights(1, 2)),
         fingerprint(a=Weights(1), b=Weights(2)),
     ]
-    assert found[0] == "PPO"
-    assert len({*found}) == len(found)
-    assert fingerprint(a=Weights(1, 2)) == found[1]
+    assert result[0] == "PPO"
+    assert len({*result}) == len(result)
+    assert fingerprint(a=Weights(1, 2)) == result[1]
 
 
 class Saving:

@@ -80,7 +80,7 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, classes in PACKAGES.items():
         package = ModuleType(name)
         package.__spec__ = ModuleSpec(name, None)
-        package.__dict__.update({each: type(each, (Model,), {}) for each in classes})
+        package.__dict__.update({item: type(item, (Model,), {}) for item in classes})
         monkeypatch.setitem(sys.modules, name, package)
 
 
@@ -296,10 +296,10 @@ def test_models_with_other_statistics_are_told_apart() -> None:
         statistics = Statistics(pickle.dumps(normalizer))
         return models.Model(SimpleNamespace(name="PPO"), statistics=statistics).fingerprint
 
-    found = [fingerprint(), fingerprint(0.0), fingerprint(0.5), fingerprint(0.5, 0.0)]
-    assert found[0] == "PPO"
-    assert len(set(found)) == 4
-    assert fingerprint(0.5, 0.0) == found[3]
+    result = [fingerprint(), fingerprint(0.0), fingerprint(0.5), fingerprint(0.5, 0.0)]
+    assert result[0] == "PPO"
+    assert len(set(result)) == 4
+    assert fingerprint(0.5, 0.0) == result[3]
 
 
 def test_statistics_that_cannot_be_loaded_are_refused() -> None:

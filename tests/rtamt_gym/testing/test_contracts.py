@@ -216,8 +216,8 @@ def opened_by(kind: str) -> Any:  # noqa: ANN401
         if noise and kind == "reads noise":
             yield ArrayRecording(path, {"time": np.arange(2.0), "speed": np.zeros(2)})
             return
-        with _open(path, columns) as found:
-            yield found
+        with _open(path, columns) as result:
+            yield result
 
     return opened
 

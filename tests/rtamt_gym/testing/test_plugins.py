@@ -75,9 +75,9 @@ def test_plugins_are_found(tmp_path: Path) -> None:
     said = rtamt(tmp_path, "falsify", "--help").stdout
     assert "darts: Points that nobody aims" in " ".join(said.split())
     system = "rtamt/RequestGrant-v0"
-    found = rtamt(tmp_path, "falsify", system, "--optimizer", "darts", "--budget", "2")
-    assert "optimizer darts" in found.stdout
-    assert found.stderr == ""
+    result = rtamt(tmp_path, "falsify", system, "--optimizer", "darts", "--budget", "2")
+    assert "optimizer darts" in result.stdout
+    assert result.stderr == ""
 
 
 @pytest.mark.parametrize(

@@ -53,15 +53,15 @@ def changing(draw: st.DrawFn, costs: tuple[str | None, ...]) -> tuple[Case, dict
 def arguments(case: Case, texts: dict[str, Named], which: str) -> dict[str, Any]:
     """Those of a wrapper, with the first values or the others."""
     values: dict[str, str] = {}
-    for each in texts.values():
-        values |= each.first | (each.then if which == "then" else {})
-    specs = {name: each.text for name, each in texts.items()}
+    for item in texts.values():
+        values |= item.first | (item.then if which == "then" else {})
+    specs = {name: item.text for name, item in texts.items()}
     options = {**vars(case.options), "signals": SIGNALS, "period": 1}
     return {"specs": specs, "constants": values, **options}
 
 
 def others(texts: dict[str, Named]) -> dict[str, str]:
-    return {name: value for each in texts.values() for name, value in each.then.items()}
+    return {name: value for item in texts.values() for name, value in item.then.items()}
 
 
 def episode(env: gym.Env[Any, Any], **reset: Any) -> list[Any]:
@@ -281,8 +281,8 @@ def test_agents_follow() -> None:
     env = ParallelStlMonitor(Crew(numbers), text, constants={"low": -1}, **given)
     fresh = ParallelStlMonitor(Crew(numbers), text, constants={"low": 2}, **given)
     assert env.reset()[1]["a"]["robustness"] == 4.0
-    for each, options in ((env, {"constants": {"low": 2}}), (fresh, None)):
-        assert each.reset(options=options)[1]["a"]["robustness"] == 1.0
+    for item, options in ((env, {"constants": {"low": 2}}), (fresh, None)):
+        assert item.reset(options=options)[1]["a"]["robustness"] == 1.0
     actions = {name: np.zeros(1) for name in numbers}
     while fresh.agents:
         assert difference(fresh.step(actions), env.step(actions)) == ""
@@ -332,11 +332,11 @@ def test_a_copy_in_the_middle_goes_its_own_way() -> None:
     env.constants = {"a": 0.05}
     copies = [deepcopy(env), pickle.loads(pickle.dumps(env))]
     expected = [env.step(1), env.reset(seed=4), env.step(0)]
-    for each in copies:
-        got = [each.step(1), each.reset(seed=4), each.step(0)]
+    for item in copies:
+        got = [item.step(1), item.reset(seed=4), item.step(0)]
         assert difference(expected, got) == ""
-        each.reset(options={"constants": {"a": 1.0}})
-        assert (env.constants["a"], each.constants["a"]) == (0.05, 1.0)
+        item.reset(options={"constants": {"a": 1.0}})
+        assert (env.constants["a"], item.constants["a"]) == (0.05, 1.0)
 
 
 def test_evaluation_is_under_the_constants_that_hold() -> None:
@@ -424,9 +424,9 @@ def test_what_cannot_be_leaves_all_as_it_was(
     way: Way, values: Any, kind: type[Exception], said: str
 ) -> None:
     env, plain = make_constant_pole(), make_constant_pole()
-    for each in (env, plain):
-        each.reset(seed=1)
-        each.step(1)
+    for item in (env, plain):
+        item.reset(seed=1)
+        item.step(1)
     with pytest.raises(kind) as caught:
         env.reset(**way(env, values))
     assert str(caught.value) == said

@@ -44,8 +44,8 @@ def warned(act: Callable[[], object]) -> list[str]:
         warnings.simplefilter("always")
         warnings.simplefilter("ignore", UnseenEndWarning)
         act()
-    assert all(each.category is UserWarning for each in caught)
-    return [str(each.message) for each in caught]
+    assert all(item.category is UserWarning for item in caught)
+    return [str(item.message) for item in caught]
 
 
 def play(env: gym.Env[Any, Any], episodes: int) -> list[list[dict[str, Any]]]:
@@ -76,9 +76,9 @@ def text(clip: float, clipped: int, seen: int, low: float, high: float) -> str:
 
 
 def raised(clip: float, below: int, seen: int, low: float, high: float) -> str:
-    said = text(clip, below, seen, low, high)
+    message = text(clip, below, seen, low, high)
     outside = f"outside of [-{clip:g}, {clip:g}]"
-    return said.replace(outside, f"below -{clip:g}, where no step towards satisfaction shows")
+    return message.replace(outside, f"below -{clip:g}, where no step towards satisfaction shows")
 
 
 def shaped(env: gym.Env[Any, Any], specs: Any = "always(x > 0)", **options: Any) -> Any:
@@ -155,7 +155,7 @@ def drawn(seed: int) -> list[list[float]]:
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("mode", ["add", "potential", "terminal", "hierarchical"])
 def test_the_figures_are_those_of_a_count_by_hand(mode: str) -> None:
-    said = 0
+    message = 0
     for seed in range(12):
         options: Any = {"mode": mode, "weights": WEIGHTS, "details": True, "period": 1}
         if mode == "hierarchical":
@@ -163,12 +163,12 @@ def test_the_figures_are_those_of_a_count_by_hand(mode: str) -> None:
         clip = 0.05 * (1 + seed % 4)
         env = shaped(Tour(drawn(seed)), SPECS, clip=clip, **options)
         played: list[list[dict[str, Any]]] = []
-        found = warned(functools.partial(gather, env, played))
+        result = warned(functools.partial(gather, env, played))
         samples = [infos[-1:] if mode == "terminal" else infos for infos in played]
         numbers = [decided(info["stl"], mode) for infos in samples for info in infos]
-        assert found == expected(numbers, clip)
-        said += len(found)
-    assert 2 <= said <= 11
+        assert result == expected(numbers, clip)
+        message += len(result)
+    assert 2 <= message <= 11
 
 
 @pytest.mark.slow(keep=2)
@@ -176,7 +176,7 @@ def test_the_figures_are_those_of_a_count_by_hand(mode: str) -> None:
 @pytest.mark.parametrize("mode", ["add", "terminal"])
 def test_many_environments_are_watched_as_one(mode: str, autoreset: AutoresetMode) -> None:
     tours = [drawn(seed) for seed in range(3)]
-    said = 0
+    message = 0
     for num in (1, 3):
         for clip in (0.05, 0.1, 0.3):
             options: Any = {**OPTIONS, "mode": mode, "details": True, "period": 1, "clip": clip}
@@ -184,13 +184,13 @@ def test_many_environments_are_watched_as_one(mode: str, autoreset: AutoresetMod
             makes = [functools.partial(Tour, tour) for tour in tours[:num]]
             envs = VectorStlReward(sync(makes, autoreset), SPECS, X, **options)
             numbers: list[float] = []
-            found = warned(functools.partial(watch, envs, numbers, mode))
-            assert found == expected(numbers, clip)
+            result = warned(functools.partial(watch, envs, numbers, mode))
+            assert result == expected(numbers, clip)
             if num == 1:
                 alone = shaped(Tour(tours[0]), SPECS, **options)
-                assert warned(functools.partial(play, alone, 10)) == found
-            said += len(found)
-    assert 0 < said < 6
+                assert warned(functools.partial(play, alone, 10)) == result
+            message += len(result)
+    assert 0 < message < 6
 
 
 def watch(envs: Any, numbers: list[float], mode: str) -> None:
@@ -236,14 +236,14 @@ def test_an_infinite_robustness_is_at_every_clip_and_does_not_count() -> None:
 
 def test_a_terminal_reward_is_judged_by_what_it_pays() -> None:
     flat_before, flat_at_end = [9.0, 9.0, 9.0, 0.5], [0.5, 0.4, 0.3, -9.0]
-    for values, mode, found in [
+    for values, mode, result in [
         (flat_before * 9, "add", []),
         (flat_before, "terminal", []),
         (flat_at_end, "terminal", [text(1, 10, 10, -9, -9)]),
         (flat_at_end, "add", []),
     ]:
         env = shaped(Replay(values), mode=mode)
-        assert warned(functools.partial(play, env, 10)) == found
+        assert warned(functools.partial(play, env, 10)) == result
 
 
 def test_an_episode_that_a_time_limit_outside_cuts_is_an_episode() -> None:
@@ -330,7 +330,7 @@ def observe(env: Any, episodes: int) -> list[str]:
             env.reset()
             for _ in VALUES[1:]:
                 env.step(np.zeros(1))
-    return [str(each.message) for each in caught]
+    return [str(item.message) for item in caught]
 
 
 def test_a_monitor_warns_once_at_the_end_of_the_tenth_episode() -> None:
@@ -354,17 +354,17 @@ def test_a_monitor_warns_once_at_the_end_of_the_tenth_episode() -> None:
 )
 def test_half_of_the_samples_is_not_most(options: dict[str, Any], says: list[str]) -> None:
     env = StlMonitor(Replay(VALUES), OBSERVED, X, **{**WATCHES, **options})
-    said = observe(env, 12)
-    assert len(said) == len(says)
-    assert all(each.startswith(begin) for each, begin in zip(said, says, strict=True))
+    message = observe(env, 12)
+    assert len(message) == len(says)
+    assert all(item.startswith(begin) for item, begin in zip(message, says, strict=True))
 
 
 def test_a_reward_says_it_of_what_it_shows_unless_it_says_it_of_what_it_pays() -> None:
     env = StlReward(Replay(VALUES), OBSERVED, X, mode="terminal", clip=1.0, **WATCHES)
     assert observe(env, 12) == [SAYS]
     env = StlReward(Replay(VALUES), {"far": OBSERVED["far"]}, X, mode="add", clip=1.0, **WATCHES)
-    (said,) = observe(env, 12)
-    assert said.startswith("clip=1 flattens the reward")
+    (message,) = observe(env, 12)
+    assert message.startswith("clip=1 flattens the reward")
     weighed = StlReward(
         Replay(VALUES), OBSERVED, X, mode="terminal", weights={"near": 0.1, "far": 0.1}, **WATCHES
     )
@@ -385,5 +385,5 @@ def test_many_environments_count_together(mode: AutoresetMode, kind: Any) -> Non
             ended = terminated | truncated
             if mode is AutoresetMode.DISABLED and ended.any():
                 envs.reset(options={"reset_mask": ended})
-    (said,) = [str(each.message) for each in caught]
-    assert said == SAYS
+    (message,) = [str(item.message) for item in caught]
+    assert message == SAYS

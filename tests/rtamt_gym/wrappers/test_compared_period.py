@@ -115,7 +115,7 @@ def test_many_environments_tell_it_where_episodes_begin(mode: AutoresetMode) -> 
     assert difference(shown, trajectory(singles, 40)) == ""
     told = [row[-1].get("_stl_period", np.zeros(3, bool)) for row in shown]
     assert told[0].all()
-    assert 1 <= sum(bool(each.any()) for each in told[1:]) < 30
+    assert 1 <= sum(bool(item.any()) for item in told[1:]) < 30
     assert str(together) == f"<VectorStlMonitor{together.env}, period 0.02 s>"
     assert together.describe()["spec"]["period"] == 0.02
     assert together.describe()["spec"]["robustness"].shape == (3,)
@@ -327,7 +327,7 @@ def later_warnings(env: Any, change: Callable[[], object], episodes: int = 2) ->
         change()
         for _ in range(episodes):
             actions(env, 12)
-    return [str(each.message) for each in told]
+    return [str(item.message) for item in told]
 
 
 @pytest.mark.parametrize(
@@ -423,7 +423,7 @@ def test_native_environments_change_their_period() -> None:
     bare.tau = 0.04
     with pytest.warns(UserWarning, match=r"lasts 0\.04 s since this reset") as told:
         go_on(envs)
-    assert len([each for each in told if "since this reset" in str(each.message)]) == 1
+    assert len([item for item in told if "since this reset" in str(item.message)]) == 1
     bare.tau = 0.02
     read = VectorStlMonitor(bare, TIMED, X)
     read.reset(seed=1)

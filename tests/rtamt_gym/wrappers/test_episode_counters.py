@@ -138,9 +138,9 @@ def test_statistics_inside_say_what_was_paid(
     for episode in range(1, 4):
         paid, own, info = play(env)
         assert paid != own
-        found = info["episode"]
-        assert (found["r"], found["r_env"], found["l"]) == (paid, own, 5)
-        assert type(found["r"]) is np.float64
+        result = info["episode"]
+        assert (result["r"], result["r_env"], result["l"]) == (paid, own, 5)
+        assert type(result["r"]) is np.float64
         assert returns(logs) == [paid] * episode
 
 
@@ -151,8 +151,8 @@ def test_an_episode_that_the_monitor_ends_is_counted_once(keeper: Callable[[Env]
         env = shaped(logs, on_violation=how)
         for episode in range(1, 4):
             paid, own, info = play(env)
-            found = info["episode"]
-            assert (found["r"], found["r_env"], found["l"]) == (paid, own, 3)
+            result = info["episode"]
+            assert (result["r"], result["r_env"], result["l"]) == (paid, own, 3)
             assert own == 1 + 2 + 3
             assert returns(logs) == [paid] * episode
 
@@ -237,14 +237,14 @@ def test_many_environments_say_what_each_does(mode: str, autoreset: AutoresetMod
         for n, keeper in [(3, RecordEpisodeStatistics), (4, Monitor), (6, Monitor)]
     ]
     options: Any = {"mode": mode, "clip": 9.0, "on_violation": "report"}
-    singles = [functools.partial(lambda make: shaped(make(), **options), each) for each in makes]
+    singles = [functools.partial(lambda make: shaped(make(), **options), item) for item in makes]
     together = VectorStlReward(sync(makes, autoreset), "always(x > 1)", X, **options)
-    found = infos(together, 16)
-    assert difference(found, infos(sync(singles, autoreset), 16)) == ""
-    holders = [info.get("final_info", info) for info in found]
+    result = infos(together, 16)
+    assert difference(result, infos(sync(singles, autoreset), 16)) == ""
+    holders = [info.get("final_info", info) for info in result]
     counted = [holder["episode"] for holder in holders if "episode" in holder]
     assert len(counted) > 7
-    assert any((each["r"] != each["r_env"]).any() for each in counted)
+    assert any((item["r"] != item["r_env"]).any() for item in counted)
 
 
 # Before 1.4, Gymnasium's statistics left out the first reward after a reset in the same step.

@@ -83,8 +83,8 @@ def test_a_warning_points_at_the_line_that_steps_whatever_wrappers_are_between()
     makes = [lambda: Replay([3, 3])] * 2
     envs = VectorStlReward(sync(makes, AutoresetMode.SAME_STEP), INVARIANT, X, **shaping)
     assert warned(lambda: lead(envs, 6)) == [ASSUMED]
-    each = sync([monitored], AutoresetMode.NEXT_STEP)
-    assert warned(lambda: lead(each, 6)) == [ASSUMED]
+    item = sync([monitored], AutoresetMode.NEXT_STEP)
+    assert warned(lambda: lead(item, 6)) == [ASSUMED]
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_an_end_inside_a_bounded_window_is_said_once(view: View, *, history: boo
     infos: list[dict[str, Any]] = []
     env = StlMonitor(Replay(replayed), specs, X, history=history, **options)
     assert warned(lambda: infos.extend(run(env)[-1] for _ in range(3))) == [CUT]
-    assert all(each["stl_success"] for each in infos)
+    assert all(item["stl_success"] for item in infos)
     envs = VectorStlMonitor(
         sync([lambda: Replay(replayed)] * 2, AutoresetMode.SAME_STEP), specs, X, **options
     )

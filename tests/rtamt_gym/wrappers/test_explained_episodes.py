@@ -83,9 +83,9 @@ def test_every_prefix_is_explained_and_a_reset_forgets_it(view: View) -> None:
                 env.step(np.array([0.0]))
             trace = {"x": values[: i + 1]}
             expected = rtamt.explain("always(x > 1 or x < -3)", trace, 1)
-            found = env.explain()
-            assert (found.robustness, found.causes) == (expected.robustness, expected.causes)
-            assert [step.sample for step in found.steps] == [s.sample for s in expected.steps]
+            result = env.explain()
+            assert (result.robustness, result.causes) == (expected.robustness, expected.causes)
+            assert [step.sample for step in result.steps] == [s.sample for s in expected.steps]
 
 
 def test_in_the_view_of_steps_the_formula_has_the_name_of_the_specification() -> None:

@@ -50,14 +50,14 @@ def test_a_pool_says_what_gymnasiums_own_vector_environment_says() -> None:
     twin = VectorStlMonitor(own, TEXT, ANGLE)
     shown: Any = envs.reset()
     expected: Any = twin.reset(seed=5)
-    for each in [None, *actions(5, 60)]:
-        if each is not None:
-            shown, expected = envs.step(each), twin.step(each)
+    for item in [None, *actions(5, 60)]:
+        if item is not None:
+            shown, expected = envs.step(item), twin.step(item)
         elapsed = shown[-1].pop("elapsed_step")
         shown[-1].pop("env_id", None)
         assert (elapsed + 1).tolist() == envs.samples.tolist()
-        (_, *said), (_, *due) = shown, expected
-        assert difference(said[-1], due[-1]) == ""
+        (_, *message), (_, *due) = shown, expected
+        assert difference(message[-1], due[-1]) == ""
         assert np.array_equal(shown[0], expected[0])
     assert len(envs.stl_episodes) > 5
     assert str(envs) == "<VectorStlMonitor<Pool of 5 environments>, period 0.02 s>"
@@ -117,8 +117,8 @@ def test_shared_arrays_say_what_a_monitor_around_each_environment_says() -> None
     shown: Any = envs.reset(seed=7)
     expected: Any = twin.reset(seed=7)
     assert difference(list(shown), list(expected)) == ""
-    for each in actions(3, 60):
-        shown, expected = envs.step(each), twin.step(each)
+    for item in actions(3, 60):
+        shown, expected = envs.step(item), twin.step(item)
         assert difference(shown[-1], expected[-1]) == ""
         assert all(np.array_equal(a, b) for a, b in zip(shown[:4], expected[:4], strict=True))
     assert len(envs.stl_episodes) > 5
@@ -132,11 +132,11 @@ def test_rewards_are_written_into_the_array_that_the_learner_holds() -> None:
     learner.async_reset(7)
     held = shared.observations, shared.rewards, shared.terminals, shared.truncations
     ended = 0
-    for each in actions(3, 60):
-        learner.send(each)
+    for item in actions(3, 60):
+        learner.send(item)
         *arrays, infos, ids, masks = learner.recv()
         assert all(array is own for array, own in zip(arrays, held, strict=True))
-        obs, rewards, terminated, truncated, said = twin.step(each)
+        obs, rewards, terminated, truncated, message = twin.step(item)
         assert np.array_equal(held[0], obs)
         assert np.array_equal(held[1], rewards.astype(np.float32))
         assert np.array_equal(held[2], terminated)
@@ -147,9 +147,9 @@ def test_rewards_are_written_into_the_array_that_the_learner_holds() -> None:
         told = [info for info in infos if "ended" not in info]
         assert len(told) == bool(len(over))
         if told:
-            lows = said["stl_episode"]["spec"]["robustness"][over].tolist()
+            lows = message["stl_episode"]["spec"]["robustness"][over].tolist()
             assert told[0]["stl/robustness"] == told[0]["stl/spec/robustness"] == lows
-            assert told[0]["stl/satisfied"] == said["stl_success"][over].tolist()
+            assert told[0]["stl/satisfied"] == message["stl_success"][over].tolist()
             assert told[0]["stl/spec/satisfied"] == told[0]["stl/satisfied"]
         ended += len(over)
     assert ended > 5
@@ -188,9 +188,9 @@ def test_monitors_around_the_environments_write_rewards_and_ends_themselves() ->
     twin = sync([make_rewarded_pole] * 2, NEXT_STEP)
     twin.reset(seed=4)
     shared.async_reset(4)
-    for each in actions(2, 40):
-        shared.send(each)
-        obs, rewards, terminated, truncated, _ = twin.step(each)
+    for item in actions(2, 40):
+        shared.send(item)
+        obs, rewards, terminated, truncated, _ = twin.step(item)
         assert np.array_equal(shared.observations, obs)
         assert np.array_equal(shared.rewards, rewards.astype(np.float32))
         assert np.array_equal(shared.terminals | shared.truncations, terminated | truncated)
@@ -256,5 +256,5 @@ def test_the_observation_before_stands_for_the_last_and_the_reward_is_its_own() 
     # Environment 1 ends at the third step, seen as 3 and paid 4; environment 0 at the fourth.
     assert paid == [[1, 2], [2, 3], [3, 4 + 2 * -0.5], [4 + 2 * -0.5, 2]]
     lows = {"stl/robustness": [-0.5], "stl/x/robustness": [0.5], "stl/paid/robustness": [-0.5]}
-    found = {"stl/satisfied": [0.0], "stl/x/satisfied": [1.0], "stl/paid/satisfied": [0.0]}
-    assert told == [{**lows, **found}] * 2
+    result = {"stl/satisfied": [0.0], "stl/x/satisfied": [1.0], "stl/paid/satisfied": [0.0]}
+    assert told == [{**lows, **result}] * 2

@@ -241,8 +241,8 @@ def test_observations_that_cannot_grow_are_refused() -> None:
 
 def test_signals_read_the_observation_of_the_environment() -> None:
     pole = gym.make("CartPole-v1")
-    found = refused(lambda: StlMonitor(pole, "always(x > 1)", {"x": "obs[4]"}, observe="state"))
-    assert found == (
+    result = refused(lambda: StlMonitor(pole, "always(x > 1)", {"x": "obs[4]"}, observe="state"))
+    assert result == (
         "signal 'x': obs[4] does not fit: the observation space has 4 elements there, 0 to 3; it "
         "is Box(shape=(4,), dtype=float32)"
     )
@@ -263,12 +263,12 @@ def shown(text: str, series: list[float], **options: Any) -> list[list[float]]:
     arguments: Any = {"period": 1, "on_violation": "report", "clip": 9.0}
     env = StlMonitor(Replay(series, "none"), text, X, observe="obligations", **arguments | options)
     obs, _ = env.reset()
-    found = [obs[6:].tolist()]
+    result = [obs[6:].tolist()]
     for _ in series[1:]:
         obs, *_ = env.step(np.array([0.5]))
         assert env.observation_space.contains(obs)
-        found.append(obs[6:].tolist())
-    return found
+        result.append(obs[6:].tolist())
+    return result
 
 
 def clocks(text: str, series: list[float], **options: Any) -> list[float]:

@@ -57,7 +57,7 @@ def test_no_other_end_is_moved(series: list[float], end: str, how: str) -> None:
     certain = [
         number
         for number, info in enumerate(whole)
-        if all(each["lower"] > 0.0 for each in info["stl"].values())
+        if all(item["lower"] > 0.0 for item in info["stl"].values())
     ]
     own_end = len(whole) - 1
     # At the last sample the reading of the end has made bounds certain, which is no early end.
@@ -160,9 +160,9 @@ def test_the_argument_is_recorded() -> None:
     )
     assert env.spec is not None
     again = gym.make(EnvSpec.from_json(env.spec.to_json()))
-    for each in (env, again):
-        _, info = each.reset(seed=3)
+    for item in (env, again):
+        _, info = item.reset(seed=3)
         truncated = False
         while not truncated:
-            *_, truncated, info = each.step(np.int64(0))
+            *_, truncated, info = item.step(np.int64(0))
         assert info["is_success"] is True

@@ -140,10 +140,10 @@ def test_it_is_made_again_from_its_specification_and_copied_mid_episode() -> Non
     painted.reset()
     painted.step(np.zeros(1))
     copies = [copy.deepcopy(painted), pickle.loads(pickle.dumps(painted))]
-    for each in [painted, *copies]:
-        each.step(np.zeros(1))
-    for each in copies:
-        assert np.array_equal(each.render(), painted.render())
+    for item in [painted, *copies]:
+        item.step(np.zeros(1))
+    for item in copies:
+        assert np.array_equal(item.render(), painted.render())
 
 
 def test_a_callable_signal_is_called_once_a_sample() -> None:
@@ -162,10 +162,10 @@ def test_a_callable_signal_is_called_once_a_sample() -> None:
 
 def test_the_monitor_tells_signals_as_it_reads_them() -> None:
     plain = StlMonitor(Painted(VALUES), SPECS, X, period=1, on_violation="report")
-    told = StlMonitor(Painted(VALUES), SPECS, X, period=1, on_violation="report")
-    newest = told.newest_signals()
-    assert (newest, told.newest_signals() is newest) == ({}, True)
-    assert equal(rollout(plain), rollout(told))
+    recorded = StlMonitor(Painted(VALUES), SPECS, X, period=1, on_violation="report")
+    newest = recorded.newest_signals()
+    assert (newest, recorded.newest_signals() is newest) == ({}, True)
+    assert equal(rollout(plain), rollout(recorded))
     assert newest == {"x": VALUES[-1]}
 
 
@@ -178,13 +178,13 @@ def test_a_bar_shows_sign_and_size_without_colour(value: float) -> None:
         return panel.draw(black, [Sight(0, "", (gauge,), ())])[100:, :448]  # without the number
 
     zero, plus, minus = drawn(0.0), drawn(value), drawn(-value)
-    right, left = (np.flatnonzero((each != zero).any(axis=(0, 2))) for each in (plus, minus))
+    right, left = (np.flatnonzero((item != zero).any(axis=(0, 2))) for item in (plus, minus))
     # The bars leave the middle to opposite sides, and reach equally far.
     assert abs(int(right.min()) - int(left.max())) <= 2
     assert abs(len(right) - len(left)) <= 3
     # A negative one is hatched: along it light and dark alternate.
     row = np.flatnonzero((plus != zero).any(axis=(1, 2)))[2]
-    changes = [np.count_nonzero(np.diff(each[row].sum(axis=1))) for each in (plus, minus)]
+    changes = [np.count_nonzero(np.diff(item[row].sum(axis=1))) for item in (plus, minus)]
     assert changes[1] - changes[0] >= 2 * (len(left) // 6)
 
 

@@ -38,10 +38,16 @@ class Paid(OneOf):
 
 
 def options(mode: str, **others: Any) -> dict[str, Any]:
-    found: dict[str, Any] = {"mode": mode, "clip": 2.0, "weights": {"goal": 0.5}, **GIVEN, **others}
-    if mode == "verdict" and not (found.get("bonus") or found.get("penalty")):
-        found["bonus"] = 2.0
-    return {**found, **({"priorities": PRIORITIES} if mode == "hierarchical" else {})}
+    result: dict[str, Any] = {
+        "mode": mode,
+        "clip": 2.0,
+        "weights": {"goal": 0.5},
+        **GIVEN,
+        **others,
+    }
+    if mode == "verdict" and not (result.get("bonus") or result.get("penalty")):
+        result["bonus"] = 2.0
+    return {**result, **({"priorities": PRIORITIES} if mode == "hierarchical" else {})}
 
 
 @pytest.mark.slow(keep=2)
@@ -91,13 +97,13 @@ def test_agents_that_stay_are_paid_as_each_alone(
     alone = {name: StlReward(Paid(crew(), name), specs, of_one, **given) for name in numbers}
     for _ in range(2):
         env.reset(seed=3)
-        for each in alone.values():
-            each.reset(seed=3)
+        for item in alone.values():
+            item.reset(seed=3)
         while env.agents:
             actions = {name: np.array([0.5]) for name in numbers}
             _, rewards, _, _, infos = env.step(actions)
-            for name, each in alone.items():
-                _, expected, *_, info = each.step(actions)
+            for name, item in alone.items():
+                _, expected, *_, info = item.step(actions)
                 assert repr(rewards[name]) == repr(expected)
                 assert repr(infos[name]["reward"]) == repr(info["reward"])
                 assert infos[name]["robustness"] == info["robustness"]
@@ -164,7 +170,7 @@ def test_a_close_closes_what_is_inside_and_ends_the_episode_in_the_records() -> 
     env.step({agent: np.zeros(1) for agent in env.agents})
     env.close()
     assert crew.closed
-    assert [(each["samples"], each["truncated"]) for each in env.stl_episodes] == [(2, True)]
+    assert [(item["samples"], item["truncated"]) for item in env.stl_episodes] == [(2, True)]
 
 
 def test_constants_change_what_is_paid() -> None:

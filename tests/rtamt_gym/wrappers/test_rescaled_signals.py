@@ -155,14 +155,14 @@ def test_many_environments_are_read_beneath_too(signals: dict[str, Any]) -> None
         for key in ("robustness", "stl_violated", "stl_period", "stl_violated_at"):
             assert (key in left) == (key in right)
             assert np.array_equal(left.get(key), right.get(key)), key
-    found = [
+    result = [
         evaluate_policy("zero", envs, SPEC, signals, episodes=4, below=below)
         for envs, below in (
             (NormalizeObservations(sync([pole] * 2, mode)), True),
             (sync([pole] * 2, mode), False),
         )
     ]
-    rows = [[row.outcomes["spec"].robustness for row in each.record] for each in found]
+    rows = [[row.outcomes["spec"].robustness for row in item.record] for item in result]
     assert rows[0] == rows[1]
 
 

@@ -43,26 +43,26 @@ def test_an_environment_is_monitored_as_with_the_rounded_bounds(align: str) -> N
 
 @pytest.mark.parametrize("align", FITTING)
 def test_environments_are_monitored_as_with_the_rounded_bounds(align: Any) -> None:
-    found = []
+    result = []
     for text, options in ((MISFIT, {"align": align}), (FITTING[align], {})):
         envs = gym.make_vec("CartPole-v1", 2, vectorization_mode="sync")
         env = rtamt_gym.VectorStlMonitor(envs, text, SIGNALS, **options)
         env.reset(seed=3)
         steps = [env.step(np.array([i % 2, 1]))[4]["robustness"].tolist() for i in range(8)]
-        found.append(steps)
-    assert found[0] == found[1]
+        result.append(steps)
+    assert result[0] == result[1]
 
 
 @pytest.mark.parametrize("align", FITTING)
 def test_a_simulation_is_monitored_as_with_the_rounded_bounds(align: Any) -> None:
-    found = []
+    result = []
     for text, options in ((MISFIT, {"align": align}), (FITTING[align], {})):
         model = mujoco.MjModel.from_xml_string(MODEL)
         data = mujoco.MjData(model)
         spec = text.replace("abs(x) < 0.03", "x > 0.99")
         monitor = rtamt_gym.StepMonitor(model, data, spec, {"x": "body:ball.xpos[2]"}, **options)
-        found.append([monitor.step() for _ in range(6)])
-    assert found[0] == found[1]
+        result.append([monitor.step() for _ in range(6)])
+    assert result[0] == result[1]
 
 
 @pytest.mark.parametrize("align", FITTING)
@@ -86,11 +86,11 @@ def test_rollouts_are_evaluated_with_the_rounded_bounds(align: Any) -> None:
     model = mujoco.MjModel.from_xml_string(MODEL)
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     states = np.random.default_rng(0).uniform(-0.1, 0.1, (2, 20, size))
-    found, fitting = (
+    result, fitting = (
         rtamt_gym.mujoco.evaluate_rollouts(model, text, {"x": "qpos[0]"}, states, **options)["spec"]
         for text, options in ((MISFIT, {"align": align}), (FITTING[align], {}))
     )
-    np.testing.assert_array_equal(found, fitting)
+    np.testing.assert_array_equal(result, fitting)
 
 
 def test_the_command_takes_it_and_its_advice_names_it(capsys: pytest.CaptureFixture[str]) -> None:

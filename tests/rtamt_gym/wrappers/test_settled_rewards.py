@@ -39,13 +39,13 @@ def shaped(env: gym.Env[Any, Any], mode: Mode, **options: Any) -> StlReward[Any,
 def steps_of(env: gym.Env[Any, Any]) -> list[tuple[float, dict[str, Any]]]:
     """The rewards and infos of an episode."""
     env.reset(seed=1)
-    found = []
+    result = []
     ended = False
     while not ended:
         _, reward, terminated, truncated, info = env.step(np.array([0.5]))
-        found.append((float(reward), info))
+        result.append((float(reward), info))
         ended = terminated or truncated
-    return found
+    return result
 
 
 @given(
@@ -68,7 +68,7 @@ def test_each_is_paid_once_at_the_step_that_decides(
     expected = []
     open_still = True
     for _, info in plain:
-        verdicts = [each["verdict"] for each in info["stl"].values()]
+        verdicts = [item["verdict"] for item in info["stl"].values()]
         won, lost = set(verdicts) == {"SATISFIED"}, "VIOLATED" in verdicts
         expected.append((7.0 * won - 3.0 * lost) if open_still else 0.0)
         open_still = open_still and not (won or lost)
@@ -130,7 +130,7 @@ def test_progress_sums_to_what_the_bounds_have_gained(
     _, info = env.reset(seed=1)
 
     def middle(info: dict[str, Any]) -> float:
-        bounds = [min(each[key] for each in info["stl"].values()) for key in ("lower", "upper")]
+        bounds = [min(item[key] for item in info["stl"].values()) for key in ("lower", "upper")]
         return float(sum(np.clip(bounds, -2.0, 2.0))) / 2
 
     first, steps = middle(info), steps_of(env)

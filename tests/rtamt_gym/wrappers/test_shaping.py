@@ -46,8 +46,8 @@ def test_the_smooth_minimum_of_one_value_is_the_value(value: float, temperature:
 def test_the_minimum_tells_the_zeros_apart(values: list[float]) -> None:
     lowest = min(values, key=lambda value: (value, math.copysign(1.0, value)))
     entries = shaping.least([np.array([value, 3.0]) for value in values])
-    for found in (shaping.least(values), entries[0]):
-        assert (found, math.copysign(1.0, found)) == (lowest, math.copysign(1.0, lowest))
+    for result in (shaping.least(values), entries[0]):
+        assert (result, math.copysign(1.0, result)) == (lowest, math.copysign(1.0, lowest))
     assert entries[1] == 3.0
 
 
@@ -83,8 +83,8 @@ class Traced:
 
 
 def test_the_minimum_of_arrays_without_numbers_looks_at_none_of_them() -> None:
-    found: Any = shaping.least([cast("Any", Traced(name)) for name in "ab"])
-    assert str(found) == (
+    result: Any = shaping.least([cast("Any", Traced(name)) for name in "ab"])
+    assert str(result) == (
         "where(((minimum(a, b) == 0.0) & logical_or(signbit(a), signbit(b))), -0.0, minimum(a, b))"
     )
 
@@ -188,7 +188,7 @@ def test_arrays_are_floats_environment_by_environment(
     terminated = rng.random(entries) < 0.3
     ended = terminated | (rng.random(entries) < 0.3)
     x, x_after = shape.robustness(list(before)), shape.robustness(list(after))
-    found = shape.reward(
+    result = shape.reward(
         reward, x, x_after, terminated.astype(np.float64), ended.astype(np.float64)
     )
     for i in range(entries):
@@ -196,7 +196,7 @@ def test_arrays_are_floats_environment_by_environment(
         # numpy's exp and log may differ from those of math in the last digit.
         assert (x[i], x_after[i]) == pytest.approx(one, rel=1e-12)
         expected = shape.reward(float(reward[i]), *one, bool(terminated[i]), bool(ended[i]))
-        assert found[i] == pytest.approx(expected, rel=1e-12)
+        assert result[i] == pytest.approx(expected, rel=1e-12)
         assert np.isfinite(expected)
 
 

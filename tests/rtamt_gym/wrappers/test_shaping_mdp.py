@@ -79,9 +79,9 @@ class Graph:
 def explore(env: StlReward[Any, Any]) -> Graph:
     obs, info = env.reset()
     graph = Graph(tuple(obs))
-    found = [(graph.start, info["robustness"], env)]
-    while found:
-        state, robustness, env = found.pop()
+    result = [(graph.start, info["robustness"], env)]
+    while result:
+        state, robustness, env = result.pop()
         moves: list[tuple[State | None, float, float]] = []
         ahead = []
         for action in range(3):
@@ -98,7 +98,7 @@ def explore(env: StlReward[Any, Any]) -> Graph:
             continue
         graph.moves[state] = moves
         graph.potential[state] = float(np.clip(robustness, -3.0, 3.0))
-        found += ahead
+        result += ahead
     return graph
 
 

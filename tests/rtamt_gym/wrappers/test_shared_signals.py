@@ -33,8 +33,8 @@ def test_names_that_no_specification_reads_are_for_others() -> None:
         "terminations": [False, False],
         "truncations": [False, True],
     }
-    (found,) = relabel([episode], "always(x < 1)", SIGNALS)
-    assert found.satisfied
+    (result,) = relabel([episode], "always(x < 1)", SIGNALS)
+    assert result.satisfied
 
 
 def test_what_is_simulated_is_recorded_too() -> None:

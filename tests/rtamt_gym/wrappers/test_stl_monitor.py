@@ -170,8 +170,8 @@ def test_every_specification_gets_its_own_variables() -> None:
     specs = {"a": "always(u + x > 0)", "b": "always(r < 9)", "c": "always(x - u > 0)"}
     signals = {"x": "obs[0]", "u": ("action[0]", 0.25), "r": ("reward", 0)}
     infos = run(StlMonitor(Replay([1, 2, 3]), specs, signals, details=True))
-    found = [[spec["robustness"] for spec in info["stl"].values()] for info in infos]
-    assert found == [[1.25, 9.0, 0.75], [1.25, 8.0, 0.75], [1.25, 7.0, 0.75]]
+    result = [[spec["robustness"] for spec in info["stl"].values()] for info in infos]
+    assert result == [[1.25, 9.0, 0.75], [1.25, 8.0, 0.75], [1.25, 7.0, 0.75]]
 
 
 # ---- info ----

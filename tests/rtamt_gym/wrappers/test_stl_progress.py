@@ -42,24 +42,24 @@ def test_every_info_has_the_least_progress() -> None:
     env = pole(details=True)
     for seed in range(6):
         obs, info = env.reset(seed=seed)
-        found, ended = [info], False
+        result, ended = [info], False
         while not ended:
             obs, _, terminated, truncated, info = env.step(
                 steered(obs, info["stl"]["task"]["progress"] < 1 / 3)
             )
-            found.append(info)
+            result.append(info)
             ended = terminated or truncated
-        for each in found:
-            states = {name: each["stl"][name].get("progress") for name in SPECS}
+        for item in result:
+            states = {name: item["stl"][name].get("progress") for name in SPECS}
             assert states["calm"] is None
-            assert each["stl_progress"] == min(states["task"], states["sway"])
-            assert type(each["stl_progress"]) is np.float64
+            assert item["stl_progress"] == min(states["task"], states["sway"])
+            assert type(item["stl_progress"]) is np.float64
             for name in ("task", "sway"):
-                satisfied = each["stl"][name]["verdict"] == "SATISFIED"
+                satisfied = item["stl"][name]["verdict"] == "SATISFIED"
                 assert bool(states[name] == 1) is satisfied
-        for before, after in itertools.pairwise(found):
+        for before, after in itertools.pairwise(result):
             assert before["stl_progress"] <= after["stl_progress"]
-        last = found[-1]["stl_episode"]
+        last = result[-1]["stl_episode"]
         assert {name: last[name].get("progress") for name in SPECS} == states
 
 
@@ -75,10 +75,10 @@ def test_many_environments_have_the_infos_of_one(options: Any) -> None:
     singles = [env.reset(seed=seed)[1] for seed, env in enumerate(alone)]
     over = [False] * num
     for _ in range(steps):
-        assert infos["stl_progress"].tolist() == [each["stl_progress"] for each in singles]
+        assert infos["stl_progress"].tolist() == [item["stl_progress"] for item in singles]
         actions = [
-            steered(each, info["stl_progress"] < 1 / 3)
-            for each, info in zip(obs, singles, strict=True)
+            steered(item, info["stl_progress"] < 1 / 3)
+            for item, info in zip(obs, singles, strict=True)
         ]
         obs, _, terminated, truncated, infos = envs.step(np.array(actions))
         for entry, env in enumerate(alone):
@@ -102,10 +102,10 @@ def test_named_stages_are_kept_with_what_judged() -> None:
     assert env.reset(seed=0)[1]["stl_progress"] < 1
     again = gym.make(type(env.spec).from_json(env.spec.to_json()))  # type: ignore[union-attr]
     assert again.reset(seed=0)[1]["stl_progress"] == env.reset(seed=0)[1]["stl_progress"]
-    found = evaluate_policy(
+    result = evaluate_policy(
         _policy, "CartPole-v1", SPECS, SIGNALS, episodes=2, seed=0, stages=STAGES
     )
-    kept = json.loads(found.to_json())
+    kept = json.loads(result.to_json())
     assert kept["reading"]["stages"] == STAGES
     assert kept["trials"][0]["outcomes"]["calm"]["progress"] > 0
 
@@ -133,13 +133,13 @@ def evaluations() -> list[Any]:
 def test_results_have_progress_and_its_mean(evaluations: list[Any], tmp_path: Path) -> None:
     one, many = evaluations
     for name in SPECS:
-        found = [trial.outcomes[name].progress for trial in one.record]
-        assert found == [trial.outcomes[name].progress for trial in many.record]
+        result = [trial.outcomes[name].progress for trial in one.record]
+        assert result == [trial.outcomes[name].progress for trial in many.record]
         if name == "calm":
-            assert found == [None] * 6
+            assert result == [None] * 6
             assert one.requirements[name].progress is None
         else:
-            assert one.requirements[name].progress == pytest.approx(np.mean(found))
+            assert one.requirements[name].progress == pytest.approx(np.mean(result))
     assert "progress" in str(one)
     one.save(tmp_path / "one.json")
     again = type(one).load(tmp_path / "one.json")
@@ -160,8 +160,8 @@ def test_an_outcome_keeps_its_progress(evaluations: list[Any]) -> None:
 def test_the_page_shows_progress(evaluations: list[Any]) -> None:
     section = section_of(evaluations[0], 1000)
     task, _, calm = section.requirements[:3]
-    assert [each.progress for each in calm.trials] == [None] * 6
-    shown = sorted(each.progress for each in task.trials if each.progress is not None)
+    assert [item.progress for item in calm.trials] == [None] * 6
+    shown = sorted(item.progress for item in task.trials if item.progress is not None)
     assert shown == sorted(trial.outcomes["task"].progress for trial in evaluations[0].record)
     (statistics,) = (block for block in task.blocks if isinstance(block, Facts))
     facts = {name: text for name, text, _ in statistics.rows}

@@ -57,11 +57,11 @@ CASES = [
 MUJOCO = [case for case in CASES if not case.env_id.startswith("highway")]
 
 
-def each(*chosen: Case) -> pytest.MarkDecorator:
+def item(*chosen: Case) -> pytest.MarkDecorator:
     return pytest.mark.parametrize("case", chosen, ids=lambda case: case.env_id.split(":")[-1])
 
 
-cases = each(*CASES)
+cases = item(*CASES)
 
 
 def frames_of(case: Case, seed: int, steps: int) -> list[float]:
@@ -175,7 +175,7 @@ def test_the_period_is_the_simulations(case: Case) -> None:
 
 
 # The info of Ant-v5 speaks of positions derived before, which no state of MuJoCo holds.
-@each(*(case for case in CASES if case.env_id != "Ant-v5"))
+@item(*(case for case in CASES if case.env_id != "Ant-v5"))
 @pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_a_copy_in_mid_episode_continues_as_the_original(
     case: Case, clone: Callable[[Env], Env]
@@ -204,15 +204,15 @@ def test_environments_run_side_by_side_and_after_resets(case: Case) -> None:
     env, other = case.monitored(on_violation="report"), case.monitored(on_violation="report")
     alone = rollout(case.monitored(on_violation="report"), steps=3)
     for _ in range(2):
-        for each in (env, other):
-            each.reset(seed=7)
-            each.action_space.seed(7)
+        for item in (env, other):
+            item.reset(seed=7)
+            item.action_space.seed(7)
         for _, _, _, _, info in alone[1:]:
-            for each in (env, other):
-                assert equal(each.step(each.action_space.sample())[4], info)
+            for item in (env, other):
+                assert equal(item.step(item.action_space.sample())[4], info)
 
 
-@each(CASES[0], CASES[5])
+@item(CASES[0], CASES[5])
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
 def test_gymnasium_finds_no_fault_and_makes_it_again(case: Case) -> None:
     env = case.monitored(on_violation="report")

@@ -28,8 +28,8 @@ def test_an_episode_has_the_bounds_of_its_monitor() -> None:
         if i:
             _, _, _, _, info = env.step(0)
         assert (info["stl_lower"], info["stl_upper"]) == monitor.bounds()
-    told = info["stl_episode"]["spec"]
-    assert (told["robustness"], told["verdict"]) == (-math.inf, "UNDECIDED")
+    outcome = info["stl_episode"]["spec"]
+    assert (outcome["robustness"], outcome["verdict"]) == (-math.inf, "UNDECIDED")
     assert info["stl_undecided"]
     assert not info["stl_success"]
 
@@ -42,12 +42,12 @@ def test_environments_have_what_single_environments_have(mode: AutoresetMode) ->
     env = VectorStlMonitor(made, "always(x > 1)", X, period=1, nan="unknown")
     singles = [StlMonitor(Replay(t), "always(x > 1)", X, period=1, nan="unknown") for t in traces]
     _, infos = env.reset()
-    each = [single.reset()[1] for single in singles]
+    item = [single.reset()[1] for single in singles]
     for i in range(3):
         for key in ("stl_lower", "stl_upper", "stl_violated"):
-            assert infos[key].tolist() == [info[key] for info in each], (i, key)
+            assert infos[key].tolist() == [info[key] for info in item], (i, key)
         _, _, _, _, infos = env.step(np.zeros(3, np.int64))
-        each = [single.step(0)[4] for single in singles]
+        item = [single.step(0)[4] for single in singles]
         if mode is AutoresetMode.SAME_STEP and "final_info" in infos:
             infos = infos["final_info"]
 

@@ -138,12 +138,12 @@ def test_none_makes_the_first_sample_unknown(text: str) -> None:
     run = simulate(Distances(), text, UNKNOWN, policy=lambda _: FIXED, stop="end")
     assert run.outcomes["spec"].verdict.name == told["verdict"]
     assert math.isnan(run.signals["u"][0])
-    found = evaluate_policy(
+    result = evaluate_policy(
         lambda _: FIXED, Distances, text, UNKNOWN, episodes=2, at_termination="complete"
     )
-    assert [row.outcomes["spec"].verdict.name for row in found.record] == [told["verdict"]] * 2
-    assert found.evaluation_options is not None
-    assert found.evaluation_options["signals"] == {"u": "action[0], unknown at reset"}
+    assert [row.outcomes["spec"].verdict.name for row in result.record] == [told["verdict"]] * 2
+    assert result.evaluation_options is not None
+    assert result.evaluation_options["signals"] == {"u": "action[0], unknown at reset"}
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)

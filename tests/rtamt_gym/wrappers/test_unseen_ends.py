@@ -68,27 +68,27 @@ def test_unseen_end_is_recorded_and_warned_about_once(
 ) -> None:
     monitor: Any = monitored()
     env = around(StlReward(monitor, mode="add") if rewarded else monitor)
-    with pytest.warns(UnseenEndWarning) as told:
+    with pytest.warns(UnseenEndWarning) as caught:
         infos = episodes(env, 4)
     name = "TimeLimit" if around is limited else "Bored"
-    (message,) = (str(each.message) for each in told)
+    (message,) = (str(item.message) for item in caught)
     assert message == (
         f"{name} around StlMonitor reset an episode that had not ended for the monitor. If {name} "
         "ended it, the last info had no is_success, and success rates leave the episode out: put "
         f"{name} inside of StlMonitor. stl_episodes has the episode as truncated"
     )
-    assert told[0].filename == __file__
+    assert caught[0].filename == __file__
     assert not any("is_success" in info for info in infos)
-    assert [(each["samples"], each["truncated"]) for each in monitor.stl_episodes] == [
+    assert [(item["samples"], item["truncated"]) for item in monitor.stl_episodes] == [
         (3, True)
     ] * 3
-    assert all(each["specs"]["spec"]["satisfied"] for each in monitor.stl_episodes)
+    assert all(item["specs"]["spec"]["satisfied"] for item in monitor.stl_episodes)
 
 
 def success_buffer(env: gym.Env[Any, Any], count: int) -> list[bool]:
     """What Stable-Baselines3 averages: ``is_success`` of last infos that have it."""
-    found = [info.get("is_success") for info in episodes(env, count)]
-    return [each for each in found if each is not None]
+    result = [info.get("is_success") for info in episodes(env, count)]
+    return [item for item in result if item is not None]
 
 
 def test_limit_inside_counts_every_episode_as_the_warning_says() -> None:
@@ -142,9 +142,9 @@ def limited_monitor() -> gym.Env[Any, Any]:
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 def test_environments_of_a_vector_warn_each_once(mode: AutoresetMode) -> None:
     envs = SyncVectorEnv([limited_monitor] * 2, autoreset_mode=mode)
-    with pytest.warns(UnseenEndWarning) as told:
+    with pytest.warns(UnseenEndWarning) as caught:
         trajectory(envs, 7)
-    assert len(told) == 2
+    assert len(caught) == 2
 
 
 @pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.UnseenEndWarning")
@@ -153,7 +153,7 @@ def test_processes_record_unseen_ends() -> None:
     trajectory(envs, 7)
     recorded = envs.get_attr("stl_episodes")
     envs.close()
-    assert [len(each) for each in recorded] == [2, 2]
+    assert [len(item) for item in recorded] == [2, 2]
 
 
 class Around(VectorWrapper):
@@ -176,9 +176,9 @@ def test_wrapper_around_all_environments_is_warned_about_once() -> None:
     inside = sync([lambda: Replay(SERIES)] * 2, AutoresetMode.DISABLED)
     monitor = VectorStlMonitor(inside, SPEC, X)
     reset_early(monitor, 1)  # by the program itself
-    with pytest.warns(UnseenEndWarning, match="Around around VectorStlMonitor") as told:
+    with pytest.warns(UnseenEndWarning, match="Around around VectorStlMonitor") as caught:
         reset_early(Around(monitor), 3)
-    assert len(told) == 1
+    assert len(caught) == 1
     assert len(monitor.stl_episodes) == 1 + 3 * (2 + 1)
 
 
@@ -207,8 +207,8 @@ def test_wrapper_around_several_agents_is_warned_about_once() -> None:
             *_, infos = env.step({"one": ACTION, "two": ACTION})
         return infos
 
-    with pytest.warns(UnseenEndWarning, match="Limit around ParallelStlMonitor") as told:
+    with pytest.warns(UnseenEndWarning, match="Limit around ParallelStlMonitor") as caught:
         infos = run(3)
-    assert len(told) == 1
+    assert len(caught) == 1
     assert "is_success" not in infos["one"]
     assert len(monitor.stl_episodes) == 2

@@ -95,11 +95,11 @@ def test_masks_of_keys_are_not_needed_and_a_missing_mode_is_that_of_the_next_ste
     _, infos = envs.reset()
     assert infos["robustness"].tolist() == [5, 3]
     assert "_speed" not in infos
-    found = [envs.step(np.zeros(2))[-1] for _ in range(4)]
-    assert [each["robustness"].tolist() for each in found] == [[3, 1], [1, -1], [-1, 5], [5, 3]]
-    assert found[2]["stl_violated_at"].tolist() == [3, 0]
+    result = [envs.step(np.zeros(2))[-1] for _ in range(4)]
+    assert [item["robustness"].tolist() for item in result] == [[3, 1], [1, -1], [-1, 5], [5, 3]]
+    assert result[2]["stl_violated_at"].tolist() == [3, 0]
     assert envs.samples.tolist() == [1, 2]
-    assert [(each["env"], each["samples"]) for each in envs.stl_episodes] == [(1, 3), (0, 4)]
+    assert [(item["env"], item["samples"]) for item in envs.stl_episodes] == [(1, 3), (0, 4)]
 
 
 def test_terminal_observations_may_come_as_a_batch() -> None:
@@ -112,7 +112,7 @@ def test_terminal_observations_may_come_as_a_batch() -> None:
     assert infos["final_info"]["robustness"].tolist() == [0, -0.5]
     assert infos["final_info"]["_robustness"].tolist() == [False, True]
     assert infos["robustness"].tolist() == [0.5, 2.5]
-    assert [each["robustness"] for each in envs.stl_episodes[0]["specs"].values()] == [-0.5]
+    assert [item["robustness"] for item in envs.stl_episodes[0]["specs"].values()] == [-0.5]
 
 
 def test_what_is_observed_is_appended_to_a_batch_of_terminal_observations_too() -> None:
@@ -294,7 +294,7 @@ def test_the_buffer_keeps_the_newest_episodes() -> None:
         sync(makes, AutoresetMode.SAME_STEP), "always(x > 1)", X, buffer_length=4
     )
     trajectory(envs, 6)
-    assert [each["env"] for each in envs.stl_episodes] == [2, 0, 1, 2]
+    assert [item["env"] for item in envs.stl_episodes] == [2, 0, 1, 2]
     assert len(envs._episodes._steps) == 2
     nothing = VectorStlMonitor(
         sync(makes, AutoresetMode.SAME_STEP), "always(x > 1)", X, buffer_length=0

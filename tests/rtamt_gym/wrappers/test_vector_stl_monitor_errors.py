@@ -123,9 +123,9 @@ class Numbers(VectorWrapper):
         self.place = place
 
     def step(self, actions: Any) -> Any:
-        found = list(super().step(actions))
-        found[self.place] = np.asarray(found[self.place]).astype(np.int8)
-        return tuple(found)
+        result = list(super().step(actions))
+        result[self.place] = np.asarray(result[self.place]).astype(np.int8)
+        return tuple(result)
 
 
 @pytest.mark.parametrize(("place", "name"), [(2, "terminated"), (3, "truncated")])

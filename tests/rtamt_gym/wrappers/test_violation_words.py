@@ -93,7 +93,7 @@ def test_vector_monitor_ends_as_wrapped_environments_do(words: dict[str, str]) -
         StlMonitor, VectorStlMonitor, makes, AutoresetMode.DISABLED, SPECS, X, **options
     )
     assert not difference(trajectory(outside, 9), trajectory(singles, 9))
-    ends = {(each["env"], each["terminated"]): each["samples"] for each in outside.stl_episodes}
+    ends = {(item["env"], item["terminated"]): item["samples"] for item in outside.stl_episodes}
     if words is MIXED:
         assert ends[0, False] == 4  # b at sample 3
         assert ends[1, True] == 3  # a and b at sample 2
@@ -119,14 +119,14 @@ def test_rewards_take_the_mapping_and_pickles_keep_it() -> None:
         Replay(CAST[0]), SPECS, X, mode="replace", penalty=2.0, on_violation=MIXED, **OPTIONS
     )
     again = pickle.loads(pickle.dumps(env))
-    for each in (env, again):
-        infos = run(each)
+    for item in (env, again):
+        infos = run(item)
         assert (len(infos), infos[-1]["truncated"], infos[-1]["stl_violated_by"]) == (4, True, "c")
     envs = VectorStlReward(
         sync([lambda: Replay(CAST[0])], AutoresetMode.DISABLED),
         SPECS, X, mode="replace", on_violation=MIXED, **OPTIONS,
     )  # fmt: skip
-    assert [bool(each[3][0]) for each in trajectory(envs, 3)[1:4]] == [False, False, True]
+    assert [bool(item[3][0]) for item in trajectory(envs, 3)[1:4]] == [False, False, True]
     crew = ParallelStlReward(
         Crew({"one": CAST[0]}), SPECS, {"x": "one: obs[0]"}, mode="replace",
         on_violation=MIXED, **OPTIONS,

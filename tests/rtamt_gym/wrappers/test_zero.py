@@ -103,7 +103,7 @@ def test_many_environments_say_what_one_says_of_zeros(
     envs = both(
         StlMonitor, VectorStlMonitor, makes, mode, texts, X, on_violation="report", **options
     )
-    shown = [trajectory(each, 9) for each in envs]
+    shown = [trajectory(item, 9) for item in envs]
     assert difference(shown[0], shown[1]) == ""
     zeros = 0
     for first, second in zip(*shown, strict=True):
