@@ -70,7 +70,7 @@ FLOORS = {
     ),
     "rtamt_envs": (
         ("compiled", "scenario"),
-        ("scenario_batch",),
+        ("pictures", "scenario_batch"),
         tuple(module for module, _ in SCENARIOS.values()),
         ("environment",),
         ("vector",),

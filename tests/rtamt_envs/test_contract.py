@@ -17,7 +17,8 @@ import scenario_courses
 from gymnasium.utils.env_checker import check_env
 from rtamt_envs import SCENARIOS, scenario_of
 from rtamt_envs.compiled import compiled
-from rtamt_envs.environment import ScenarioEnv, figure_of
+from rtamt_envs.environment import ScenarioEnv
+from rtamt_envs.pictures import figure_of
 from scenario_courses import course, courses, made, middle, random_actions, read_signals
 
 import rtamt
