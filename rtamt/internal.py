@@ -5,7 +5,7 @@ from rtamt.inputs.stamps import StampOrder
 from rtamt.machines.clocks import ClockEvent, ClockKind, OperatorClock
 from rtamt.monitors.clocks import OperatorClocks
 from rtamt.monitors.explainer import explain_dense_verdict, explain_verdict
-from rtamt.monitors.judged_rows import judgements_of
+from rtamt.monitors.judgements import judgements_of
 from rtamt.monitors.monitor_sets import JointFeed, JointRead, VerdictLog, joint_feed
 
 __all__ = [

@@ -17,35 +17,36 @@ from rtamt.machines.clocks import OperatorClock
 
 
 class OperatorClocks:
-    """Counts clocks of temporal operators, and keeps the newest values of their operands.
+    """Clocks of temporal operators, with the newest values of their operands.
 
-    `feed` takes the values of parts, such as those of `VectorMonitor`: robustness, late by the
+    `feed` takes the values of parts, such as the robustness from a `VectorMonitor`: late by the
     latency of the part, and nan before it is known. The newest value of an operand that fits the
-    others is then L samples old, the ``late`` of its clock. An operator with the window [a, b] over
-    such values equals one with the window [a + L, b + L] over values that are known at once: these
-    are ``begin`` and ``end`` of its clock, and a and b below. Let t be the newest sample, and s an
-    instant at which the operator is required.
+    other operands is then L samples old; L is the ``late`` of its clock. An operator with the
+    window [a, b] over such values equals an operator with the window [a + L, b + L] over values
+    without latency. These bounds are ``begin`` and ``end`` of the clock, and a and b below. Let t
+    be the newest sample, and s an instant at which the operator is required.
 
-    * ``"oldest"`` of ``eventually[a:b] q``: an instant s is met once q has held in s + a to s + b,
-      and pending until then. The clock counts the instants from the oldest pending one to t, both
-      included, as a fraction of b + 1. It is 0 if none is pending, and 1 at the sample at which the
-      oldest is overdue; it stays there until q holds.
-    * ``"oldest"`` of ``always[a:b] p``: the same with p failing instead of q holding. The clock is
-      1 once p has held throughout the window of an instant.
-    * ``"oldest"`` of ``p until[a:b] q``: if p fails while an instant is pending, that is overdue at
-      once: the clock is 1 at this sample, and counts later instants from there on. For ``p
-      unless[a:b] q``: if p fails, nothing is pending any more, and q at its time makes the clock 1.
-    * ``"newest"``: the part of its window that the newest instant still has, ``(b - (t - s)) / b``.
+    * ``"oldest"`` of ``eventually[a:b] q``: an instant s is pending until q holds in s + a to
+      s + b. The clock counts the instants from the oldest pending instant to t, both included, as a
+      fraction of b + 1. It is 0 if no instant is pending, and 1 from the sample at which the oldest
+      is overdue until q holds.
+    * ``"oldest"`` of ``always[a:b] p``: as before, with p failing instead of q holding. The clock
+      is 1 once p has held throughout the window of an instant.
+    * ``"oldest"`` of ``p until[a:b] q``: if p fails while an instant is pending, the instant is
+      overdue at once: the clock is 1 at this sample, and counts later instants from there on. For
+      ``p unless[a:b] q``: if p fails, nothing is pending any more, and q at its time makes the
+      clock 1.
+    * ``"newest"``: the remaining part of the window of the newest instant, ``(b - (t - s)) / b``.
       For ``until`` it falls to 0 when p fails, for ``unless`` when q holds.
     * ``"last"``: the samples since the operand of ``once[a:b]``, ``prev`` or ``rise`` last held, or
-      the operand of ``historically[a:b]`` or ``fall`` last failed, as a fraction of b + 1; 1 if
-      that is longer ago or has not happened. For ``since`` it is 1 too if p has failed after q.
+      the operand of ``historically[a:b]`` or ``fall`` last failed, as a fraction of b + 1. It is 1
+      if that was longer ago or never. For ``since`` it is also 1 if p has failed after q.
 
-    A window without an end has no such fraction. Its clock is 0 if nothing is pending; otherwise,
-    for a = 0, it is 1/2 (``until``, ``eventually``, ``unless`` and ``always``, from the oldest) or
-    1. With an a > 0 it grows to that value over the first samples. For ``once`` and similar
-    operators it is 0 after the operand has held, and 1 before. An operator that is required only at
-    the first instant keeps a clock of 1.
+    A window without an end has no fraction. Its clock is 0 if nothing is pending; otherwise, for
+    a = 0, it is 1/2 (``until``, ``eventually``, ``unless`` and ``always``, from the oldest) or 1.
+    If a > 0, it grows to that value over the first samples. For ``once`` and similar operators it
+    is 1 before the operand has held, and 0 afterwards. An operator that is required only at the
+    first instant keeps a clock of 1.
 
     A batch entry without a sample stays as it is, so each entry has its own time. Objects can be
     copied and pickled in the middle of a trace.
@@ -78,11 +79,11 @@ class OperatorClocks:
         self._batch = BACKENDS[choose(backend)].clock_batch(self._clocks, parts, num)
 
     def feed(self, values: ArrayLike, mask: Entries | None = None) -> None:
-        """Take a sample in the entries of the mask; None: in all.
+        """Update the entries of the mask with a sample.
 
         Args:
             values: The newest value of each part in each entry, of shape (parts, num).
-            mask: A boolean for each entry.
+            mask: A boolean for each entry. Default: all entries.
         """
         table = np.ascontiguousarray(values, dtype=np.float64)
         if table.shape != self._shape:
@@ -93,7 +94,7 @@ class OperatorClocks:
         self._batch.feed(table, None if mask is None else self._mask(mask))
 
     def reset(self, mask: Entries | None = None) -> None:
-        """Forget every sample of the entries in the mask; None: of all."""
+        """Forget every sample of the entries in the mask; without a mask, of all entries."""
         self._batch.reset(None if mask is None else self._mask(mask))
 
     @property
@@ -133,7 +134,7 @@ class OperatorClocks:
 
 
 def _check(clock: OperatorClock, parts: int) -> None:
-    """Refuse a clock that no machine can count."""
+    """Raise InputError for a clock that no machine can count."""
     read = [part for part, _ in clock.operands]
     for part in read if clock.asked is None else [*read, clock.asked]:
         if not 0 <= part < parts:

@@ -36,31 +36,31 @@ from rtamt.program.timing import Period
 
 _M = TypeVar("_M", DenseMachine, DenseEpisodeMachine)
 
-_UPDATE = """Take in new events, and return the breakpoints that they settle.
+_UPDATE = """Update the monitor with new events; return the breakpoints that they settle.
 
 A call that raises an error leaves the monitor as it was.
 
 Args:
     events: A mapping from variables to a sequence of (time, value), an array of shape (n, 2), or
-        `Events`; or the same by keyword, ``update(x=[(0, 1.5)])``. A variable that is absent or
-        whose events are empty has no new ones. For variables that are fields, such as
-        ``cmd.linear.x``, the message may be given: ``{"cmd": [(time, message)]}``.
+        `Events`; or the same by keyword, ``update(x=[(0, 1.5)])``. Variables may be absent. For
+        variables that are fields, such as ``cmd.linear.x``, pass the message: ``{"cmd": [(time,
+        message)]}``.
 
 Returns:
-    (time, robustness) wherever the robustness changes before `settled`; each once. The first is
-    where the trace begins.
+    (time, robustness) wherever the robustness changes before `settled`, each breakpoint once. The
+    first is the start of the trace.
 
 Raises:
     InputError: On an unknown variable, a message without the field, times that do not increase
-        (from one call to the next too), two of one variable on one tick, one of 2^62 ticks or more,
-        numbers beside `numpy.datetime64`, a nan, or a term that is not a number (``sqrt(-1)``) at
-        any time of the trace.
+        (also from one call to the next), two events of a variable on one tick, a time of 2^62 ticks
+        or more, numbers together with `numpy.datetime64`, a nan, or a term that is not a number
+        (``sqrt(-1)``) at any time of the trace.
     InputTypeError: On values that are not real numbers.
     StateError: After `finish`.
 """
 
 
-_EPISODE_UPDATE = """Take in new events, and return the robustness of the trace so far.
+_EPISODE_UPDATE = """Update the monitor with new events; return the robustness of the trace so far.
 
 A call that raises an error leaves the monitor as it was.
 
@@ -109,29 +109,29 @@ class DenseMonitor(NamedValues, _Dense[DenseMachine]):
     """A monitor of the robustness over dense time, from events at any times.
 
     Signals are right-continuous step functions: a value lasts until the variable's next event. The
-    robustness is one too, and exact: nothing is sampled. The trace begins when the last variable
-    has its first event; a declared value counts from the start. The robustness of a time is
-    returned once, when every variable has an event later than that by `horizon`, for chunks of any
-    size. Memory holds the events inside the longest windows, and events of variables that run
-    ahead.
+    robustness is also a step function, and exact: nothing is sampled. The trace starts when the
+    last variable has its first event; a declared value counts from the start. The robustness of a
+    time is returned once, when every variable has an event later than that by `horizon`, for chunks
+    of any size. The monitor stores the events inside the longest windows, and events of variables
+    that run ahead.
 
     Future operators need an end, except a top-level ``always p`` or ``eventually p``: there
     ``update`` returns the minimum or maximum robustness of p so far. Times and bounds without a
-    unit are in the unit of the specification, seconds by default; times may be `numpy.datetime64`,
-    and are returned as such. Operators on neighbouring samples (`prev`, `next`, `rise`, `fall`) are
-    refused.
+    unit are in the unit of the specification, seconds by default. If times are `numpy.datetime64`,
+    so are returned times. Operators on neighbouring samples (`prev`, `next`, `rise`, `fall`) are
+    an error.
 
     Args:
         spec: Text, a formula, or a parsed specification.
         resolution: The length of a tick, in seconds or as text with a unit. Times of events go to
             the nearest tick, bounds are whole numbers of ticks.
-        interpolation: The value of a signal between events: ``"previous"``, the last one.
+        interpolation: The value of a signal between events: ``"previous"``, the last value.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:
         SpecificationError: On text that is not a specification, operators on neighbouring samples,
-            a future without an end, a formula without variables, or bounds that are no whole number
-            of ticks or 2^62 or more.
+            a future operator without an end, a formula without variables, or bounds that are not a
+            whole number of ticks or are 2^62 ticks or more.
         InputError: As for `Monitor`.
 
     Example:
@@ -173,7 +173,7 @@ class DenseMonitor(NamedValues, _Dense[DenseMachine]):
 
     @property
     def interpolation(self) -> Interpolation:
-        """The value of a signal between events: ``"previous"``, the last one."""
+        """The value of a signal between events: ``"previous"``, the last value."""
         return "previous"
 
     @property
@@ -196,8 +196,9 @@ class DenseMonitor(NamedValues, _Dense[DenseMachine]):
 
     settled: MachineValue[float] = machine_value(
         "settled",
-        "The time before which the robustness has been given: the least of the variables' last "
-        "times, less `horizon`; -inf until every variable has an event; after `finish`, the end.",
+        "The time before which the robustness has been returned: the earliest of the variables' "
+        "last times, minus `horizon`; -inf until every variable has an event; after `finish`, the "
+        "end.",
     )
 
     def finish(self) -> list[tuple[float, float]]:
@@ -209,7 +210,7 @@ class DenseMonitor(NamedValues, _Dense[DenseMachine]):
 
         Raises:
             StateError: If a variable has no event.
-            InputError: If there is no time at which all variables are known.
+            InputError: If all variables are never known at the same time.
         """
         return self._machine.finish()
 
@@ -219,7 +220,7 @@ class DenseMonitor(NamedValues, _Dense[DenseMachine]):
 
 @described("max_gap")
 class DenseEpisodeMonitor(EpisodeValues[float, bool], _Dense[DenseEpisodeMachine]):
-    """A monitor of the robustness of a whole trace in dense time, with bounds as events come.
+    """A monitor of the robustness of a whole trace in dense time, with bounds after every update.
 
     The robustness is about the start of the trace, the first time when all variables are known;
     write invariants with ``always(...)``. Future operators need no end. The trace so far ends at
@@ -237,8 +238,8 @@ class DenseEpisodeMonitor(EpisodeValues[float, bool], _Dense[DenseEpisodeMachine
     Args:
         spec: Text, a formula, or a parsed specification.
         resolution: As for `rtamt.dense.Monitor`.
-        nan: ``"raise"`` refuses nan and uncertain values; ``"unknown"`` reads nan as a value of
-            which nothing is known until the next event.
+        nan: ``"raise"`` refuses nan and uncertain values; ``"unknown"`` reads nan as an unknown
+            value until the next event.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:
@@ -260,8 +261,8 @@ class DenseEpisodeMonitor(EpisodeValues[float, bool], _Dense[DenseEpisodeMachine
     """
 
     __slots__ = {
-        "max_gap": "The longest time between events that leaves no hole, in seconds; or None.",
-        "nan": 'What an event of nan is: ``"raise"`` or ``"unknown"``.',
+        "max_gap": "The maximum time in seconds over which a value holds; None without a limit.",
+        "nan": 'How nan is read: ``"raise"`` or ``"unknown"``.',
         "update": _EPISODE_UPDATE,
     }
 
@@ -290,13 +291,13 @@ class DenseEpisodeMonitor(EpisodeValues[float, bool], _Dense[DenseEpisodeMachine
 
     settled: MachineValue[float] = machine_value(
         "settled",
-        "The end of the trace so far: the least of the variables' last times; -inf until all "
+        "The end of the trace so far: the earliest of the variables' last times; -inf until all "
         "variables are known at one time.",
     )
     decided_at: MachineValue[float | None] = machine_value(
         "decided_at",
         "The first tick such that the trace up to it decides the verdict, whatever follows: a time "
-        "of the kind of the events' times; None while there is none, and if the end decided.",
+        "of the kind of the events' times; None before a decision, and if the end decided.",
     )
 
     @property
@@ -305,7 +306,7 @@ class DenseEpisodeMonitor(EpisodeValues[float, bool], _Dense[DenseEpisodeMachine
         return Verdict(verdict_of(self.lower, self.upper))
 
     def bounds(self) -> tuple[float, float]:
-        """Give `lower` and `upper` as a pair."""
+        """Return `lower` and `upper` as a pair."""
         return self.lower, self.upper
 
     def finish(self, end: End = "complete") -> float:
@@ -320,8 +321,8 @@ class DenseEpisodeMonitor(EpisodeValues[float, bool], _Dense[DenseEpisodeMachine
             ``robustness``, the robustness of the complete trace, moved to the bounds.
 
         Raises:
-            InputError: On another end mode, or if no time has all variables known; then the trace
-                continues.
+            InputError: On another end mode, or if all variables are never known at the same time;
+                then the trace continues.
             StateError: If a variable has no event.
 
         Example:

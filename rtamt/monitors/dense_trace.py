@@ -43,7 +43,7 @@ from rtamt.program.interface import STANDARD, Interface
 
 
 class DenseTrace:
-    """A trace in dense time with a verdict, which its machine computes."""
+    """A trace in dense time with a verdict; the machine computes it."""
 
     def __init__(
         self,
@@ -81,7 +81,7 @@ class DenseTrace:
         return again.decided_at
 
     def early_end(self) -> str:
-        """Return how a variable ends the trace before others do; empty if none does."""
+        """Return a text about the variable that ends the trace before the others, or empty."""
         return self._reader.early_end(self._events)
 
     @property
@@ -101,7 +101,7 @@ class DenseTrace:
         return self._machines.dense_signs(regions, reader, events, self._span, self._end)
 
     def satisfied_without(self, answered: Sequence[Formula]) -> bool:
-        """Return whether the verdict is SATISFIED with ``false`` as right side of implications."""
+        """Return whether the verdict is SATISFIED with ``false`` as right sides of implications."""
         specification = _with_result(
             self._compiled.specification, unanswered(self.formula, answered)
         )
@@ -150,7 +150,7 @@ class DenseTrace:
         return _bounds(self._regions, formula)
 
     def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
-        """Return the values of a part of the formula, by standard semantics as left sides are."""
+        """Return the values of a part of the formula, for left sides by standard semantics."""
         last = self.extent.last
         runs = self._runs(formula, standard=standard)
         robustness, *bounds = runs
@@ -168,7 +168,7 @@ class DenseTrace:
         return Segments(starts, last, robust, lower, upper, find_runs)
 
     def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
-        """Return the first place after the trace at which a body fails, if none on it does."""
+        """Return the first place after the trace at which a body fails, or None."""
         last = self.extent.last
         if self._end != "cut" or instants[-1][1] <= last:
             return None
@@ -185,7 +185,7 @@ class DenseTrace:
         return None
 
     def times(self, ticks: PlaceNumbers) -> NDArray[Any]:
-        """Return the times of ticks after the start, as the times of the events are."""
+        """Return the times of ticks after the start, of the kind of the events' times."""
         dated = are_dates(self._events[0].times)  # dates do not mix with numbers
         return self._reader.times(self._span[0] + ticks, dated)
 
@@ -236,7 +236,7 @@ def _part(
 ) -> tuple[RegionProgram, EventReader]:
     """Return the program of a part of the formula, and the reader of its events.
 
-    It has the variables of the part or, without any, those of the whole formula.
+    It has the variables of the part; if the part has no variables, those of the whole formula.
     """
     specification = whole.program.specification
     part = specification.with_result(formula)

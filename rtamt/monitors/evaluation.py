@@ -42,11 +42,11 @@ def evaluate(
 ) -> Floats:
     """Return the robustness at every sample of a recorded trace, or of a batch of traces.
 
-    Windows are cut at both ends of the trace: where nothing of the window is left, ``always`` is
-    +inf and ``eventually`` -inf. Operators without an end reach to the end of the trace.
+    Windows are cut at both ends of the trace: if the whole window lies outside, ``always`` is +inf
+    and ``eventually`` -inf. Operators without an end reach to the end of the trace.
 
-    The data are a batch if ``lengths`` is given, if an array has three dimensions, or if a column
-    has two. Each trace of a batch has the values that it has alone.
+    The data are a batch if ``lengths`` is set, if an array has three dimensions, or if a column has
+    two. Each trace of a batch has the same values as alone.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -59,7 +59,7 @@ def evaluate(
             such as ``time`` or ``Time [s]``, or with an index of dates.
         n: The number of samples of one trace, for a formula without variables.
         lengths: The number of samples of each trace of a batch, 1 or more; later values are never
-            read. None: every trace has all samples. Columns of shape (traces, 1) need it.
+            read. Default: every trace has all samples. Columns of shape (traces, 1) need it.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
             for `Monitor`; ``nan="hold"`` keeps a value within its trace.
 
@@ -67,7 +67,7 @@ def evaluate(
         Array of shape (n,), or of shape (traces, samples) with nan after the end of a trace.
 
     Raises:
-        SpecificationError: As for `Monitor`, except that a future may have no end.
+        SpecificationError: As for `Monitor`, but future operators need no end.
         InputError: As for `Monitor`, and on missing variables, an empty trace, columns of different
             length, a nan, times of a frame that would be ignored, or a frame with the rows of
             several objects or episodes; for a batch with the number of the trace, and on shapes or
@@ -101,7 +101,7 @@ def evaluate_many(
     lengths: ArrayLike | None = None,
     **options: Unpack[SampleOptions],
 ) -> Floats:
-    """Return `evaluate` of a batch, as its name in the previous version does."""
+    """Return `evaluate` of a batch: the name of this in the previous version."""
     parts = compiled(evaluate_many, spec, period, options, online=False)
     return _evaluate_batch(parts, SampleReader(parts.program, parts.nan), data, lengths)
 
@@ -118,9 +118,9 @@ def evaluate_dense(
     """Return the robustness over a whole trace in dense time.
 
     Signals are right-continuous step functions: a value lasts until the variable's next event, and
-    the last event is an instant, the end. The trace is where all variables are known. Windows are
-    closed and cut to the trace: where nothing of the window is left, ``always`` is +inf and
-    ``eventually`` -inf. Operators without an end reach to the end of the trace.
+    the last event is an instant, the end. The trace covers the times at which all variables are
+    known. Windows are closed and cut to the trace: if the whole window lies outside, ``always`` is
+    +inf and ``eventually`` -inf. Operators without an end reach to the end of the trace.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -131,12 +131,12 @@ def evaluate_dense(
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Returns:
-        The robustness, a step function too: an event where it begins, wherever it changes, and at
-        the end if it changes there. A value that holds at a single instant inside the trace, with
-        another before and after, is left out; at the end it is given.
+        The robustness, which is also a step function: an event at its start, wherever it changes,
+        and at the end if it changes there. A value at a single instant inside the trace, with
+        another value before and after, is left out; a value at the end is part of the result.
 
     Raises:
-        SpecificationError: As for `rtamt.dense.Monitor`, except that a future may have no end.
+        SpecificationError: As for `rtamt.dense.Monitor`, but future operators need no end.
         InputError: On a variable without events, times that `rtamt.dense.Monitor` refuses, a nan, a
             term that is not a number, or variables that are never known at the same time.
         InputTypeError: On values that are not real numbers.
@@ -170,9 +170,9 @@ def raw_trace(
 def trace_between(
     reader: SampleReader, data: TraceColumns, n: int | None, period: Period | None
 ) -> tuple[list[Floats], list[Floats], int]:
-    """Return the least and the greatest values of a trace, and its length; see `raw_trace`.
+    """Return the smallest and the largest values of a trace, and its length; see `raw_trace`.
 
-    If all values are known, both are one list.
+    If all values are known, both are the same list.
     """
     lower, upper, length = reader.between(data, n=n, extra=True)
     _check_trace(reader, data, length, period)
@@ -206,7 +206,7 @@ def _depth(values: Any) -> int:  # noqa: ANN401 - an array or nested lists
 
 
 def _check_unambiguous(data: TraceColumns, shape: tuple[int, int]) -> None:
-    """Refuse columns of shape (n, 1), which may be one trace or n traces."""
+    """Raise InputError for columns of shape (n, 1), which may be one trace or n traces."""
     if isinstance(data, Mapping) and shape[1] == 1 < shape[0]:
         raise InputError(
             f"A column has the shape {shape}: one trace of {shape[0]} samples, or {shape[0]} "
@@ -245,7 +245,7 @@ def _evaluate_batch(
 
 
 def _tables(reader: SampleReader, data: TraceColumns) -> tuple[list[Floats], tuple[int, int]]:
-    """Return for each variable a table of shape (traces, samples), and that shape."""
+    """Return a table of shape (traces, samples) for each variable, and that shape."""
     names = reader.variables
     if isinstance(data, Mapping):
         tables = _named_tables(names, cast("Mapping[str, ArrayLike]", data))
@@ -300,7 +300,9 @@ def _ends(lengths: ArrayLike | None, shape: tuple[int, int]) -> Sequence[int]:
     if ends.shape != (traces,):
         raise InputError(f"expected a length for each of {traces} traces, got shape {ends.shape}")
     if ends.size and not 1 <= ends.min() <= ends.max() <= samples:
-        odd = int(np.argmax((ends < 1) | (ends > samples)))
-        raise InputError(f"expected lengths from 1 to {samples}, got {ends[odd]} for trace {odd}")
+        wrong = int(np.argmax((ends < 1) | (ends > samples)))
+        raise InputError(
+            f"expected lengths from 1 to {samples}, got {ends[wrong]} for trace {wrong}"
+        )
     counts: list[int] = ends.tolist()
     return counts

@@ -1,8 +1,8 @@
 """The functions that explain a robustness, over samples and over dense time.
 
-A robustness is made of the values of predicates by minimum, maximum and a change of sign: it *is*
-one of them, or its opposite. `FormulaSignals` follows it from the root down; the module `origins`
-finds the operand and the place from which one formula at one place has its value.
+A robustness is computed from the values of predicates by minimum, maximum and a change of sign, so
+it *is* the value of one predicate, or its opposite. `FormulaSignals` follows it from the root down;
+the module `origins` finds the operand and the place from which a formula has its value.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from rtamt.monitors.explanation import (
     Cause,
     Contribution,
     DenseCause,
-    DenseCircumstance,
+    DenseContribution,
     DenseExplanation,
     DenseExplanationStep,
     Explanation,
@@ -118,9 +118,10 @@ def unseen_from(place: int, runs: Runs, value: float) -> RobustnessSignal:
 def sample_signals(
     trace: SampleTrace, ahead: int, known: Mapping[Node, RobustnessSignal]
 ) -> BoundSignal:
-    """Return the bounds of formulas over samples, and so many after them, each at its first use.
+    """Return the bounds of formulas over the samples and ``ahead`` samples after them.
 
-    ``known`` has the robustness on the complete trace; nan for a formula that is not needed.
+    They are computed at the first use. ``known`` has the robustness on the complete trace; nan for
+    a formula that is not needed.
     """
     if ahead > _MAX_AHEAD:
         raise NoSingleCause
@@ -140,10 +141,10 @@ def sample_signals(
     return lambda formula, best: both(formula)[best]
 
 
-class Visit(NamedTuple):
+class OriginStep(NamedTuple):
     """A formula at a place, on the path from a specification to the cause.
 
-    Its value is its upper bound if ``best`` is true; otherwise, it is its lower bound.
+    The value is the upper bound if ``best`` is true; otherwise, it is the lower bound.
     """
 
     formula: Formula
@@ -158,7 +159,7 @@ class Visit(NamedTuple):
 class Share(NamedTuple):
     """A formula whose sign from a first to a last place contributes to a violation.
 
-    ``role`` is as in `Contribution`, ``best`` as in `Visit`, and ``outside`` as in `Origin`.
+    ``role`` is as in `Contribution`, ``best`` as in `OriginStep`, and ``outside`` as in `Origin`.
     """
 
     formula: Formula
@@ -199,27 +200,27 @@ class FormulaSignals:
         names: dict[Node, str] = {}
         for name, node in self._specification.formulas.items():
             names.setdefault(node, name)
-        own = names.pop(formula, None)
-        return own, node_text(formula, names)
+        name_of_formula = names.pop(formula, None)
+        return name_of_formula, node_text(formula, names)
 
-    def path(self, place: int) -> list[Visit]:
-        """Return the formulas from the specification at a place down to what decided."""
-        formula, path, best = self._specification.formula, list[Visit](), self._best
+    def path(self, place: int) -> list[OriginStep]:
+        """Return the formulas from the specification at a place down to the deciding formula."""
+        formula, path, best = self._specification.formula, list[OriginStep](), self._best
         while True:
             row = cast("Operator", formula.op)
             origin = Origin()
             if row.operands == "formula":
                 origin = self._origin(formula, place, best=best)
             reading = "value" if row.holds is None else self._interface.reading(formula)
-            path.append(Visit(formula, *self.named(formula), place, origin, reading, best))
+            path.append(OriginStep(formula, *self.named(formula), place, origin, reading, best))
             if origin.operand is None:
                 return path
             best = self._best_of(formula, origin.operand, best=best)
             formula, place = cast("Formula", formula.args[origin.operand]), origin.place
 
-    def rests_on_trace(self, path: Sequence[Visit]) -> bool:
+    def rests_on_trace(self, path: Sequence[OriginStep]) -> bool:
         """Return whether a path follows one value of a bound down to a place of the trace."""
-        values = [abs(self.signal(v.formula, v.best).at(v.place)) for v in path]
+        values = [abs(self.signal(step.formula, step.best).at(step.place)) for step in path]
         last = path[-1]
         if last.origin.outside is not None:
             final = last.origin.outside[1]
@@ -254,7 +255,7 @@ class FormulaSignals:
         )
 
     def _check_both(self, formula: Formula, place: int) -> None:
-        """Refuse operands that count in both directions, as of ``iff``, with unequal bounds."""
+        """Raise NoSingleCause if operands of both directions, as in ``iff``, have two bounds."""
         row = cast("Operator", formula.op)
         before = max(0, place - 1) if row.sampled else place
         for i, arg in enumerate(formula.args):
@@ -271,18 +272,18 @@ class FormulaSignals:
         k = FIRST_BEST["min" if share.role == "held" else "max"](values)
         return int(places[k]), float(values[k])
 
-    def shares(self, path: Sequence[Visit]) -> Iterator[Share]:
+    def shares(self, path: Sequence[OriginStep]) -> Iterator[Share]:
         """Yield the formulas that contribute to a violation in addition to the path.
 
         A path goes through one operand at one place: the request of a response, for example, and
-        not the grant. As long as these formulas and the last formula of the path keep their signs,
-        the violation stays. Without a violation there are none.
+        not the grant. The violation stays as long as these formulas and the last formula of the
+        path keep their signs.
         """
         if holds_by_sign(self.signal(path[0].formula, path[0].best).at(path[0].place)):
             return
         seen = {(path[-1].formula, path[-1].place, path[-1].place)}
-        for visit in path:
-            stack = [(visit.formula, part, visit.best) for part in self._others(visit)]
+        for step in path:
+            stack = [(step.formula, part, step.best) for part in self._others(step)]
             stack.reverse()
             while stack:
                 parent, part, best = stack.pop()
@@ -308,13 +309,13 @@ class FormulaSignals:
                     role = "held"
                 yield Share(formula, role, part.first, part.last, best, outside)
 
-    def _others(self, visit: Visit) -> Sequence[Part]:
+    def _others(self, step: OriginStep) -> Sequence[Part]:
         """Return the parts of a sign on the path, without the part that the path goes through."""
-        origin = visit.origin
+        origin = step.origin
         if origin.operand is None:
             return ()
         # Parts with the earliest places are few; use them if the path goes through one.
-        earliest = self._origin(visit.formula, visit.place, best=visit.best, earliest=True)
+        earliest = self._origin(step.formula, step.place, best=step.best, earliest=True)
         parts = [*flat(earliest.parts)]
         if not any(
             part.operand == origin.operand and part.first <= origin.place <= part.last
@@ -339,13 +340,13 @@ def explain(
     """Return which sub-formulas and samples decided the robustness at one sample of a trace.
 
     The robustness is the value of one predicate at one sample, or its opposite; the explanation is
-    the path there, from the specification down. Where values are equal, the first operand decides,
-    and its first sample. The robustness does not change as long as the deciding value stays and no
-    other value of a predicate crosses it or its opposite; and it follows the deciding value up to
-    the next such value.
+    the path there, from the specification down. Of equal values, the first operand decides, and its
+    first sample. The robustness does not change as long as the deciding value stays and no other
+    value of a predicate crosses it or its opposite. It follows the deciding value up to the next
+    such value.
 
-    Where a window lies outside the trace, ``always`` is +inf and ``eventually`` -inf whatever the
-    samples are; if that decided, the explanation ends with the operator and has no causes.
+    If a window lies outside the trace, ``always`` is +inf and ``eventually`` -inf whatever the
+    samples are. If that decided, the explanation ends with the operator and has no causes.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -359,8 +360,8 @@ def explain(
 
     Raises:
         SpecificationError: As for `evaluate`.
-        InputError: As for `evaluate`, and if the trace has no such sample, or ``start`` is not
-            finite.
+        InputError: As for `evaluate`, and if the trace does not have this sample, or ``start`` is
+            not finite.
         InputTypeError: As for `evaluate`, and if ``sample`` is not a whole number or ``start`` not
             a number.
 
@@ -429,7 +430,7 @@ def _explained(
     columns, length = raw_trace(reader, data, n, period)
     columns = reader.without_nan(columns)
     sample_index = _place(sample, length)
-    # What the result does not need decides nothing, and may have no value.
+    # Formulas that the result does not need decide nothing, and may have no value.
     unneeded, unknown = _unneeded(program), RobustnessSignal(np.full(length, math.nan))
     outputs = {n: program.outputs[n] for n in names if program.outputs[n] not in unneeded}
     program = program.restricted(program.result, outputs)
@@ -443,7 +444,7 @@ def _explained(
     bounds = parts.bounds
 
     def aligned(formula: Formula) -> str | None:
-        """Return what the interval of an operator became; None if its bounds fit."""
+        """Return the aligned interval of an operator; None if its bounds fit."""
         if formula.op is None or not formula.op.timed:
             return None
         return alignment(formula.interval, seconds, specification.unit, bounds(formula))
@@ -467,17 +468,17 @@ def _explained(
         raise NoSingleCause
     steps = tuple(
         ExplanationStep(
-            *(visit.formula, visit.name, visit.text, visit.place),
-            None if seconds is None else start + float(visit.place * seconds),
-            signal(visit.formula, visit.best).at(visit.place),
-            visit.origin.witness,
-            visit.origin.outside,
-            visit.reading,
-            aligned(visit.formula),
+            *(step.formula, step.name, step.text, step.place),
+            None if seconds is None else start + float(step.place * seconds),
+            signal(step.formula, step.best).at(step.place),
+            step.origin.witness,
+            step.origin.outside,
+            step.reading,
+            aligned(step.formula),
         )
-        for visit in path
+        for step in path
     )
-    circumstances = tuple(
+    contributions = tuple(
         Contribution(
             *(share.formula, *formulas.named(share.formula), share.role),
             (share.first, share.last),
@@ -501,7 +502,7 @@ def _explained(
             )
         )
     period = None if seconds is None else float(seconds)
-    return Explanation(steps, causes, period, start, circumstances)
+    return Explanation(steps, causes, period, start, contributions)
 
 
 @listed_in_signature(Options)
@@ -527,16 +528,16 @@ def explain_dense(
         spec: Text, a formula, or a parsed specification.
         signals: As for `rtamt.dense.evaluate`.
         time: The time whose robustness is explained, of the kind of the events' times; it goes to
-            the nearest tick. None: where the trace begins, the first time at which all variables
+            the nearest tick. Default: the start of the trace, the first time at which all variables
             are known.
         resolution: As for `rtamt.dense.Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:
         SpecificationError: As for `rtamt.dense.evaluate`.
-        InputError: As for `rtamt.dense.evaluate`, and if the time is not one of the trace, or a
-            number where the events have dates, or the other way round.
-        InputTypeError: As for `rtamt.dense.evaluate`, and if ``time`` is no number.
+        InputError: As for `rtamt.dense.evaluate`, and if the time is outside the trace, a number
+            although the events have dates, or a date although they have numbers.
+        InputTypeError: As for `rtamt.dense.evaluate`, and if ``time`` is not a number.
 
     Example:
         >>> import rtamt
@@ -594,12 +595,11 @@ def _explained_dense(
     )
     alone = program.result_alone()
     reader = EventReader(alone)
-    given = reader.whole(signals)
+    events_read = reader.whole(signals)
     machines = BACKENDS[backend]
-    machines.dense_machine(alone, reader, ()).run(
-        given
-    )  # raises the errors of rtamt.dense.evaluate
-    columns, dated = reader.counted(given)
+    # This raises the errors of rtamt.dense.evaluate.
+    machines.dense_machine(alone, reader, ()).run(events_read)
+    columns, dated = reader.counted(events_read)
     begin = max(int(ticks[0]) for ticks, _ in columns)
     end = min(int(ticks[-1]) for ticks, _ in columns)
     tick = begin if time is None else _tick(time, reader, begin, end, dated=bool(dated))
@@ -627,10 +627,10 @@ def _explained_dense(
     def window(outside: tuple[int | None, int | None] | None) -> tuple[Any, Any] | None:
         return outside and (moment(outside[0]), moment(outside[1]))
 
-    def circumstance(share: Share) -> DenseCircumstance:
+    def contribution(share: Share) -> DenseContribution:
         place, value = formulas.nearest(share)
         after = share.first != share.last  # a stretch lasts up to the next tick
-        return DenseCircumstance(
+        return DenseContribution(
             *(share.formula, *formulas.named(share.formula), share.role),
             (moment(share.first), moment(share.last + after)),
             *(moment(place), value),
@@ -642,15 +642,15 @@ def _explained_dense(
 
     steps = tuple(
         DenseExplanationStep(
-            *(visit.formula, visit.name, visit.text, moment(visit.place)),
-            run.signal(visit.formula, visit.best).at(visit.place),
-            moment(visit.origin.witness),
-            window(visit.origin.outside),
-            visit.reading,
-            after=visit.place % 2 == 1,
-            witness_after=(visit.origin.witness or 0) % 2 == 1,
+            *(step.formula, step.name, step.text, moment(step.place)),
+            run.signal(step.formula, step.best).at(step.place),
+            moment(step.origin.witness),
+            window(step.origin.outside),
+            step.reading,
+            after=step.place % 2 == 1,
+            witness_after=(step.origin.witness or 0) % 2 == 1,
         )
-        for visit in path
+        for step in path
     )
     causes: tuple[DenseCause, ...] = ()
     if steps[-1].outside is None:
@@ -661,19 +661,19 @@ def _explained_dense(
             for v in steps[-1].formula.variables
             for ticks, values in [events[v]]
         )
-    circumstances = tuple(map(circumstance, formulas.shares(path)))
-    return DenseExplanation(steps, causes, moment(last), specification.unit, circumstances)
+    contributions = tuple(map(contribution, formulas.shares(path)))
+    return DenseExplanation(steps, causes, moment(last), specification.unit, contributions)
 
 
 def _with_all_named(specification: Specification) -> tuple[dict[str, Formula], Specification]:
-    """Return names for all formulas in a specification, used by no formula, and it with them."""
+    """Return new names for all formulas in a specification, and the specification with them."""
     formulas = [node for node in specification.formula.nodes() if isinstance(node, Formula)]
     names = {f"#{i}": formula for i, formula in enumerate(formulas)}
     return names, replace(specification, formulas={**specification.formulas, **names})
 
 
 def _unneeded(program: Program) -> set[int]:
-    """Return the registers with a term that the result does not need, and that may thus be nan."""
+    """Return the registers that may be nan: their terms are not needed by the result."""
     needed = program.needed(program.result)
     registers: set[int] = set()
     for register, instruction in enumerate(program.instructions):
@@ -716,7 +716,7 @@ def _tick(time: object, reader: EventReader, begin: int, end: int, *, dated: boo
     first, last = (shown(reader.time(tick, dated)) for tick in (begin, end))
     trace = f"expected a time from {first} to {last}"
     is_date = isinstance(time, np.datetime64)
-    no_date = ", which is no datetime64" if dated else ""
+    no_date = ", which is not a datetime64" if dated else ""
     if not is_date and (not isinstance(time, Real) or isinstance(time, bool | np.timedelta64)):
         raise InputTypeError(f"{trace}, got {kind_of(time)}{no_date}")
     got = f"{trace}, got {shown(time) if is_date else brief(time)}"
@@ -734,7 +734,7 @@ def _tick(time: object, reader: EventReader, begin: int, end: int, *, dated: boo
 
 
 class _RegionRun:
-    """Runs the formulas of a specification over the regions of a trace, each at its first use."""
+    """The values of formulas over the regions of a trace, each computed at its first use."""
 
     def __init__(
         self,
@@ -766,7 +766,7 @@ class _RegionRun:
     def _run(self, register: int) -> tuple[RobustnessSignal, RobustnessSignal]:
         """Return the lower and the upper bound of a register."""
         if register in self._unneeded:
-            # What the result does not need decides nothing, and may have no value.
+            # Formulas that the result does not need decide nothing, and may have no value.
             unknown = RobustnessSignal(np.array([math.nan]), np.zeros(1, np.int64))
             return unknown, unknown
         part = self._program.restricted(register, {})

@@ -16,7 +16,7 @@ from rtamt.program.interface import PredicateValue
 from rtamt.renamed import OldName
 
 ShareRole = Literal["held", "missing", "broken"]
-"""What a formula had to do with a violation."""
+"""The way in which a formula contributes to a violation; see `Contribution`."""
 
 
 class Cause(NamedTuple):
@@ -33,20 +33,20 @@ class ExplanationStep:
 
     Attributes:
         formula: The formula.
-        name: Its name in the specification, or None.
+        name: The name of the formula in the specification, or None.
         text: The formula as text; named formulas inside it are shown by their names.
         sample: The sample at which it was evaluated.
         time: The time of that sample in seconds; None without a period.
-        value: Its robustness at that sample.
+        value: The robustness at that sample.
         witness: For ``until``, ``since`` and ``unless``: the sample at which the right side was
             reached, whichever side decided, or the sample that comes nearest to reaching it if the
-            formula fails; None if there is none.
+            formula fails; None without such a sample.
         outside: First and last sample of the formula's window if the window lies outside the trace
             and that decided: the formula is then +inf or -inf whatever the samples are. The first
-            is None for a window without a beginning, the last for a window without an end.
-        reading: What a predicate counts under the semantics: its usual ``"value"``, +inf or -inf
+            is None for a window without a start, the last for a window without an end.
+        reading: The value of a predicate under the semantics: its usual ``"value"``, +inf or -inf
             by its ``"sign"``, or ``"zero"``.
-        aligned: What the operator's interval became under ``align=``; None if its bounds fit.
+        aligned: The interval of the operator under ``align=``; None if its bounds fit.
     """
 
     formula: Formula
@@ -70,16 +70,16 @@ class Contribution:
 
     Attributes:
         formula: The formula.
-        name: Its name in the specification, or None.
+        name: The name of the formula in the specification, or None.
         text: The formula as text; named formulas inside it are shown by their names.
-        role: ``"held"``: it holds at all samples of ``window``. ``"missing"``: it fails at all of
-            them, and one could have prevented the violation. ``"broken"``: it fails, and had to
-            hold on a stretch of samples.
-        window: First and last of the samples.
+        role: ``"held"``: it holds at all samples of ``window``. ``"missing"``: it fails at all
+            samples of ``window``; to hold at one of them could have prevented the violation.
+            ``"broken"``: it fails, and had to hold on a stretch of samples.
+        window: The first and the last of the samples.
         sample: The first of these samples at which it comes nearest to the other sign.
-        value: Its robustness there.
-        outside: First and last sample of the formula's window if that lies outside the trace; see
-            `ExplanationStep`.
+        value: The robustness at ``sample``.
+        outside: First and last sample of the formula's window if the window lies outside the trace;
+            see `ExplanationStep`.
     """
 
     formula: Formula
@@ -110,7 +110,7 @@ class DenseExplanationStep:
 
     Attributes:
         time: The time at which it was evaluated.
-        value: Its robustness there, exactly at this time, or right after it.
+        value: The robustness exactly at this time, or right after it.
         after: Whether it was evaluated right after ``time``: up to the next tick, excluding it.
         witness_after: Whether the right side was reached right after ``witness``.
     """
@@ -128,18 +128,18 @@ class DenseExplanationStep:
 
 
 @dataclass(frozen=True, slots=True)
-class DenseCircumstance:
+class DenseContribution:
     """A formula that contributes to a violation in dense time, in addition to the steps.
 
     Attributes that are not listed are as for `Contribution`, with times instead of samples.
 
     Attributes:
-        window: Begin and end of the times at which it holds, or fails.
+        window: Start and end of the times at which it holds, or fails.
         time: The first of these times at which it comes nearest to the other sign.
-        value: Its robustness there, exactly at this time, or right after it.
+        value: The robustness exactly at this time, or right after it.
         after: Whether it comes nearest right after ``time``.
-        open_begin: Whether the begin of ``window`` does not belong to it.
-        open_end: Whether its end does not belong to it.
+        open_begin: Whether the start of ``window`` is not part of it.
+        open_end: Whether the end of ``window`` is not part of it.
     """
 
     formula: Formula
@@ -155,8 +155,8 @@ class DenseCircumstance:
     open_end: bool = False
 
 
-class _Explained:
-    """What explanations share; ``_place`` names the attribute with the place of a step."""
+class _TextExplanation:
+    """The common part of explanations; ``_place`` is the attribute of a step with its place."""
 
     _place: ClassVar[str]
     steps: tuple[Any, ...]
@@ -167,9 +167,9 @@ class _Explained:
         """Return the text of a place."""
         raise NotImplementedError
 
-    def _begins_after(self, first: object) -> bool:
-        """Return whether a window outside the trace begins right after its end."""
-        raise NotImplementedError
+    def _begins_after(self, first: object) -> bool:  # noqa: ARG002 - only in dense time
+        """Return whether a window outside the trace starts right after its end."""
+        return False
 
     @property
     def robustness(self) -> float:
@@ -226,11 +226,11 @@ class _Explained:
         if len(self.contributions) > _MAX_SHOWN:
             yield "", "", f"and {len(self.contributions) - _MAX_SHOWN} more"
 
-    def _at_step(self, step: Any) -> str:  # noqa: ANN401 - a step or a circumstance
+    def _at_step(self, step: Any) -> str:  # noqa: ANN401 - a step or a contribution
         return self._at(getattr(step, self._place), after=getattr(step, "after", False))
 
     def _value_text(self, step: Any, ending: str = "") -> str:  # noqa: ANN401 - a step
-        """Return a robustness; of 0 also whether the formula holds, which the sign bit tells."""
+        """Return a robustness as text; for 0, also whether the formula holds."""
         if step.value or self.steps[-1].reading == "zero":
             return rounded(step.value)
         return f"{zero_text(held=holds(step.value))}{ending}"
@@ -239,7 +239,7 @@ class _Explained:
         if aligned := getattr(step, "aligned", None):
             yield aligned
         if step.witness is not None:
-            # A 0 that depends on a predicate left out neither holds nor fails.
+            # A 0 that depends on a predicate of no concern neither holds nor fails.
             held = holds(step.value) and (step.value != 0 or self.steps[-1].reading != "zero")
             position = self._at(step.witness, after=getattr(step, "witness_after", False))
             yield f"{'witness' if held else 'nearest'}: the right side at {position}"
@@ -262,21 +262,21 @@ class _Explained:
 
 
 @dataclass(frozen=True)
-class Explanation(_Explained):
+class Explanation(_TextExplanation):
     """The formulas and samples that decided a robustness.
 
-    ``str`` gives a table of at most 80 columns.
+    ``str`` returns a table of at most 80 columns.
 
     Attributes:
-        steps: From the specification down; each step takes its value, or the opposite, from the
-            step below it. The last step is the predicate that decided, ``true`` or ``false``, or
-            a temporal operator whose window lies outside the trace.
+        steps: The path from the specification down; each step takes its value, or the opposite,
+            from the step below it. The last step is the predicate that decided, ``true`` or
+            ``false``, or a temporal operator whose window lies outside the trace.
         causes: The variables of that predicate with their values at the sample of the last step;
             empty if a window outside the trace decided.
         period: Seconds between samples, or None.
         start: Time of the first sample in seconds.
-        contributions: What else contributes to a violation; empty without a violation. The
-            violation stays as long as the last step and these keep their signs.
+        contributions: The other formulas that contribute to a violation; empty without a violation.
+            The violation stays as long as the last step and these formulas keep their signs.
     """
 
     _place: ClassVar = "sample"
@@ -298,21 +298,18 @@ class Explanation(_Explained):
         if self.period is None:
             return f"sample {place}"
         time = self.start + place * self.period
-        # As many digits as distinguish two samples.
+        # Enough digits to distinguish two samples.
         count = max(abs(time) / self.period, 1.0)
         if count > _MAX_COUNT:
             return f"{number_text(time)} s"
         return f"{time:.{max(int(math.log10(count)) + 3, 6)}g} s"
 
-    def _begins_after(self, first: object) -> bool:  # noqa: ARG002 - as above
-        return False
-
 
 @dataclass(frozen=True)
-class DenseExplanation(_Explained):
+class DenseExplanation(_TextExplanation):
     """The formulas and times that decided a robustness in dense time.
 
-    ``str`` gives a table of at most 80 columns.
+    ``str`` returns a table of at most 80 columns.
 
     Attributes:
         steps: As for `Explanation`.
@@ -329,7 +326,7 @@ class DenseExplanation(_Explained):
     causes: tuple[DenseCause, ...]
     end: float
     unit: str = "s"
-    contributions: tuple[DenseCircumstance, ...] = ()
+    contributions: tuple[DenseContribution, ...] = ()
 
     circumstances = OldName("contributions")
 
@@ -352,12 +349,12 @@ class DenseExplanation(_Explained):
 
 
 _MAX_SHOWN = 20
-"""As many circumstances are shown."""
+"""The maximum number of contributions in a text."""
 
 _MAX_COUNT = 1e14
-"""Doubles have too few digits to tell the times of so many samples apart."""
+"""The number of samples above which doubles cannot distinguish their times."""
 
 
-def _shown(step: Any) -> str:  # noqa: ANN401 - a step or a circumstance
+def _shown(step: Any) -> str:  # noqa: ANN401 - a step or a contribution
     text: str = step.text
     return text if step.name is None else f"{step.name} = {text}"

@@ -1,4 +1,4 @@
-"""Triggers of implications on a judged trace, and on many traces without judging them again."""
+"""Triggers of implications on a judged trace, and on traces with a known verdict."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def evidence_of(trace: JudgedTrace, *, satisfied: bool) -> Evidence[Any]:
     """Return the evidence for the verdict on a trace."""
     rows, vacuous = _rows(trace, implications(trace.formula), satisfied=satisfied)
     never = satisfied and bool(rows) and not any(counted[1] for _, counted, _ in rows)
-    asked = (trace.triggers(text, counted, vacuous=alone) for text, counted, alone in rows)
-    return Evidence(tuple(asked), vacuous, never)
+    triggers = (trace.triggers(text, counted, vacuous=alone) for text, counted, alone in rows)
+    return Evidence(tuple(triggers), vacuous, never)
 
 
 def _rows(
@@ -68,7 +68,7 @@ def _rows(
             if vacuous and not redundant[-1]:
                 vacuous = trace.satisfied_without((implication,))
         rows.append((text, count, vacuous))
-    # More false right sides satisfy less.
+    # With more false right sides, fewer traces satisfy the formula.
     vacuous = satisfied and all(alone for _, _, alone in rows)
     if vacuous and len(rows) > 1 and not all(redundant):
         vacuous = trace.satisfied_without(counted)
@@ -119,8 +119,8 @@ class Implications(_Implications):
         >>> response = Implications("always(req >= 3 implies eventually[0:2](gnt >= 3))")
         >>> response.texts
         ('req >= 3 implies eventually[0:2](gnt >= 3)',)
-        >>> found = response.evidence({"req": [0, 4, 0, 4], "gnt": [0, 0, 5, 5]})
-        >>> print(found.triggers[0], found.vacuous, found.never_triggered)
+        >>> evidence = response.evidence({"req": [0, 4, 0, 4], "gnt": [0, 0, 5, 5]})
+        >>> print(evidence.triggers[0], evidence.vacuous, evidence.never_triggered)
         triggered 2 times, first at sample 1 False False
         >>> bool(Implications("always(gnt >= 3)"))
         False
@@ -149,7 +149,7 @@ class Implications(_Implications):
         Args:
             signals: As for `judge`. It is ignored if there is no implication.
             end: The end mode, as for `judge`.
-            verdict: The verdict on the trace. None: the verdict that `judge` returns.
+            verdict: The verdict on the trace. Default: the verdict of `judge`.
             n: The length, for a formula without variables.
 
         Raises:
@@ -167,9 +167,7 @@ class Implications(_Implications):
 
 
 class DenseImplications(_Implications):
-    """The implications of a specification, and their triggers in dense time.
-
-    It is `Implications` for events.
+    """The implications of a specification, and their triggers in dense time: see `Implications`.
 
     Attributes:
         texts: As for `Implications`.

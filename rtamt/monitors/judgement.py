@@ -36,7 +36,7 @@ from rtamt.renamed import OldName
 
 
 class _Details:
-    """What a verdict rests on, each part computed when it is first read; pickled with all parts."""
+    """The evidence of a verdict, computed when it is first read; a pickle has all parts."""
 
     def __init__(self, trace: JudgedTrace, verdict: Verdict, end: End) -> None:
         self._trace, self._verdict, self._end = trace, verdict, end
@@ -68,21 +68,21 @@ class _Details:
 class Judgement:
     """The verdict on a trace and its evidence; returned by `judge` and `rtamt.dense.judge`.
 
-    ``str`` gives a text of at most 80 columns with the unrecorded intervals and the triggers. In
+    ``str`` returns a text of at most 80 columns with the unrecorded intervals and the triggers. In
     dense time, times replace sample numbers. `unrecorded`, `decided_at`, `triggers`, `vacuous` and
     `never_triggered` are computed when they are first read.
 
     Attributes:
         robustness: The robustness at the first sample of the complete trace, as `evaluate` returns
             it; under ``"cut"`` moved to the nearest bound if it lies outside.
-        lower: The smallest robustness that the end mode leaves possible.
-        upper: The largest.
+        lower: The smallest robustness that is possible under the end mode.
+        upper: The largest robustness that is possible under the end mode.
         verdict: VIOLATED if ``upper`` is below 0 or -0.0, SATISFIED if ``lower`` is above 0 or
             +0.0; otherwise, UNDECIDED.
         end: The end mode: ``"complete"``, ``"cut"`` or ``"open"``.
         formula: The formula as text.
         complete: The verdict if the trace is complete.
-        unknown: The variables with a value that is not known (`UncertainValue`, ``nan="unknown"``).
+        unknown: The variables with an unknown value (`UncertainValue`, ``nan="unknown"``).
     """
 
     robustness: float
@@ -143,8 +143,8 @@ class Judgement:
     def triggers(self) -> tuple[Any, ...]:
         """How often each implication was triggered, a `TriggerCount` for each.
 
-        Implications count in positive position, where more robustness of them is never less of the
-        formula. They are in the order of the text, the outer implication first.
+        Only implications in positive position count: if their robustness rises, the robustness of
+        the formula does not fall. They are in the order of the text, the outer implication first.
         """
         return self._details.evidence.triggers
 
@@ -203,7 +203,7 @@ class Judgement:
         if early_end := self._details.early_end:
             yield early_end
         for trigger in self.triggers:
-            # Where values are not known, its left side may hold at an instant.
+            # The left side may hold at an instant with unknown values.
             never = trigger.first is None and bool(self.unknown)
             text = "not certainly triggered" if never else str(trigger)
             yield text if len(self.triggers) == 1 else f"{text}: {trigger.text}"
@@ -226,21 +226,20 @@ def judge(
 ) -> Judgement:
     """Return the verdict on a recorded trace of samples, by what its end means.
 
-    It is the verdict of `EpisodeMonitor` after ``finish(end)``, about the first sample; invariants
-    are written ``always(...)``. A million samples take 1.3 to 4.2 times as long as `evaluate`.
+    It is the verdict of `EpisodeMonitor` after ``finish(end)``, about the first sample; write
+    invariants with ``always(...)``. A million samples take 1.3 to 4.2 times as long as `evaluate`.
 
     Args:
         spec: Text, a formula, or a parsed specification.
         signals: As for `evaluate`; a column may also be an `UncertainValue` of two arrays.
         period: As for `Monitor`.
-        end: What follows the last sample. ``"complete"``: nothing, windows are cut to the trace.
-            ``"cut"``: the trace is a recording; what bounded windows need of the time after it is
-            unknown, and future operators without an end cover the recorded time. ``"open"``:
-            anything may follow, so the verdict holds for every continuation. See
-            `EpisodeMonitor.finish`.
+        end: The end mode. ``"complete"``: nothing follows, and windows are cut to the trace.
+            ``"cut"``: the trace is a recording; samples after it are unknown to bounded windows,
+            and future operators without an end cover the recorded time. ``"open"``: anything may
+            follow, so the verdict holds for every continuation. See `EpisodeMonitor.finish`.
         n: The length, for a formula without variables.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
-            for `Monitor`; ``nan="unknown"`` takes a nan for a value of which nothing is known.
+            for `Monitor`; ``nan="unknown"`` reads nan as an unknown value.
 
     Raises:
         SpecificationError: As for `evaluate`.
@@ -258,8 +257,8 @@ def judge(
         if nothing follows (end="complete"), the verdict is VIOLATED
         >>> judge(spec, trace, period=1, end="complete").verdict.name
         'VIOLATED'
-        >>> idle = judge(spec, {"req": [0, 0, 0], "gnt": [0, 0, 0]}, end="complete")
-        >>> idle.verdict.name, idle.never_triggered, idle.triggers[0].count
+        >>> quiet = judge(spec, {"req": [0, 0, 0], "gnt": [0, 0, 0]}, end="complete")
+        >>> quiet.verdict.name, quiet.never_triggered, quiet.triggers[0].count
         ('SATISFIED', True, 0)
 
         >>> print(judge("always(x > 1)", {"x": [3, float("nan"), 5]}, nan="unknown"))
@@ -300,9 +299,9 @@ def judge_dense(
     """Return the verdict on a recorded trace in dense time, by what its end means.
 
     It is about the first time at which all variables are known, and exact at that instant: values
-    at single instants count, which `rtamt.dense.evaluate` leaves out. The trace ends at the
-    earliest of the variables' last events; the text of the result names that variable if others
-    have later events, and ``until`` holds its last value. Invariants are written ``always(...)``.
+    at single instants count, unlike in `rtamt.dense.evaluate`. The trace ends at the earliest of
+    the variables' last events. If others have later events, the text of the result names that
+    variable; ``until`` holds its last value. Write invariants with ``always(...)``.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -310,15 +309,15 @@ def judge_dense(
         end: As for `judge`: ``"complete"``, ``"cut"`` or ``"open"``.
         until: A time up to which the last value of each variable holds, as if an event at that time
             repeated it; ``"latest"`` for the time of the last event of all variables of the
-            formula. Beyond ``max_gap`` the value is unknown. None: the trace ends with the earliest
-            of the last events.
+            formula. Beyond ``max_gap`` the value is unknown. Default: the trace ends with the
+            earliest of the last events.
         resolution: As for `rtamt.dense.Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`; ``nan``
             and ``max_gap``, as for `rtamt.dense.EpisodeMonitor`.
 
     Returns:
-        The judgement. Its ``decided_at`` is a time of the kind of the events' times,
-        `numpy.datetime64` too; ``untested`` is in seconds, for dates since 1970.
+        The judgement. Its ``decided_at`` is a time of the kind of the events' times, also
+        `numpy.datetime64`; ``unrecorded`` is in seconds, for dates since 1970.
 
     Raises:
         SpecificationError: As for `rtamt.dense.evaluate`.
@@ -340,7 +339,7 @@ def judge_dense(
         always[0:8](gnt < 9): not recorded: 6 s to 8 s
         if nothing follows (end="complete"), the verdict is SATISFIED
 
-        A value that is written once holds to the end of the others:
+        With ``until="latest"``, a value that was written once holds to the end:
 
         >>> flight = {"z": [(0, -10), (6, -500), (9, -10)], "home": [(0, 0)]}
         >>> print(rtamt.dense.judge("always(z - home > -100)", flight))

@@ -1,10 +1,11 @@
-"""The judgements of many traces, as columns."""
+"""The judgements of many traces: as columns, and as the objects that `judge` returns."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,10 @@ from numpy.typing import NDArray
 from rtamt.errors import RtamtError
 from rtamt.inputs.arrays import Floats
 from rtamt.machines.protocols import End
+from rtamt.monitors.judgement import Judgement
+from rtamt.monitors.triggers import Evidence, TriggerCount
+from rtamt.monitors.unrecorded import Unrecorded
+from rtamt.monitors.verdict import Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +54,7 @@ class Judgements:
         robustness: The robustness, as in `Judgement`; nan where ``errors`` has a text.
         lower: The lower bounds.
         upper: The upper bounds.
-        decided_at: The sample at which the open end is decided; -1 if no sample decides.
+        decided_at: The sample that decides the verdict of an open end; -1 if no sample does.
         complete: The verdicts on the complete traces, as int8.
         triggers: The triggers of each implication, in the order of the text.
         vacuous: Whether the verdict is SATISFIED, and would be with all right sides ``false``.
@@ -150,3 +155,127 @@ def _pyarrow() -> Any:  # noqa: ANN401 - it has no types
 
 
 _NUMBERS = ("robustness", "lower", "upper")
+
+
+class JudgedRows(NamedTuple):
+    """The numbers of `Judgements` for many traces; traces that are left out are judged alone."""
+
+    robustness: Floats
+    lower: Floats
+    upper: Floats
+    complete: NDArray[np.int8]
+    decided_at: NDArray[np.int64]
+    vacuous: NDArray[np.bool_]
+    triggers: tuple[TriggerColumns, ...]
+    left_out: NDArray[np.bool_]
+
+    @classmethod
+    def empty(cls, count: int, texts: Sequence[str]) -> JudgedRows:
+        """Return rows without judgements."""
+        robustness, lower, upper = (np.full(count, np.nan) for _ in range(3))
+        triggers = [
+            TriggerColumns(
+                *(text, np.zeros(count, np.int64), np.zeros(count, np.int64)),
+                *(np.full(count, -1, np.int64), np.zeros(count, bool)),
+            )
+            for text in texts
+        ]
+        return cls(
+            *(robustness, lower, upper, np.zeros(count, np.int8), np.full(count, -1, np.int64)),
+            *(np.zeros(count, bool), tuple(triggers), np.ones(count, bool)),
+        )
+
+    def place(self, places: NDArray[np.intp], rows: JudgedRows) -> None:
+        """Write other rows to some places."""
+        for array, values in zip(self._arrays(), rows._arrays(), strict=True):
+            array[places] = values
+
+    def put(self, place: int, judged: Judgement) -> None:
+        """Write the judgement of a trace that was judged alone."""
+        decided = judged.decided_at
+        numbers: list[float] = [
+            *(judged.robustness, judged.lower, judged.upper, judged.complete),
+            *(-1 if decided is None else decided, judged.vacuous),
+        ]
+        for part in judged.triggers:
+            first = -1 if part.first is None else part.first
+            numbers += [part.samples, part.count, first, part.vacuous]
+        for array, number in zip(self._arrays(), (*numbers, False), strict=True):
+            array[place] = number
+
+    def _arrays(self) -> list[NDArray[Any]]:
+        parts = [a for t in self.triggers for a in (t.samples, t.count, t.first, t.vacuous)]
+        return [*self[:6], *parts, self.left_out]
+
+
+class _RowDetails:
+    """The evidence of a verdict in a batch; unrecorded intervals come from a judgement alone."""
+
+    __slots__ = "_alone", "_open", "decided_at", "evidence"
+
+    early_end = ""
+
+    def __init__(
+        self,
+        verdict: Verdict,
+        end: End,
+        decided_at: int | None,
+        evidence: Evidence[Any],
+        alone: Callable[[], Judgement],
+    ) -> None:
+        self._open = verdict is Verdict.UNDECIDED and end != "complete"
+        self.decided_at, self.evidence, self._alone = decided_at, evidence, alone
+
+    @property
+    def unrecorded(self) -> tuple[Unrecorded, ...]:
+        return self._alone().unrecorded if self._open else ()
+
+
+def judgements_of(
+    columns: Judgements, alone: Callable[[int], Judgement]
+) -> Iterator[Judgement | None]:
+    """Yield the judgement of each trace as `judge` returns it; None for a trace with an error.
+
+    Args:
+        columns: The judgements of the traces.
+        alone: Judges the trace of a number alone, for the unrecorded intervals of an open verdict.
+    """
+    verdicts = {verdict.value: verdict for verdict in Verdict}
+    parts = [
+        (part.text, *(column.tolist() for column in columns_of))
+        for part in columns.triggers
+        for columns_of in [(part.samples, part.count, part.first, part.vacuous)]
+    ]
+    none: Evidence[Any] = Evidence((), vacuous=False, never_triggered=False)
+    numbers = zip(
+        columns.robustness.tolist(),
+        columns.lower.tolist(),
+        columns.upper.tolist(),
+        columns.verdict.tolist(),
+        columns.complete.tolist(),
+        columns.decided_at.tolist(),
+        columns.vacuous.tolist(),
+        strict=True,
+    )
+    end, formula = columns.end, columns.formula
+    for i, (robustness, lower, upper, code, complete, decided, vacuous) in enumerate(numbers):
+        if i in columns.errors:
+            yield None
+            continue
+        verdict, evidence = verdicts[code], none
+        if parts:
+            triggers = tuple(
+                TriggerCount(
+                    text, samples[i], count[i], None if first[i] < 0 else first[i], empty[i]
+                )
+                for text, samples, count, first, empty in parts
+            )
+            never = verdict is Verdict.SATISFIED and not any(row.count for row in triggers)
+            evidence = Evidence(triggers, vacuous, never)
+        details: Any = _RowDetails(
+            verdict, end, None if decided < 0 else decided, evidence, functools.partial(alone, i)
+        )
+        yield Judgement(
+            *(robustness, lower, upper, verdict, end, formula, verdicts[complete], ()),
+            details,
+        )

@@ -1,7 +1,12 @@
-"""Judge many recorded traces in one call."""
+"""`judge_many`: the verdicts on many recorded traces in one call.
+
+`TraceBatch` judges traces together in the machine; `judge_many` splits its data into traces, and
+judges traces that the machine cannot judge one by one.
+"""
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,28 +28,212 @@ from rtamt.inputs.groups import (
     seconds_of,
     table_of,
 )
-from rtamt.inputs.samples import TraceColumns
+from rtamt.inputs.samples import SampleReader, TraceColumns
+from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
-from rtamt.machines.protocols import End, TraceSet
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.bounds import needed_samples
+from rtamt.machines.offline import result_alone
+from rtamt.machines.protocols import End, EpisodeRuns, SampleRuns, TraceSet
 from rtamt.machines.state import verdicts_of
-from rtamt.monitors.batch import JudgedRows, TraceBatch
 from rtamt.monitors.evaluation import trace_between
-from rtamt.monitors.judgements import Judgements
+from rtamt.monitors.judgement import Judgement, judge_compiled
+from rtamt.monitors.judgements import JudgedRows, Judgements, TriggerColumns
 from rtamt.monitors.options import (
+    Compiled,
     SampleOptions,
     Spec,
     checked_end,
     compiled,
     listed_in_signature,
 )
-from rtamt.monitors.triggers import text_of, texts_of
+from rtamt.monitors.sample_trace import (
+    counts_alone,
+    formula_reads,
+    is_short,
+    opposite_program,
+    recorded_runs,
+)
+from rtamt.monitors.triggers import reads_hidden, text_of, texts_of
+from rtamt.program.implications import InstantRuns, TraceSpan, implications, unanswered
+from rtamt.program.interface import STANDARD
+from rtamt.program.memory import limit_beyond
+from rtamt.program.program import Program
 from rtamt.program.timing import Period
+
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+
+
+class TraceBatch:
+    """A specification for many traces of samples, with a reader of them."""
+
+    def __init__(self, compiled: Compiled, end: End, threads: int) -> None:
+        self.compiled, self._end, self._threads = compiled, end, threads
+        self.formula = compiled.specification.formula
+        self.reader = SampleReader(compiled.program, compiled.nan, bounds=True)
+        self._hides = reads_hidden(self.formula, compiled.interface)
+        self._functions = BACKENDS[compiled.backend].trace_runs
+
+    @functools.cached_property
+    def fast(self) -> bool:
+        """Whether the machine judges many traces; otherwise, each is judged alone."""
+        return self._functions is not None and all(map(counts_alone, self._lefts))
+
+    @functools.cached_property
+    def _lefts(self) -> list[Program]:
+        """The negations of the left sides of the implications."""
+        compiled = self.compiled
+        interface = STANDARD if self._hides else compiled.interface
+        # Named formulas would be in the program too, and may need the whole future.
+        return [
+            result_alone(opposite_program(compiled, interface, implication.args[0]))
+            for implication in implications(self.formula)
+        ]
+
+    def judge(self, traces: TraceSet) -> JudgedRows:
+        """Judge traces of known values.
+
+        Traces with a nan, and traces that are too long for the machine, are left out.
+        """
+        program = self.compiled.program
+        rows = JudgedRows.empty(len(traces.lengths), texts_of(self.formula))
+        if not len(traces.lengths):
+            return rows
+        limit_beyond(program, int(traces.lengths.min()))
+        if not self.fast or self._functions is None:
+            return rows
+        places = np.flatnonzero(self._short(program, traces.lengths))
+        if not len(places):
+            return rows
+        runs = self._functions.judge(program, traces.select(places), self._end, self._threads)
+        if runs.refused.any():
+            places = places[~runs.refused]
+            runs = EpisodeRuns(*(array[~runs.refused] for array in runs))  # type: ignore[arg-type]
+        satisfied = verdicts_of(runs.lower, runs.upper) == 1
+        triggers, vacuous = self._triggers(traces.select(places), satisfied)
+        left_out = np.zeros(len(places), bool)
+        for row in triggers:
+            left_out |= row.samples < 0
+        complete = verdicts_of(runs.complete, runs.complete)
+        judged = JudgedRows(
+            *(runs.robustness, runs.lower, runs.upper, complete, runs.decided_at),
+            *(vacuous, tuple(triggers), left_out),
+        )
+        rows.place(places, judged)
+        return rows
+
+    def judge_alone(self, trace: TraceColumns) -> Judgement:
+        """Judge a trace of any values, as `judge` does."""
+        return judge_compiled(self.compiled, self._end, trace, None)
+
+    def _short(self, program: Program, lengths: Integers) -> Booleans:
+        """Return which traces the machine judges faster than columns."""
+        known, class_of = np.unique(lengths, return_inverse=True)
+        short = np.array([n > 0 and is_short(program, n) for n in known.tolist()], bool)
+        return short[class_of]
+
+    def _triggers(
+        self, traces: TraceSet, satisfied: Booleans
+    ) -> tuple[list[TriggerColumns], Booleans]:
+        """Return the triggers of each implication, and the vacuity of all together.
+
+        It is `rtamt.monitors.implications.evidence_of` for many traces.
+        """
+        counted = implications(self.formula)
+        none = np.zeros(len(satisfied), bool)
+        if not counted or not len(satisfied):
+            return [*JudgedRows.empty(0, texts_of(self.formula)).triggers], none
+        extents, class_of = self._extents(traces.lengths)
+        reads = [formula_reads(self.compiled, extent) for extent in extents]
+        rows: list[TriggerColumns] = []
+        redundant = ~none
+        for implication, program in zip(counted, self._lefts, strict=True):
+            every = [known[implication].all for known in reads]
+            needed = [known[implication].needed for known in reads]
+            seen = [recorded_runs(runs, x.last) for runs, x in zip(every, extents, strict=True)]
+            counts = self._count(program, traces, seen, class_of)
+            row = TriggerColumns(text_of(implication), *counts, satisfied.copy())
+            vacuous, known = row.vacuous, np.array([bool(runs) for runs in every])[class_of]
+            # The formula may read an instant after the trace, which is unknown.
+            within = np.array(
+                [not e or e[-1][1] <= x.last for e, x in zip(every, extents, strict=True)]
+            )[class_of]
+            irrelevant = ~known | ((row.count == 0) & within & (not self._hides))
+            redundant &= irrelevant
+            answers = row.samples.copy()
+            differ = np.array([a != b for a, b in zip(every, needed, strict=True)])[class_of]
+            if (others := np.flatnonzero(differ & satisfied)).size:
+                part = traces.select(others)
+                seen = [
+                    recorded_runs(runs, x.last) for runs, x in zip(needed, extents, strict=True)
+                ]
+                answers[others] = self._count(program, part, seen, class_of[others])[0]
+            vacuous &= answers == 0
+            self._check_without((implication,), traces, vacuous, vacuous & ~irrelevant)
+            rows.append(row)
+        vacuous = satisfied & np.logical_and.reduce([row.vacuous for row in rows])
+        if len(rows) > 1:
+            self._check_without(counted, traces, vacuous, vacuous & ~redundant)
+        return rows, vacuous
+
+    def _check_without(
+        self,
+        answered: Sequence[Formula],
+        traces: TraceSet,
+        vacuous: Booleans,
+        unsure: Booleans,
+    ) -> None:
+        """Set the vacuity of unsure traces: the verdict with false right sides is SATISFIED."""
+        chosen = np.flatnonzero(unsure)
+        if not chosen.size:
+            return
+        program = self.compiled.part(unanswered(self.formula, answered))
+        assert self._functions is not None  # noqa: S101 - fast
+        # The machine takes this program, because it took a larger one.
+        part = self._for(program, traces.select(chosen))
+        runs = self._functions.judge(program, part, self._end, self._threads)
+        vacuous[chosen] = verdicts_of(runs.lower, runs.upper) == 1
+
+    def _for(self, program: Program, traces: TraceSet) -> TraceSet:
+        """Return the traces with the columns that another program reads."""
+        places = [self.compiled.program.variables.index(name) for name in program.variables]
+        return traces._replace(columns=[traces.columns[position] for position in places])
+
+    def _count(
+        self,
+        program: Program,
+        traces: TraceSet,
+        instants: Sequence[InstantRuns],
+        class_of: Integers,
+    ) -> tuple[Integers, Integers, Integers]:
+        assert self._functions is not None  # noqa: S101 - fast
+        ends = np.cumsum([0, *map(len, instants)])
+        pairs = [run for runs in instants for run in runs]
+        first, last = np.array(pairs, np.int64).reshape(-1, 2).T
+        runs = SampleRuns(
+            ends.astype(np.int64), np.ascontiguousarray(first), np.ascontiguousarray(last), class_of
+        )
+        return self._functions.count_failures(
+            program, self._for(program, traces), runs, self._threads
+        )
+
+    def _extents(self, lengths: Integers) -> tuple[list[TraceSpan], Integers]:
+        """Return the extents of all lengths, and the number of each trace's extent."""
+        program, end = self.compiled.program, self._end
+        known, class_of = np.unique(lengths, return_inverse=True)
+        extents = []
+        for n in known.tolist():
+            last = needed_samples(program, n) - 1
+            extents.append(TraceSpan(last, end == "complete", end == "cut"))
+        return extents, class_of.astype(np.int64)
+
 
 Errors = Literal["raise", "keep"]
 
 _CHUNK: Final = 1 << 22
-"""The number of values after which the traces of an iterator are judged."""
+"""The number of values of an iterator that are judged together."""
 
 
 @listed_in_signature(SampleOptions)
@@ -69,8 +258,8 @@ def judge_many(
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        traces: The traces, in one of three forms: an iterable of traces as for `judge`, read as it
-            goes; with ``lengths``, the values of all traces one after another, as a mapping of
+        traces: The traces, in one of three forms: an iterable of traces as for `judge`, read in
+            chunks; with ``lengths``, the values of all traces one after another, as a mapping of
             names to 1-D arrays or an array of shape (samples, variables); with ``by``, a data frame
             or a mapping of columns, whose rows belong to several objects.
         period: As for `judge`, the same for all traces.
@@ -80,16 +269,16 @@ def judge_many(
             to each other, and stay in order. Groups come in the order of their first rows.
         time: The column of times, in seconds or in the unit of its name, or of dates; only with
             ``by``. In each group they must increase, and their distance is the period of the
-            group, so that a formula with bounds needs two rows. None: ``period`` counts.
+            group, so that a formula with bounds needs two rows. Default: ``period`` counts.
         errors: ``"raise"`` stops at the first trace that cannot be judged; ``"keep"`` collects
             these errors in the result.
-        threads: The number of threads; None: the number of cores that this process may use.
+        threads: The number of threads. Default: the number of cores that this process may use.
         **options: As for `judge`.
 
     Raises:
         SpecificationError: As for `judge`.
-        InputError: As for `judge`, with the trace or the group in front; and on lengths that do
-            not fit.
+        InputError: As for `judge`, with the number of the trace or the name of the group; and on
+            lengths that do not fit.
         InputTypeError: As for `judge`, and on a single trace in place of several.
 
     Example:
@@ -133,13 +322,13 @@ def judge_many(
     if by is not None and time is not None:
         work = _Work(as_specification(spec), mode, errors)
         return work.of_timed_table(traces, _names(by), time, batch)
-    one = batch(period)
-    work = _Work(one.compiled.specification, mode, errors)
+    same = batch(period)
+    work = _Work(same.compiled.specification, mode, errors)
     if by is not None:
-        return work.of_table(traces, _names(by), one)
+        return work.of_table(traces, _names(by), same)
     if lengths is not None:
-        return work.of_ragged(cast("TraceColumns", traces), lengths, one)
-    return work.of_traces(traces, one)
+        return work.of_ragged(cast("TraceColumns", traces), lengths, same)
+    return work.of_traces(traces, same)
 
 
 class _Part(NamedTuple):
@@ -192,7 +381,7 @@ class _Work:
         columns: list[list[Floats]] = []
         lengths = np.zeros(len(chunk), np.int64)
         for i, trace in enumerate(chunk):
-            # Traces that are not plain, or that have errors, are judged alone.
+            # Traces with errors or unknown values are judged alone.
             try:
                 lower, upper, n = trace_between(batch.reader, trace, None, period)
             except RtamtError:
@@ -349,7 +538,7 @@ class _Work:
         self._done += len(places)
 
     def _fail(self, place: int, error: RtamtError, groups: Groups | None) -> None:
-        """Keep the error of a trace, or raise it with the name of the trace."""
+        """Store the error of a trace, or raise it with the name of the trace."""
         if not self._keep:
             where = f"trace {place}"
             if groups is not None:

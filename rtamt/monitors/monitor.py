@@ -31,13 +31,13 @@ from rtamt.monitors.verdict import Verdict
 from rtamt.program.memory import intervals_fit, limit_discrete, limit_episode
 from rtamt.program.timing import Period
 
-_UPDATE = """Take in one sample and return the robustness {when}.
+_UPDATE = """Update the monitor with a sample and return the robustness {when}.
 
-The sample is given by keyword (``update(x=1.0, y=2.0)``), as one mapping, by position in the order
-of ``variables``, or as one 1-D array or list in that order. Integers, booleans and numpy scalars
-are converted; +-inf is legal. For fields, such as ``cmd.linear.x``, the message may be given, an
-object with attributes or a mapping: ``update(cmd=message)``. A call that raises an error leaves the
-monitor as it was.
+Pass the sample by keyword (``update(x=1.0, y=2.0)``), as one mapping, by position in the order of
+``variables``, or as one 1-D array or list in that order. Integers, booleans and numpy scalars are
+converted; +-inf is legal. For fields, such as ``cmd.linear.x``, pass the message, an object with
+attributes or a mapping: ``update(cmd=message)``. A call that raises an error leaves the monitor as
+it was.
 
 Raises:
     InputError: On a missing or unknown variable, a wrong count or shape, a message without the
@@ -71,7 +71,7 @@ class _Single(DirectUpdate, Sampled[_M]):
         raise NotImplementedError
 
     samples: MachineValue[int] = machine_value(
-        "samples", "Samples taken in since the monitor was made or reset."
+        "samples", "The number of samples since the monitor was created or reset."
     )
 
     def reset(self) -> None:
@@ -130,14 +130,14 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
         return {n: self.program.latencies[r] or 0 for n, r in self.program.outputs.items()}
 
     def update_many(self, block: TraceColumns) -> NDArray[np.float64]:
-        """Take in a block of samples and return the values of `update` as an array.
+        """Update the monitor with a block of samples; return the values of `update` as an array.
 
-        A call that raises an error takes in no sample of the block, unless another thread writes to
-        its arrays.
+        A call that raises an error leaves the monitor as it was, unless another thread writes to
+        the arrays of the block.
 
         Args:
             block: A mapping (or data frame) of every variable to its n values, or of a message to
-                n messages, and of nothing else; or an array of shape (n, variables).
+                n messages, without other names; or an array of shape (n, variables).
 
         Returns:
             n values; nan for the first ``latency`` samples since the reset.
@@ -173,7 +173,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     Args:
         spec: Text, a formula, or a parsed specification.
         period: As for `Monitor`.
-        history: Whether to keep the samples for `explain`, with 8 bytes a value, until the reset.
+        history: Whether to store the samples for `explain`, with 8 bytes a value, until the reset.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
             for `Monitor`; ``nan="unknown"`` reads nan as ``UncertainValue(-math.inf, math.inf)``.
 
@@ -201,11 +201,11 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     __slots__ = {
         "__weakref__": None,
         "_history": None,
-        "lower": "The least robustness over all continuations and ends.",
+        "lower": "The minimum robustness over all continuations and ends.",
         "robustness": "Robustness if the episode ended now; nan before the first sample.",
         "update": _UPDATE.format(when="that the episode has if it ends now")
         + "    StateError: After `finish`.\n",
-        "upper": "The greatest robustness over all continuations and ends.",
+        "upper": "The maximum robustness over all continuations and ends.",
         "verdict": "The verdict, decided as soon as both bounds have the same sign bit.",
     }
 
@@ -235,17 +235,17 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
 
     @property
     def fed_machine(self) -> EpisodeMachine | None:
-        """The machine, if its update is that of the monitor: not where samples are kept."""
+        """The machine, if the monitor stores no samples and so uses the update of the machine."""
         return self._machine if self._history is None else None
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """The variables whose value in the last sample is not known exactly (`UncertainValue`)."""
+        """The variables with an `UncertainValue` in the last sample."""
         values = zip(self.variables, self._machine.inputs, strict=False)  # none before the first
         return tuple(name for name, value in values if isinstance(value, UncertainValue))
 
     def bounds(self) -> tuple[float, float]:
-        """Give `lower` and `upper` as a pair."""
+        """Return `lower` and `upper` as a pair."""
         return self.lower, self.upper
 
     def finish(self, end: End = "complete") -> float:
@@ -255,14 +255,14 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
 
         * ``"complete"``: nothing follows. Windows are cut to the trace, and both bounds become the
           robustness, whose sign bit is the verdict.
-        * ``"cut"``: the trace is a recording of something longer. What a bounded window needs after
-          the last sample is unknown; a future operator without an end covers the recorded time, and
-          has the bounds of ``"open"`` if no sample of its window was recorded. The robustness is
-          moved to the nearest bound if it lies outside.
+        * ``"cut"``: the trace is a recording of something longer. Samples after the last are
+          unknown to bounded windows; a future operator without an end covers the recorded time, and
+          has the bounds of ``"open"`` if no sample of its window was recorded. If the robustness
+          lies outside the bounds, it is moved to the nearest bound.
         * ``"open"``: anything may follow. The bounds stay as they are.
 
-        What depends on a predicate that counts 0 under interface-aware semantics has the bounds
-        -0.0 and +0.0, and stays UNDECIDED under every end mode. Further calls change nothing.
+        Formulas that depend on a predicate that counts 0 under interface-aware semantics have the
+        bounds -0.0 and +0.0, and stay UNDECIDED under every end mode. Further calls change nothing.
 
         Args:
             end: The end mode.
@@ -295,7 +295,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
 
         Raises:
             StateError: Without ``history=True``, or before the first sample.
-            InputError: If a sample is not known (`UncertainValue`, ``nan="unknown"``).
+            InputError: If a sample has an unknown value (`UncertainValue`, ``nan="unknown"``).
 
         Example:
             >>> e = EpisodeMonitor("always(x > 1)", history=True)

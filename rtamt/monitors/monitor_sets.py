@@ -1,4 +1,4 @@
-"""Several monitors on the same samples: updated in one call, with their verdicts."""
+"""Several monitors on the same samples: updates in one call, and a verdict log."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ _FLAGS = np.dtype(np.bool_)
 class VerdictLog:
     """The verdict log of several vector monitors of episodes.
 
-    A row of an array is a monitor, a column a batch entry; arrays of shape (num,) are about
-    entries. Arrays belong to the log and change in place; treat them as read-only. A call acts on
-    all monitors.
+    Each row of an array is a monitor, each column a batch entry; arrays of shape (num,) have a
+    value for each entry. Arrays belong to the log and change in place; treat them as read-only. A
+    call acts on all monitors.
 
     Args:
-        monitors: One or more, with equal batch sizes. They may also be updated separately, before
-            `note`.
+        monitors: One or more monitors with equal batch sizes. If they are updated separately, call
+            `note` afterwards.
 
     Attributes:
         settled_at: The sample at which a verdict was settled, counted from 0: the sample that
-            decided it, or the last one if only the end did; -1 while it is open.
+            decided it, or the last sample if only the end decided it; -1 while it is open.
         open_at_end: Whether a verdict was open when its trace ended.
         violated: Whether a specification is violated.
         failed: Whether `fail` violated it.
         first: The number of the first violated monitor of a batch entry; -1 without a violation.
-        violated_at: The sample at which that was settled; -1 while none is.
+        violated_at: The sample at which this verdict was settled; -1 without a violation.
 
     Example:
         >>> near, far = (VectorEpisodeMonitor(f"always(x < {k})", 2) for k in (1, 3))
@@ -90,8 +90,8 @@ class VerdictLog:
             mask: num booleans. Default: all batch entries.
 
         Raises:
-            RtamtError: As `VectorEpisodeMonitor.update` does; monitors before the one that refuses
-                its sample have taken theirs.
+            RtamtError: As `VectorEpisodeMonitor.update` does; monitors before the monitor with the
+                error are updated.
         """
         batches, functions = self._found
         functions.feed(batches, columns, table, self._mask(mask))
@@ -114,9 +114,9 @@ class VerdictLog:
         self.open_at_end |= was_open if chosen is None else was_open & chosen
 
     def fail(self, mask: ArrayLike | None = None) -> None:
-        """Count open verdicts of batch entries in the mask as violated by the last sample, if any.
+        """Count open verdicts of batch entries in the mask as violated by the last sample.
 
-        Monitors stay as they are.
+        Entries without a sample, and the monitors, stay as they are.
         """
         chosen, begun = self._mask(mask), self.monitors[0].samples > 0
         entries = begun if chosen is None else begun & chosen
@@ -146,7 +146,7 @@ class VerdictLog:
         )
 
     def outcomes(self, entries: NDArray[np.int64] | None = None) -> BatchOutcomes:
-        """Return the outcomes of the episodes so far in some batch entries; None: all."""
+        """Return the outcomes of the episodes so far in batch entries, by default in all."""
         batches, functions = self._found
         return functions.outcomes(batches, self._numbers(entries), self.failed, self.settled_at)
 
@@ -155,9 +155,9 @@ class VerdictLog:
 
         Args:
             columns: For each key ``(place, key, mask_key, values, there)``: the dictionary, or for
-                values of two dimensions a list of dictionaries; the keys of the array, 0 (None
-                among objects) where it has no element, and of the mask of its elements; the values,
-                whose last dimension is entries; which of them exist, None: all.
+                values of two dimensions a list of dictionaries; the key of the array, which is 0
+                (None for objects) without an element; the key of the mask of its elements; the
+                values, with entries as the last dimension; and which of them exist, None for all.
             entries: The numbers of the entries, each once.
 
         Example:
@@ -177,12 +177,12 @@ class VerdictLog:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._found = self._batches()
-        # Unpickled arrays have copies of the dtypes, which machines do not know.
+        # Machines refuse unpickled arrays, because these have copies of the dtypes.
         for name in ("settled_at", "open_at_end", "violated", "failed", "first", "violated_at"):
-            held = state[name]
-            fresh = np.empty(held.shape, held.dtype.type)
-            fresh[...] = held
-            setattr(self, name, fresh)
+            unpickled = state[name]
+            array = np.empty(unpickled.shape, unpickled.dtype.type)
+            array[...] = unpickled
+            setattr(self, name, array)
 
     def _arrays(
         self,
@@ -190,8 +190,8 @@ class VerdictLog:
         return self.settled_at, self.violated, self.failed, self.first, self.violated_at
 
     def _batches(self) -> tuple[tuple[EpisodeBatch, ...], VerdictLogFunctions]:
-        """Return the machines of the monitors, and the fastest functions that read them."""
-        batches = tuple([monitor._machine for monitor in self.monitors])  # noqa: SLF001 - as theirs
+        """Return the machines of the monitors, and the fastest functions for them."""
+        batches = tuple([monitor._machine for monitor in self.monitors])  # noqa: SLF001 - one room
         return batches, logs_of(batches)
 
     def _numbers(self, entries: NDArray[np.int64] | None) -> NDArray[np.int64]:
@@ -203,13 +203,14 @@ class VerdictLog:
         if mask is None:
             return None
         if type(mask) is np.ndarray and mask.dtype == np.bool_ and mask.shape == (self.num,):
-            # One that was pickled has a copy of the dtype, which machines do not know.
+            # Machines refuse an unpickled mask, because it has a copy of the dtype.
             return np.ascontiguousarray(mask if mask.dtype is _FLAGS else mask.astype(_FLAGS))
         return BatchReader(self.monitors[0].program, self.num, "raise").mask(mask)
 
 
 JointRead = int | str | tuple[int, ...] | tuple[Floats, int] | Callable[..., float]
-"""What reads a number of a sample: a key of the first argument, an array's element, a function."""
+"""The source of a number of a sample: a key of the first argument, an array and the index of an
+element, or a function."""
 
 
 class JointFeed(Protocol):
@@ -236,17 +237,17 @@ def joint_feed(
 ) -> JointFeed | None:
     """Return an object that updates several C++ monitors in one call.
 
-    Each monitor then shows its values as after an ``update`` of its own. After an error the
-    monitors before the one that raised it have taken the sample. None where a monitor runs in
-    Python or keeps a history: then update the monitors one after the other.
+    Each monitor then has the values of its own ``update``. After an error, the monitors before the
+    monitor with the error are updated. None if a monitor runs in Python or stores a history: then
+    update the monitors one after the other.
 
     Args:
-    monitors: The monitors.
-    names: The names of the numbers of a sample, the variables of all monitors among them.
-    reads: What reads each of them from the arguments of ``feed``; see `JointRead`.
-    decided: Called after a sample with the number of verdicts that are decided, unless it is 0.
-    seen: Called after that with the numbers of the sample, a new list.
-    number: The class of the numbers that are returned: ``float`` or ``numpy.float64``.
+        monitors: The monitors.
+        names: The names of the numbers of a sample; they contain the variables of all monitors.
+        reads: The source of each number in the arguments of ``feed``; see `JointRead`.
+        decided: Called after a sample with the number of decided verdicts, unless it is 0.
+        seen: Called after ``decided`` with the numbers of the sample, a new list.
+        number: The class of returned numbers: ``float`` or ``numpy.float64``.
     """
     make = BACKENDS[monitors[0].backend].episode_monitor_set if monitors else None
     machines = [monitor.fed_machine for monitor in monitors]

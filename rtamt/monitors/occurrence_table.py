@@ -80,8 +80,8 @@ class Response(NamedTuple):
         verdict: VIOLATED if the implication is violated at an instant of the run, SATISFIED if it
             is satisfied at all of them; otherwise, UNDECIDED.
         answer_time: The time from ``start`` to the first instant at which the right side of
-            ``eventually`` or ``until`` answers the first instant of the run. nan if none does, if
-            it is not recorded, and for other right sides.
+            ``eventually`` or ``until`` answers the first instant of the run. nan without an answer,
+            if the answer is not recorded, and for other right sides.
         margin: The minimum robustness of the implication in the run.
         open_start: As in `Occurrence`.
         closed_end: As in `Occurrence`.
@@ -99,7 +99,7 @@ class Response(NamedTuple):
 
 
 class RunTable(Sequence[_R], Generic[_R]):
-    """Rows of one kind, kept as columns; a row is built when it is read.
+    """Rows of one kind, stored as columns; a row is built when it is read.
 
     Attributes:
         columns: A column for each field of the rows. ``pandas.DataFrame(table.columns)`` is a data
@@ -179,7 +179,7 @@ class BodyOccurrences:
             ``A`` holds.
         length: The recorded time at which the requirement reads the body, in the unit of
             `Occurrences`: a period for each sample, or samples.
-        violated: The violated part of it.
+        violated: The violated part of ``length``.
         unit: The unit of durations: ``"s"`` or ``"samples"``.
     """
 
@@ -313,7 +313,7 @@ class Occurrences:
         return sum(len(body.violations) for body in self.bodies)
 
     def __bool__(self) -> bool:
-        """Return True: an object without violations is a result too."""
+        """Return True: an object without violations is also a result."""
         return True
 
     def __iter__(self) -> Iterator[Occurrence]:

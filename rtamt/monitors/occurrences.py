@@ -79,7 +79,7 @@ class _Clock:
         return self._times(self._steps(places))
 
     def columns(self, runs: PlaceRuns) -> dict[str, NDArray[Any]]:
-        """Return the columns that every row has."""
+        """Return the columns that all kinds of rows have."""
         first = self._steps(runs.first)
         after = np.minimum(self._steps(runs.last + 1), self._last // self.step)
         return {
@@ -119,7 +119,7 @@ def _of_body(
     runs, worst = values.failing(recorded)
     failing, unknown = runs.places, values.undecided(recorded).places
     responses, unknown_triggers = _responses(trace, body, values, recorded, clock)
-    del runs, values  # as long as the trace; the rows need no more memory at a time
+    del runs, values  # free memory, since these are as long as the trace
     violations = _violations(failing, worst, clock)
     if not len(failing.first) and instants:
         unseen = trace.unseen_violation(body, instants)
@@ -213,7 +213,8 @@ def _answer_times(
     if right.op is OPERATORS["until"]:
         segments = trace.segments(cast("Formula", right.args[0]))
         broken = segments.runs(~segments.holds).places.at_or_after(runs.first)
-        # The left side is needed before the answer, and in an open interval too unless that is now.
+        # The left side must hold before the answer, and in an open interval also at the answer,
+        # unless that is the first place.
         needed = answer - ((answer % clock.step == 0) | (answer == runs.first))
         answered &= (broken < 0) | (broken > needed)
     ticks = answer // clock.step - runs.first // clock.step
@@ -235,9 +236,9 @@ def occurrences(
     `judge` returns one verdict on a trace; this function returns every stretch of it at which the
     requirement is violated, and for ``A implies B`` every trigger with its answer.
 
-    * A *body* is a formula that the requirement demands at one instant after the other: from the
-      root down, the first formula of every way through ``always`` and ``and`` that is neither. A
-      body inside another operator does not count. Any other root is its own body at sample 0.
+    * A *body* is a formula that the requirement demands at one instant after the other: on each
+      path from the root down through ``always`` and ``and``, the first formula with another
+      operator. Any other root is its own body at sample 0.
     * The body is read at the recorded samples that the windows of these ``always`` reach from
       sample 0, as `Judgement.triggers` counts them.
     * Its outcome at sample i is the verdict of ``judge("always[i:i](BODY)", ...)`` with the same
@@ -254,8 +255,8 @@ def occurrences(
     Args:
         spec: Text, a formula, or a parsed specification.
         signals: As for `judge`.
-        period: As for `Monitor`. Times are in seconds from the first sample; None: they are numbers
-            of samples.
+        period: As for `Monitor`. Times are in seconds from the first sample; without a period, they
+            are numbers of samples.
         end: As for `judge`: ``"complete"``, ``"cut"`` or ``"open"``.
         n: The length, for a formula without variables.
         **options: As for `judge`.
@@ -320,7 +321,7 @@ def occurrences_dense(
         **options: As for `rtamt.dense.judge`.
 
     Returns:
-        The occurrences. Their times are of the kind of the events' times, `numpy.datetime64` too;
+        The occurrences. Their times are of the kind of the events' times, also `numpy.datetime64`;
         durations are in seconds.
 
     Raises:

@@ -34,7 +34,7 @@ class MachineValue(Protocol[_T_co]):
 def machine_value(name: str, doc: str) -> MachineValue[_T_co]:
     """Return a property of a monitor that reads the attribute of its machine.
 
-    It is read after every update: an attrgetter needs half the time of a property in Python.
+    An attrgetter takes half the time of a property in Python, and it is read after every update.
     """
     return cast("MachineValue[_T_co]", property(operator.attrgetter(f"_machine.{name}"), doc=doc))
 
@@ -47,7 +47,7 @@ class Online(Generic[_M, _P]):
 
     __slots__ = {
         "_machine": None,
-        "backend": 'The back-end that runs: ``"native"`` or ``"python"``.',
+        "backend": 'The back-end of the machine: ``"native"`` or ``"python"``.',
         "interface": "The semantics, and the inputs and outputs of the system.",
         "program": "The compiled program.",
         "specification": "The parsed specification.",
@@ -126,7 +126,7 @@ class Sampled(Online[_M, Program]):
 
     @property
     def period(self) -> Fraction | None:
-        """Seconds between samples, exactly; None: the bounds are numbers of samples."""
+        """Seconds between samples, exactly; None if the bounds are numbers of samples."""
         return self._period
 
 
@@ -179,8 +179,8 @@ class NamedValues:
     def write(self, messages: Mapping[str, object] | None = None, /, **named: object) -> bool:
         """Set fields of messages to the values of the formulas that are named after them.
 
-        Where the text says ``out.value = always(...)``, ``write(out=message)`` sets the field
-        ``value`` of the message to ``values["out.value"]``, which is nan as long as it is unknown.
+        For the text ``out.value = always(...)``, ``write(out=message)`` sets the field ``value`` of
+        the message to ``values["out.value"]``, which is nan as long as it is unknown.
 
         Args:
             messages: Objects with attributes, or mappings, by name.
@@ -190,9 +190,9 @@ class NamedValues:
             Whether every value written is a number.
 
         Raises:
-            InputError: If no formula is named after a field of the message, or the message has no
-                such field (a mapping need not have it). No message is changed.
-            InputTypeError: If a message is of another class than the text declares. No message is
+            InputError: If no formula is named after a field of the message, or the message does not
+                have the field (a mapping need not have it). No message is changed.
+            InputTypeError: If the class of a message is not the class in the text. No message is
                 changed.
 
         Example:
@@ -212,7 +212,7 @@ class DirectUpdate:
     __slots__ = ()
 
     def __init_subclass__(cls, **options: object) -> None:
-        """Refuse a subclass with an ``update`` of its own, which would never be called."""
+        """Raise TypeError for a subclass with an ``update`` of its own, which nobody would call."""
         super().__init_subclass__(**options)
         if callable(cls.__dict__.get("update")):
             raise TypeError(

@@ -61,7 +61,7 @@ class SampleOptions(Options, total=False):
 
 
 class EventOptions(Options, total=False):
-    """The options of judgements and episode monitors of events, which give bounds."""
+    """The options of judgements and episode monitors of events, which have bounds."""
 
     nan: NanPolicy
     max_gap: Period | None
@@ -86,14 +86,14 @@ OPTIONS: Final[Mapping[str, MonitorOption]] = {
     "inputs": MonitorOption(
         None,
         (),
-        "Variables that the system reads, for interface-aware semantics; a message stands for its "
-        "fields. Default: variables declared ``input``.",
+        "Variables that the system reads, for interface-aware semantics; the name of a message "
+        "means all its fields. Default: variables declared ``input``.",
     ),
     "outputs": MonitorOption(
         None,
         (),
-        "Variables that the system sets, for interface-aware semantics; a message stands for its "
-        "fields. Default: variables declared ``output``.",
+        "Variables that the system sets, for interface-aware semantics; the name of a message "
+        "means all its fields. Default: variables declared ``output``.",
     ),
     "backend": MonitorOption(
         "auto",
@@ -104,8 +104,8 @@ OPTIONS: Final[Mapping[str, MonitorOption]] = {
     "nan": MonitorOption(
         "raise",
         get_args(NanPolicy),
-        '``"raise"`` refuses nan; ``"hold"`` keeps the last value of the variable. Monitors that '
-        'give bounds also take ``"unknown"``: nothing is known of the value.',
+        '``"raise"`` refuses nan; ``"hold"`` keeps the last value of the variable. Monitors with '
+        'bounds also take ``"unknown"``, for an unknown value.',
     ),
     "align": MonitorOption(
         None,
@@ -123,10 +123,10 @@ OPTIONS: Final[Mapping[str, MonitorOption]] = {
         "first event to the second. Default: no limit.",
     ),
 }
-"""Every option once; signatures, defaults and docstrings come from here."""
+"""Every option once, for signatures, defaults and docstrings."""
 
 
-def _defaults(options: type) -> Any:  # noqa: ANN401 - of each of the dictionaries
+def _defaults(options: type) -> Any:  # noqa: ANN401 - one of three typed dictionaries
     return {name: OPTIONS[name].default for name in options.__annotations__}
 
 
@@ -182,7 +182,8 @@ def compiled(
 ) -> Compiled:
     """Check the options of a monitor or an evaluation of samples, and compile its specification.
 
-    The error of an unknown option names the caller. ``online`` refuses a future without an end.
+    The error of an unknown option names the caller. ``online`` refuses future operators without an
+    end.
     """
     settings: SampleOptions = {**_SAMPLE_DEFAULTS, **options}
     if len(settings) > len(_SAMPLE_DEFAULTS):
@@ -204,12 +205,12 @@ def compiled_dense(
     *,
     online: bool,
 ) -> tuple[Specification, Interface, BackendName, DenseProgram]:
-    """Do the same for a monitor or an evaluation of events; see `compiled`."""
+    """Compile the specification of a monitor or an evaluation of events; see `compiled`."""
     settings: Options = {**_DEFAULTS, **options}
     if len(settings) > len(_DEFAULTS):
         for name in ("nan", "max_gap"):
             if name in settings:
-                raise InputError(f"{name}= speaks of values that are not known; {NO_DENSE_BOUNDS}")
+                raise InputError(f"{name}= is for unknown values; {NO_DENSE_BOUNDS}")
         raise _unknown(caller, settings, _DEFAULTS)
     specification, interface, backend = _understood(spec, settings)
     program = compile_dense(
@@ -237,7 +238,7 @@ class CompiledEvents(NamedTuple):
 def compiled_regions(
     caller: Callable[..., object], spec: Spec, resolution: Period, options: EventOptions
 ) -> CompiledEvents:
-    """Do the same for a judgement or a monitor of events that gives bounds."""
+    """Compile the specification of a judgement or a monitor of events with bounds."""
     settings: EventOptions = {**_EVENT_DEFAULTS, **options}
     if len(settings) > len(_EVENT_DEFAULTS):
         raise _unknown(caller, settings, _EVENT_DEFAULTS)
@@ -298,8 +299,8 @@ def described(*names: str) -> Callable[[_C], _C]:
         if cls.__doc__:  # None under python -OO
             before, mark, after = cls.__doc__.partition("        **options:")
             remainder = after.removeprefix(_SEE)
-            kept = mark if remainder is after else ""
-            cls.__doc__ = "".join([before, *(f"{entry}\n" for entry in entries), kept, remainder])
+            line = mark if remainder is after else ""
+            cls.__doc__ = "".join([before, *(f"{entry}\n" for entry in entries), line, remainder])
         return cls
 
     return decorate

@@ -1,13 +1,12 @@
 """The origin of a formula's value: the operand and the place from which it was taken.
 
 The meaning of an operator in `rtamt.language.operators` only chooses among the values of its
-operands, by minimum and maximum, and changes their sign. Run on values that carry their origin, it
-shows which value it chose, so an operator needs no other code for its explanation.
+operands, by minimum and maximum, and changes their sign. Run on values with an origin, it shows
+which value it chose. Therefore a new operator needs no code here.
 
 A place is the number of a sample, or a position of dense time (`rtamt.program.dense_lowering`).
-
-To add an operator, nothing is needed here. `FormulaSignals` in `rtamt.monitors.explainer` follows
-the origins through a formula, over samples and over dense time alike.
+`FormulaSignals` in `rtamt.monitors.explainer` follows the origins through a formula, over samples
+and over dense time.
 """
 
 from __future__ import annotations
@@ -71,9 +70,9 @@ def _clipped(starts: Positions | None, first: int, last: int) -> Positions:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """An operand from a first to a last place whose sign there contributes to a value's sign.
+    """An operand on a span of places that contributes to the sign of a value.
 
-    ``broken`` is set if the operand had to hold on a stretch of places and fails at this one.
+    ``broken`` is set if the operand had to hold on a stretch of places and fails at this place.
     """
 
     operand: int
@@ -83,7 +82,7 @@ class Part:
 
 
 Parts = Part | tuple["Parts", ...]
-"""Some parts, nested as they came together, so that many operands need no copies."""
+"""Parts, nested so that many operands need no copies."""
 
 
 def flat(parts: Parts) -> Iterator[Part]:
@@ -106,9 +105,9 @@ class Origin:
         place: The place of the operand's value.
         witness: The place at which an ``until`` or ``since`` reached its right side.
         outside: First and last place of a window outside the trace; the first is None if the
-            window has no beginning, the last if it has no end.
-        parts: The operands at places that make the sign of the value: as long as the sign of each
-            of them stays, so does the sign of the value, whatever else changes.
+            window has no start, the last if it has no end.
+        parts: The operands at places that make the sign of the value: as long as their signs stay,
+            so does the sign of the value, whatever else changes.
     """
 
     operand: int | None = None
@@ -127,9 +126,9 @@ class Value(float):
     @classmethod
     def of(cls, value: float, origin: Origin) -> Self:
         """Return the number with an origin."""
-        new = cls(value)
-        new.origin = origin
-        return new
+        number = cls(value)
+        number.origin = origin
+        return number
 
     def having(self, parts: Parts) -> Value:
         """Return the number with other parts of its sign."""
@@ -154,10 +153,10 @@ def _as_broken(parts: Parts) -> Parts:
     return tuple(replace(part, broken=True) for part in flat(parts))
 
 
-# Computes the value of a register at a place: it yields the number and the place of a register that
-# it reads, is sent that value, and returns its own. So no call waits for another one, and the depth
-# of calls does not limit the number of operands.
-Finding = Generator[tuple[int, int], Any, _T]
+# A computation of a register at a place: it yields the number and the place of a register that it
+# reads, receives that value, and returns its own. No call waits for another, so the depth of calls
+# does not limit the number of operands.
+Computation = Generator[tuple[int, int], Any, _T]
 
 
 def origin_of(
@@ -170,17 +169,17 @@ def origin_of(
     dense: bool = False,
     earliest: bool = False,
 ) -> Origin:
-    """Return the origin of the value of a formula at a place; of equal values, the first one.
+    """Return the origin of the value of a formula at a place; of equal values, the first.
 
-    ``earliest``: where an operand had to hold on a stretch, its parts name the first place at which
-    it fails, instead of the place with the smallest value.
+    With ``earliest``, parts of an operand that had to hold on a stretch name the first place at
+    which it fails, instead of the place with the smallest value.
     """
     definition = _Definition(operands, last, dense=dense, earliest=earliest)
     return definition.origin(row, bounds, place)
 
 
 class _Definition:
-    """Builds a meaning of the operator table on signals; the first registers are the operands."""
+    """A meaning of the operator table on signals; the first registers are the operands."""
 
     def __init__(
         self, operands: Sequence[RobustnessSignal], last: int, *, dense: bool, earliest: bool
@@ -190,7 +189,7 @@ class _Definition:
         self._step = 2 if dense else 1
         self._earliest = earliest
         self._starts = [operand.starts for operand in operands]
-        self._findings: list[Callable[[int], Finding[Value]]] = []
+        self._computations: list[Callable[[int], Computation[Value]]] = []
 
     def origin(self, row: Operator, bounds: Bounds | None, place: int) -> Origin:
         registers = range(len(self._operands))
@@ -199,7 +198,7 @@ class _Definition:
 
     def _at(self, register: int, place: int) -> Value:
         """Return the value of a register at a place."""
-        waiting: list[Finding[Value]] = []
+        waiting: list[Computation[Value]] = []
         while True:
             if register < len(self._operands):
                 number = self._operands[register].at(place)
@@ -207,7 +206,7 @@ class _Definition:
                     number, Origin(register, place, parts=Part(register, place, place))
                 )
             else:
-                waiting.append(self._findings[register - len(self._operands)](place))
+                waiting.append(self._computations[register - len(self._operands)](place))
                 value = None
             while waiting:
                 try:
@@ -222,17 +221,17 @@ class _Definition:
     def constant(self, value: float) -> int:
         """Emit the same value at every place."""
 
-        def finding(_: int) -> Finding[Value]:
+        def computation(_: int) -> Computation[Value]:
             yield from ()
             return Value.of(value, Origin())
 
-        return self._new(finding, (), ())
+        return self._new(computation, (), ())
 
     def map(self, function: str, *args: int) -> int:
         """Emit the function of the operands' values at one place."""
         apply = cast("Callable[..., Value]", FUNCTIONS[function].apply)
 
-        def finding(now: int) -> Finding[Value]:
+        def computation(now: int) -> Computation[Value]:
             values = []
             for a in args:
                 values.append((yield a, now))  # noqa: PERF401 - no comprehension may yield
@@ -241,7 +240,7 @@ class _Definition:
                 return result.having(tuple(value.origin.parts for value in values))
             return result
 
-        return self._new(finding, args, (0,))
+        return self._new(computation, args, (0,))
 
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
         """Emit the fold over the places from lo to hi from now."""
@@ -249,7 +248,7 @@ class _Definition:
         first_best = FIRST_BEST[fold]
         (empty,) = FOLDS[fold].identity
 
-        def finding(now: int) -> Finding[Value]:
+        def computation(now: int) -> Computation[Value]:
             window = self._inside(now, lo, hi)
             if not window:
                 return self._outside(empty, now, lo, hi)
@@ -265,14 +264,14 @@ class _Definition:
                 return value.having(_as_broken(failing.origin.parts))
             return value
 
-        return self._new(finding, (p,), (lo, hi))
+        return self._new(computation, (p,), (lo, hi))
 
     def until(self, bounds: Bounds, p: int, q: int) -> int:
         """Emit half-open until: the largest q, each limited by the smallest p before it."""
         begin, end = bounds
         joint = self._joint(p, q)
 
-        def finding(now: int) -> Finding[Value]:
+        def computation(now: int) -> Computation[Value]:
             window = self._inside(now, begin, end)
             if not window:
                 return self._outside(-INF, now, begin, end)
@@ -280,7 +279,7 @@ class _Definition:
             path = _clipped(joint, now, window[-1])
             passed = yield from self._values(p, path)
             goals = yield from self._values(q, witnesses)
-            # p is needed before a witness, and in an open interval too unless that is now.
+            # p must hold before a witness, and in an open interval also at it, unless that is now.
             needed = witnesses - self._excluded(witnesses, now)
             counts = np.where(needed < now, 0, np.searchsorted(path, needed, "right"))
             held = np.minimum.accumulate(ordered(np.concatenate(([INF], passed))))[counts]
@@ -294,13 +293,13 @@ class _Definition:
                 right, left = range(witness, witness + 1), range(now, int(needed[best]) + 1)
             else:
                 right, left = window, range(0)
-                if np.signbit(passed).any():  # up to where p fails, q does
+                if np.signbit(passed).any():  # q fails up to the place where p fails
                     broken = int(path[int(np.signbit(passed).argmax())])
                     right = range(window[0], broken + int(self._excluded(broken, now)))
                     left = range(broken, broken + 1)
             return (yield from self._reached(value, witness, (p, left), (q, right), window))
 
-        return self._new(finding, (p, q), (0, begin, end))
+        return self._new(computation, (p, q), (0, begin, end))
 
     def since(self, bounds: Bounds, p: int, q: int) -> int:
         """Emit half-open since: the largest q, each limited by the smallest p after it."""
@@ -308,12 +307,12 @@ class _Definition:
         lo = None if end is None else -end
         joint = self._joint(p, q)
 
-        def finding(now: int) -> Finding[Value]:
+        def computation(now: int) -> Computation[Value]:
             window = self._inside(now, lo, -begin)
             if not window:
                 return self._outside(-INF, now, lo, -begin)
             path = _clipped(joint, window[0], now)
-            # A witness at the end of a run needs no p in it, if it is an instant or now.
+            # A witness at the end of a run does not need p there if it is an instant or now.
             ends = np.append(path[1:] - 1, now)
             ends = ends[self._excluded(ends, now) & (ends <= window[-1])]
             witnesses = distinct(path[path <= window[-1]], ends)
@@ -336,17 +335,17 @@ class _Definition:
                 right, left = range(witness, witness + 1), range(int(needed[best]), now + 1)
             else:
                 right, left = window, range(0)
-                if np.signbit(passed).any():  # from where p fails on, q does
+                if np.signbit(passed).any():  # q fails from the place where p fails
                     run = len(path) - 1 - int(np.signbit(passed)[::-1].argmax())
                     broken = now if run == len(path) - 1 else int(path[run + 1]) - 1
                     right = range(broken + (not self._excluded(broken, now)), window.stop)
                     left = range(broken, broken + 1)
             return (yield from self._reached(value, witness, (p, left), (q, right), window))
 
-        return self._new(finding, (p, q), (0, lo, -begin))
+        return self._new(computation, (p, q), (0, lo, -begin))
 
     def _excluded(self, place: Any, now: int) -> Any:  # noqa: ANN401 - a place or an array
-        """Whether a witness at a place needs no p there: a sample, an instant, or now."""
+        """Return whether a witness at a place needs no p there: a sample, an instant, or now."""
         return (place % self._step == 0) | (place == now)
 
     def _reached(
@@ -356,7 +355,7 @@ class _Definition:
         left: tuple[int, range],
         right: tuple[int, range],
         window: range,
-    ) -> Finding[Value]:
+    ) -> Computation[Value]:
         """Return the value of an ``until`` or ``since`` with its parts."""
         p, held = left
         q, goals = right
@@ -369,7 +368,7 @@ class _Definition:
         both = parts, (yield from self._parts(q, goals))
         return Value.of(value, replace(value.origin, witness=witness, parts=both))
 
-    def _parts(self, register: int, span: range) -> Finding[Parts]:
+    def _parts(self, register: int, span: range) -> Computation[Parts]:
         """Return the parts of the sign of a register at all places of a span."""
         if not span:
             return ()
@@ -381,7 +380,7 @@ class _Definition:
             parts.append(value.origin.parts)
         return tuple(parts)
 
-    def _values(self, register: int, places: Positions) -> Finding[Floats]:
+    def _values(self, register: int, places: Positions) -> Computation[Floats]:
         if register < len(self._operands):
             return self._operands[register].among(places)
         values: list[float] = []
@@ -399,28 +398,28 @@ class _Definition:
         return Value.of(value, Origin(outside=(first, last)))
 
     def _joint(self, p: int, q: int) -> Positions | None:
-        """Return where one of two registers may change; None: everywhere."""
+        """Return where one of two registers may change; None for everywhere."""
         first, second = self._starts[p], self._starts[q]
         return None if first is None or second is None else distinct(first, second)
 
     def _new(
         self,
-        finding: Callable[[int], Finding[Value]],
+        computation: Callable[[int], Computation[Value]],
         args: Iterable[int],
         offsets: Iterable[int | None],
     ) -> int:
-        """Add a register, which may change where an operand does, seen from one of the offsets.
+        """Add a register that may change where an operand changes, seen from one of the offsets.
 
-        What until needs of intervals changes one place later too, what since needs one earlier.
+        In dense time, until may also change one place later, and since one place earlier.
         """
-        self._findings.append(finding)
+        self._computations.append(computation)
         starts: Positions | None = None
         if self._step > 1:
             changes = [np.append(cast("Positions", self._starts[a]), self._last + 1) for a in args]
-            seen = [
+            shifted = [
                 places - offset for places in changes for offset in offsets if offset is not None
             ]
-            near = [places + shift for places in seen for shift in (-1, 0, 1)]
+            near = [places + shift for places in shifted for shift in (-1, 0, 1)]
             starts = distinct(np.array([0], np.int64), *near)
         self._starts.append(starts)
         return len(self._starts) - 1

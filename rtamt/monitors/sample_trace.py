@@ -43,10 +43,10 @@ from rtamt.program.program import Program
 _Columns = list[NDArray[np.float64]]
 
 _MAX_SHORT: Final = 8192
-"""Samples up to which the machine is faster than columns; half as many for each unknown."""
+"""The number of samples up to which the machine is faster than columns; half for each unknown."""
 
 _MAX_NUMBERS: Final = 1 << 16
-"""Numbers that the machine may keep."""
+"""The maximum number of numbers in the memory of the machine."""
 
 
 class SampleTrace:
@@ -81,9 +81,9 @@ class SampleTrace:
         run = None
         episode_run = BACKENDS[self._compiled.backend].episode_run
         if episode_run is not None and greatest is least and is_short(self._program, self._n):
-            # None: the sample that is refused may not matter, which columns decide.
+            # None after an error: the sample with the error may not matter, so use the columns.
             run = episode_run(self._program, least, self._n, self._end)
-        if run is not None or self.hides:  # they are read later, and the caller may write to them
+        if run is not None or self.hides:  # columns are read later; the caller may write to them
             low = [column.copy() for column in least]
             high = low if greatest is least else [column.copy() for column in greatest]
             self._columns = low, high
@@ -93,7 +93,7 @@ class SampleTrace:
         bounds = self.bounds
         complete, ends = bounds.bounds("complete"), bounds.bounds(self._end)
         robustness = moved(bounds.robustness(), *ends)
-        # Without the columns that were computed, as long as the trace.
+        # Free the computed columns, which are as long as the trace.
         self.bounds = bounds.until(bounds.n)
         if not self.hides:
             self._columns = [], []
@@ -124,7 +124,7 @@ class SampleTrace:
         return self._decided_at
 
     def early_end(self) -> str:
-        """Return no text: the variables of samples end together."""
+        """Return an empty text: all variables have the same number of samples."""
         return ""
 
     @property
@@ -167,7 +167,7 @@ class SampleTrace:
         return count
 
     def satisfied_without(self, answered: Sequence[Formula]) -> bool:
-        """Return whether the verdict is SATISFIED with ``false`` as right side of implications."""
+        """Return whether the verdict is SATISFIED with ``false`` as right sides of implications."""
         program = self._compiled.part(unanswered(self.formula, answered))
         bounds = self._bounds_of(program) if self._by_columns else self.bounds.part(program)
         return verdict_of(*bounds.bounds(self._end)) == 1
@@ -215,7 +215,7 @@ class SampleTrace:
         return self._part(formula).around_end(self._end)
 
     def unseen_violation(self, body: Formula, instants: InstantRuns) -> UnseenPlace | None:
-        """Return the first sample after the trace at which a body fails, if none on it does."""
+        """Return the first sample after the trace at which a body fails, or None."""
         if self._end != "cut" or instants[-1][1] < self._n:
             return None
         part = self._part(with_one_body(self.formula, body), standard=False, everywhere=False)
@@ -304,7 +304,7 @@ def is_short(program: Program, n: int) -> bool:
 
 @functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
 def _unknowns(program: Program) -> int | None:
-    """Return the unknowns of the episode machine; None if it needs a pair or is too large."""
+    """Return the unknowns of the episode machine; None if it does not take the program."""
     try:
         placement = place(program)
     except SpecificationError:
@@ -330,7 +330,7 @@ def recorded_runs(instants: InstantRuns, last: int) -> InstantRuns:
 
 
 def counts_alone(program: Program) -> bool:
-    """Return whether the sign of a program at a sample needs no later one and is never unknown."""
+    """Return whether the sign of a program at a sample is known without later samples."""
     return program.latency == 0 and not program.neutral
 
 

@@ -24,14 +24,14 @@ class TriggerCount:
     """How often an implication was triggered on a trace of samples.
 
     It is triggered at the recorded samples at which the formula reads it and its left side holds
-    for certain. ``str`` gives it in words, as in ``triggered 2 times, first at sample 1``.
+    for certain. ``str`` returns a text such as ``triggered 2 times, first at sample 1``.
 
     Attributes:
         text: The implication as text.
         samples: The number of these samples.
         count: The number of runs of neighbouring samples; a run at the start of the trace
             counts.
-        first: The first of these samples; None if there is none.
+        first: The first of these samples; None if it is never triggered.
         vacuous: Whether the verdict is SATISFIED, and would be with ``false`` as the right side of
             this implication.
     """
@@ -53,14 +53,14 @@ class DenseTriggerCount:
     """How often an implication was triggered on a trace in dense time.
 
     It is triggered at the recorded instants at which the formula reads it and its left side holds
-    for certain. ``str`` gives it in words, as in ``triggered 2 times, first at time 1.5``.
+    for certain. ``str`` returns a text such as ``triggered 2 times, first at time 1.5``.
 
     Attributes:
         text: The implication as text.
         duration: How long it was triggered, in seconds; a single instant lasts 0 s.
-        count: The number of times at which that began; the start of the trace counts.
-        first: The first of them, as the times of the events are; None if there is none. It may be
-            triggered right after that time.
+        count: The number of runs of triggered instants; a run at the start of the trace counts.
+        first: The start of the first run, of the kind of the events' times; None if it is never
+            triggered. It may be triggered right after that time.
         vacuous: Whether the verdict is SATISFIED, and would be with ``false`` as the right side of
             this implication.
     """
@@ -94,10 +94,9 @@ class Evidence(Generic[_A]):
     Attributes:
         triggers: For each implication a `TriggerCount` or a `rtamt.dense.TriggerCount`, in the
             order of the text, the outer implication first.
-        vacuous: Whether the verdict is SATISFIED, and would be with ``false`` as the right sides of
-            all of them.
-        never_triggered: Whether the verdict is SATISFIED, there is an implication, and none was
-            triggered.
+        vacuous: Whether the verdict is SATISFIED, and would be with ``false`` as all right sides.
+        never_triggered: Whether the verdict is SATISFIED, the formula has implications, and they
+            were never triggered.
     """
 
     triggers: tuple[_A, ...]

@@ -24,8 +24,8 @@ class Unrecorded:
     Attributes:
         formula: The formula as text.
         at: The time at which its value is needed, in seconds; in samples without a period.
-        start: Start of the unrecorded interval, in the same unit.
-        end: End of that interval; None without an end.
+        start: The start of the unrecorded interval, in the same unit.
+        end: The end of the interval; None without an end.
         unit: ``"s"`` or ``"samples"``.
     """
 
@@ -58,7 +58,7 @@ class TraceClock(NamedTuple):
     """The times of the places of a trace.
 
     Attributes:
-        tick: Seconds from one instant to the next; None: times are numbers of samples.
+        tick: Seconds from one instant to the next; None if times are numbers of samples.
         start: The instant of place 0.
         step: Places of an instant: 1 for samples; 2 for dense time, where the place 2t + 1 is the
             open interval after tick t.
@@ -102,9 +102,9 @@ class TraceRegisters:
 
 
 def unrecorded_of(registers: TraceRegisters) -> tuple[Unrecorded, ...]:
-    """Return the outermost formulas that need more than was recorded, where it matters.
+    """Return the outermost formulas with an unrecorded interval that matters.
 
-    The search goes from the root to undecided operands, and to the first time at which they are
+    The search goes from the root to undecided operands, at the first time at which they are
     undecided.
     """
     clock = registers.clock
@@ -157,7 +157,7 @@ def _lacks(registers: TraceRegisters, window: Window, at: int) -> bool:
     if registers.cut:
         unbounded = window.endless or window.hi is None
         return unbounded and at + window.begin > registers.last
-    # An unseen element may not exist, except at the window's own time.
+    # A sample after the trace may not exist, except at the window's own time.
     return window.hi is None or (window.hi > 0 and at + window.hi > registers.last)
 
 

@@ -50,15 +50,15 @@ Raises:
     StateError: If a batch entry in the mask is finished.
 """
 _UPPER = """
-    upper: The greatest values, in an array of the same shape: then ``values`` are the least, and
-        each value is known only to lie between the two (`UncertainValue`); by name, pass an
-        `UncertainValue` of two arrays instead. None: the values are known."""
+    upper: The largest values, in an array of the same shape: then ``values`` are the smallest, and
+        each value lies between the two (`UncertainValue`); by name, pass an `UncertainValue` of two
+        arrays instead. Default: the values are known."""
 _MEMORY = """
-    SpecificationError: If samples that are not known would take more memory than
+    SpecificationError: If unknown samples would take more memory than
         `rtamt.limits.window_bytes`."""
 
 _MAX_ENTRIES = 2**24
-"""More entries would take gigabytes before their first sample."""
+"""The maximum number of entries; more would take gigabytes before their first sample."""
 
 
 class _Batched(DirectUpdate, Sampled[_B]):
@@ -162,7 +162,7 @@ class VectorEpisodeMonitor(
         period: As for `Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
             for `Monitor`; ``nan="hold"`` keeps the variable's last value in that batch entry, and
-            ``nan="unknown"`` takes a nan for a value of which nothing is known.
+            ``nan="unknown"`` reads nan as an unknown value.
 
     Raises:
         SpecificationError: As for `EpisodeMonitor`.
@@ -224,7 +224,7 @@ class VectorEpisodeMonitor(
         if isinstance(mask, str):
             raise InputTypeError(
                 f"expected a mask of {self.num} booleans, got {kind_of(mask)}; "
-                "the reading of the end is given by name, as in end='cut'"
+                "pass the end mode by name, as in end='cut'"
             )
         return self._machine.finish(mask, checked_end(end))
 

@@ -15,7 +15,7 @@ from rtamt.inputs.arrays import array_of_numbers, kind_of
 
 
 class _Coloured:
-    """A member that a notebook shows as its name on a colour, for a light and a dark page."""
+    """A coloured name for notebooks; a base class, since Enum reserves names such as _name_."""
 
     __slots__ = ()
 
@@ -47,11 +47,11 @@ def holds(robustness: object) -> object:
 
     Robustness is positive where a formula holds and negative where it does not. At 0 both are
     possible: it is +0.0 where the formula holds (``x >= 3`` at 3) and -0.0 where it does not
-    (``x > 3`` at 3), and no comparison distinguishes them.
+    (``x > 3`` at 3). No comparison distinguishes the two.
 
-    A robustness that was saved and loaded must have kept its sign: ``-0.0`` in a text does, ``0``
-    in a column of integers does not. Under interface-aware semantics a predicate of no concern
-    counts 0 and neither holds nor fails: use the bounds of an `EpisodeMonitor` there.
+    A file must keep the sign of 0: ``-0.0`` in a text keeps it, ``0`` in a column of integers does
+    not. Under interface-aware semantics a predicate of no concern counts 0 and neither holds nor
+    fails; use the bounds of an `EpisodeMonitor` there.
 
     Args:
         robustness: A number, or an array of any shape.
@@ -60,8 +60,8 @@ def holds(robustness: object) -> object:
         A bool, or an array of booleans of the same shape.
 
     Raises:
-        InputError: On nan, which is no robustness.
-        InputTypeError: On what is not a real number or an array of them.
+        InputError: On nan, which is not a robustness.
+        InputTypeError: On values that are not real numbers.
 
     Example:
         >>> from rtamt import evaluate

@@ -374,7 +374,7 @@ def test_what_gives_one_number_refuses_what_is_not_known(
     with pytest.raises(InputError, match=r"event 1 of 'x', at time 1\.0, is nan; leave it"):
         of_signals(rtamt.dense.Events([0, 1], [0, NAN]))
     for option in ({"nan": "unknown"}, {"max_gap": 1}):
-        with pytest.raises(InputError, match=f"= speaks of values that are not known; {reason}"):
+        with pytest.raises(InputError, match=f"= is for unknown values; {reason}"):
             of_signals([(0, 1)], **option)
 
 

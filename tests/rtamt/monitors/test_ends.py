@@ -90,8 +90,7 @@ def test_a_vector_monitor_takes_the_reading_by_name(backend: Backend) -> None:
     monitor = VectorEpisodeMonitor("always(x > 0)", 2, backend=backend)
     monitor.update([[1.0], [2.0]])
     words = (
-        "expected a mask of 2 booleans, got str 'cut'; the reading of the end is given by name, "
-        "as in end='cut'"
+        "expected a mask of 2 booleans, got str 'cut'; pass the end mode by name, as in end='cut'"
     )
     with pytest.raises(InputTypeError, match=f"^{words}$"):
         monitor.finish("cut")

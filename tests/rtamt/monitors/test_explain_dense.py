@@ -30,7 +30,7 @@ from rtamt import Formula, holds, variable
 from rtamt.language.formula import make
 from rtamt.language.interval import Interval
 from rtamt.language.node import Node
-from rtamt.monitors.explanation import DenseCircumstance, DenseExplanationStep
+from rtamt.monitors.explanation import DenseContribution, DenseExplanationStep
 
 Backend = Literal["native", "python"]
 
@@ -405,7 +405,7 @@ class Said:
     def place(self, time: float, *, after: bool) -> int:
         return 2 * int(time - self._begin) + after
 
-    def span(self, each: DenseCircumstance) -> tuple[int, int]:
+    def span(self, each: DenseContribution) -> tuple[int, int]:
         first, last = each.window
         low = self.place(first, after=each.open_begin)
         return low, low if first == last else self.place(last, after=False) - each.open_end

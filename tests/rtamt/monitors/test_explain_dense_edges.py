@@ -277,13 +277,16 @@ FIRST, LAST = "2026-01-01T00:00:00.000000000", "2026-01-02T00:00:00.000000000"
             DATES,
             5,
             InputError,
-            f"expected a time from {FIRST} to {LAST}, got 5, which is no datetime64",
+            f"expected a time from {FIRST} to {LAST}, got 5, which is not a datetime64",
         ),
         (
             DATES,
             "2026-01-01",
             InputTypeError,
-            f"expected a time from {FIRST} to {LAST}, got str '2026-01-01', which is no datetime64",
+            (
+                f"expected a time from {FIRST} to {LAST}, got str '2026-01-01', which is not a "
+                "datetime64"
+            ),
         ),
         (NUMBERS, np.float64(30), InputError, "expected a time from 1.0 to 3.0, got 30.0"),
         (

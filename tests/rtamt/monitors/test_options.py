@@ -120,7 +120,7 @@ def test_what_gives_one_number_says_who_takes_values_that_are_not_known(
     with pytest.raises(InputError) as caught:
         call(*CALLS[call], **option)
     assert str(caught.value) == (
-        f"{next(iter(option))}= speaks of values that are not known; "
+        f"{next(iter(option))}= is for unknown values; "
         "rtamt.dense.EpisodeMonitor and rtamt.dense.judge give bounds; "
         "others give one number a time"
     )
