@@ -236,7 +236,7 @@ def _part(
 ) -> tuple[RegionProgram, EventReader]:
     """Return the program of a part of the formula, and the reader of its events.
 
-    It has the variables of the part; if the part has no variables, those of the whole formula.
+    It has the variables of the part; if the part has no variables, all variables of the formula.
     """
     specification = whole.program.specification
     part = specification.with_result(formula)

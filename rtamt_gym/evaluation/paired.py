@@ -162,10 +162,10 @@ class Compared:
     Attributes:
         name: The name of the requirement.
         formula: The text of the requirement.
-        both: The number of seeds with which both satisfy it.
-        only_a: The number of seeds with which only A satisfies it.
-        only_b: The number of seeds with which only B satisfies it.
-        neither: The number of seeds with which neither satisfies it.
+        both: The number of pairs in which both satisfy it.
+        only_a: The number of pairs in which only A satisfies it.
+        only_b: The number of pairs in which only B satisfies it.
+        neither: The number of pairs in which neither satisfies it.
         interval_a: The 95 % interval of the rate of A, of the kind of its evaluation.
         interval_b: The 95 % interval of the rate of B.
         interval: The 95 % interval of Tango for the difference, see `tango`.

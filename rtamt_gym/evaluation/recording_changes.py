@@ -140,14 +140,14 @@ class RecordingsComparison:
         times: The clock of the comparison.
         recordings: The names of the recordings in both, below the folders.
         requirements: The comparison for each requirement, by name.
-        changes: A row for each violation, in the order of A, and then those of B alone.
+        changes: A row for each violation, in the order of A, then violations of B alone.
         only_a: The recordings that only A has.
         only_b: The recordings that only B has.
         requirements_a: The requirements that only A has.
         requirements_b: The requirements that only B has.
-        changed: The requirements whose text changed, which are not compared.
+        changed: The requirements with a changed text; they are not compared.
         not_compared: Requirements on recordings without a verdict on one side.
-        shorter: The recordings of which B covers less time, with the time that it lacks.
+        shorter: The missing time in B, for recordings that are shorter in B.
         shifts: The time that was added to the times of B, where it is not 0, by recording.
         untriggered: The requirements that no recording of B triggers, with the number of recordings
             of A that trigger them.
@@ -183,9 +183,9 @@ class RecordingsComparison:
     def words(self) -> set[Word]:
         """``violated`` if B is worse, ``undecided`` if it may be worse; otherwise neither.
 
-        B is worse if it has a new or a longer violation, or is shown to satisfy a requirement in
-        fewer recordings. It may be worse if a violation of B has no counterpart that A could
-        show, if B does not decide what A satisfies, or if nothing was compared.
+        B is worse if it has a new or a longer violation, or satisfies a requirement in
+        significantly fewer recordings. It may be worse if A does not decide a violation of B, if B
+        is undecided where A satisfies a requirement, or if nothing was compared.
         """
         result = set[Word]()
         if not self.requirements:

@@ -42,11 +42,11 @@ class RecordingPairs(NamedTuple):
 def pair_recordings(
     names_a: Sequence[str], names_b: Sequence[str], folders: Sequence[str] | None = None
 ) -> RecordingPairs:
-    """Pair the recordings whose paths below a folder of A and of B, and whose groups, are equal.
+    """Pair the recordings with equal groups and equal paths below a folder of A and a folder of B.
 
-    A file that holds all recordings of its side counts as a folder. Without folders, every folder
-    that contains all recordings of its side is tried. If recordings are left over, smaller folders
-    must not have more pairs, or as many if a recording is paired with itself.
+    A file with all recordings of its side counts as a folder. Without ``folders``, every folder
+    with all recordings of its side is tried. If recordings are left over, smaller folders must not
+    have more pairs, or as many if a recording is paired with itself.
 
     Args:
         names_a: The names of the recordings of A, such as ``old/run1.csv[car=7]``.

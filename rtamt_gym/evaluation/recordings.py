@@ -121,8 +121,9 @@ def compare_recordings(
         times: ``"recorded"`` compares the recorded times, ``"start"`` the times since the start of
             each recording. Default: the recorded times, if the result is the same.
         folders: As for `pair_recordings`.
-        accept_changed: Whether to leave out requirements whose text changed, and to compare
-            recordings whose columns were read with different options. Both are an error otherwise.
+        accept_changed: Whether to leave out requirements with a changed text, and to compare
+            recordings although their columns were read with different options. Otherwise, both are
+            an error.
 
     Raises:
         InputError: If the evaluations have different options, the texts of a requirement differ,
