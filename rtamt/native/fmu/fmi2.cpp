@@ -13,7 +13,6 @@ using namespace rtamt::fmu;
 namespace {
 
 using Component = void*;
-using State = void*;
 using Boolean = int;
 
 // fmi2CallbackFunctions
@@ -112,40 +111,27 @@ RTAMT_FMI Status fmi2SetupExperiment(Component component, Boolean, double, doubl
     });
 }
 
-RTAMT_FMI Status fmi2EnterInitializationMode(Component component) {
-    return run(component, "fmi2EnterInitializationMode", &Instance::begin_initialization);
-}
-
-RTAMT_FMI Status fmi2ExitInitializationMode(Component component) {
-    return run(component, "fmi2ExitInitializationMode", &Instance::end_initialization);
-}
-
-RTAMT_FMI Status fmi2Terminate(Component component) {
-    return run(component, "fmi2Terminate", &Instance::terminate);
-}
-
-RTAMT_FMI Status fmi2Reset(Component component) {
-    return run(component, "fmi2Reset", &Instance::reset);
-}
+RTAMT_RUN(fmi2EnterInitializationMode, begin_initialization)
+RTAMT_RUN(fmi2ExitInitializationMode, end_initialization)
+RTAMT_RUN(fmi2Terminate, terminate)
+RTAMT_RUN(fmi2Reset, reset)
 
 RTAMT_FMI Status fmi2GetReal(Component component, const Reference* references, std::size_t n,
                              double* values) {
-    return get_each(component, "fmi2GetReal", references, n, values, n, &Instance::real);
+    return get_each<&Instance::real>(component, "fmi2GetReal", references, n, values, n);
 }
 
 RTAMT_FMI Status fmi2GetInteger(Component component, const Reference* references, std::size_t n,
                                 int* values) {
-    return get_each(component, "fmi2GetInteger", references, n, values, n, &Instance::integer);
+    return get_each<&Instance::integer>(component, "fmi2GetInteger", references, n, values, n);
 }
 
 RTAMT_FMI Status fmi2GetBoolean(Component component, const Reference* references, std::size_t n,
                                 Boolean* values) {
-    return get_each(component, "fmi2GetBoolean", references, n, values, n, &Instance::boolean);
+    return get_each<&Instance::boolean>(component, "fmi2GetBoolean", references, n, values, n);
 }
 
-RTAMT_FMI Status fmi2GetString(Component component, const Reference*, std::size_t n, const char**) {
-    return no_variables(component, "fmi2GetString", n);
-}
+RTAMT_NO_VARIABLES(fmi2GetString, const char**)
 
 RTAMT_FMI Status fmi2SetReal(Component component, const Reference* references, std::size_t n,
                              const double* values) {
@@ -153,9 +139,7 @@ RTAMT_FMI Status fmi2SetReal(Component component, const Reference* references, s
                     [](double value) { return value; });
 }
 
-RTAMT_FMI Status fmi2SetInteger(Component component, const Reference*, std::size_t n, const int*) {
-    return no_variables(component, "fmi2SetInteger", n);
-}
+RTAMT_NO_VARIABLES(fmi2SetInteger, const int*)
 
 RTAMT_FMI Status fmi2SetBoolean(Component component, const Reference* references, std::size_t n,
                                 const Boolean* values) {
@@ -163,52 +147,16 @@ RTAMT_FMI Status fmi2SetBoolean(Component component, const Reference* references
                     [](Boolean value) { return value != 0; });
 }
 
-RTAMT_FMI Status fmi2SetString(Component component, const Reference*, std::size_t n,
-                               const char* const*) {
-    return no_variables(component, "fmi2SetString", n);
-}
+RTAMT_NO_VARIABLES(fmi2SetString, const char* const*)
+RTAMT_STATES(fmi2GetFMUstate, fmi2SetFMUstate, fmi2FreeFMUstate, fmi2SerializedFMUstateSize,
+             fmi2SerializeFMUstate, fmi2DeSerializeFMUstate, char)
 
-RTAMT_FMI Status fmi2GetFMUstate(Component component, State* state) {
-    return get_state(component, "fmi2GetFMUstate", state);
-}
-
-RTAMT_FMI Status fmi2SetFMUstate(Component component, State state) {
-    return set_state(component, "fmi2SetFMUstate", state);
-}
-
-RTAMT_FMI Status fmi2FreeFMUstate(Component component, State* state) {
-    return free_state(component, "fmi2FreeFMUstate", state);
-}
-
-RTAMT_FMI Status fmi2SerializedFMUstateSize(Component component, State state, std::size_t* size) {
-    return state_size(component, "fmi2SerializedFMUstateSize", state, size);
-}
-
-RTAMT_FMI Status fmi2SerializeFMUstate(Component component, State state, char* bytes,
-                                       std::size_t size) {
-    return serialize(component, "fmi2SerializeFMUstate", state, bytes, size);
-}
-
-RTAMT_FMI Status fmi2DeSerializeFMUstate(Component component, const char* bytes, std::size_t size,
-                                         State* state) {
-    return deserialize(component, "fmi2DeSerializeFMUstate", bytes, size, state);
-}
-
-RTAMT_FMI Status fmi2GetDirectionalDerivative(Component component, const Reference*, std::size_t,
-                                              const Reference*, std::size_t, const double*,
-                                              double*) {
-    return unsupported(component, "fmi2GetDirectionalDerivative");
-}
-
-RTAMT_FMI Status fmi2SetRealInputDerivatives(Component component, const Reference*, std::size_t,
-                                             const int*, const double*) {
-    return unsupported(component, "fmi2SetRealInputDerivatives");
-}
-
-RTAMT_FMI Status fmi2GetRealOutputDerivatives(Component component, const Reference*, std::size_t,
-                                              const int*, double*) {
-    return unsupported(component, "fmi2GetRealOutputDerivatives");
-}
+RTAMT_UNSUPPORTED(fmi2GetDirectionalDerivative, void* unit, const Reference*, std::size_t,
+                  const Reference*, std::size_t, const double*, double*)
+RTAMT_UNSUPPORTED(fmi2SetRealInputDerivatives, void* unit, const Reference*, std::size_t,
+                  const int*, const double*)
+RTAMT_UNSUPPORTED(fmi2GetRealOutputDerivatives, void* unit, const Reference*, std::size_t,
+                  const int*, double*)
 
 // With `stop_on_violation` a violation discards the steps behind it, and fmi2Terminated says why.
 RTAMT_FMI Status fmi2DoStep(Component component, double time, double size, Boolean) {
@@ -219,9 +167,7 @@ RTAMT_FMI Status fmi2DoStep(Component component, double time, double size, Boole
     });
 }
 
-RTAMT_FMI Status fmi2CancelStep(Component component) {
-    return unsupported(component, "fmi2CancelStep");
-}
+RTAMT_UNSUPPORTED(fmi2CancelStep, void* unit)
 
 RTAMT_FMI Status fmi2GetStatus(Component component, int kind, int* status) {
     return guarded(component, "fmi2GetStatus", [=](Unit& unit) {
@@ -241,9 +187,7 @@ RTAMT_FMI Status fmi2GetRealStatus(Component component, int kind, double* value)
     });
 }
 
-RTAMT_FMI Status fmi2GetIntegerStatus(Component component, int, int*) {
-    return unsupported(component, "fmi2GetIntegerStatus");
-}
+RTAMT_UNSUPPORTED(fmi2GetIntegerStatus, void* unit, int, int*)
 
 RTAMT_FMI Status fmi2GetBooleanStatus(Component component, int kind, Boolean* value) {
     return guarded(component, "fmi2GetBooleanStatus", [=](Unit& unit) {

@@ -13,7 +13,6 @@ using namespace rtamt::fmu;
 namespace {
 
 using Pointer = void*;  // fmi3Instance
-using State = void*;
 using Log = void (*)(void* environment, int status, const char* category, const char* text);
 
 Pointer make(const char* call, const char* name, const char* token, const char* resources,
@@ -80,21 +79,13 @@ RTAMT_FMI Status fmi3EnterInitializationMode(Pointer instance, bool, double, dou
     });
 }
 
-RTAMT_FMI Status fmi3ExitInitializationMode(Pointer instance) {
-    return run(instance, "fmi3ExitInitializationMode", &Instance::end_initialization);
-}
-
-RTAMT_FMI Status fmi3Terminate(Pointer instance) {
-    return run(instance, "fmi3Terminate", &Instance::terminate);
-}
-
-RTAMT_FMI Status fmi3Reset(Pointer instance) {
-    return run(instance, "fmi3Reset", &Instance::reset);
-}
+RTAMT_RUN(fmi3ExitInitializationMode, end_initialization)
+RTAMT_RUN(fmi3Terminate, terminate)
+RTAMT_RUN(fmi3Reset, reset)
 
 RTAMT_FMI Status fmi3GetFloat64(Pointer instance, const Reference* references, std::size_t n,
                                 double* values, std::size_t size) {
-    return get_each(instance, "fmi3GetFloat64", references, n, values, size, &Instance::real);
+    return get_each<&Instance::real>(instance, "fmi3GetFloat64", references, n, values, size);
 }
 
 RTAMT_FMI Status fmi3SetFloat64(Pointer instance, const Reference* references, std::size_t n,
@@ -105,12 +96,12 @@ RTAMT_FMI Status fmi3SetFloat64(Pointer instance, const Reference* references, s
 
 RTAMT_FMI Status fmi3GetInt32(Pointer instance, const Reference* references, std::size_t n,
                               std::int32_t* values, std::size_t size) {
-    return get_each(instance, "fmi3GetInt32", references, n, values, size, &Instance::integer);
+    return get_each<&Instance::integer>(instance, "fmi3GetInt32", references, n, values, size);
 }
 
 RTAMT_FMI Status fmi3GetBoolean(Pointer instance, const Reference* references, std::size_t n,
                                 bool* values, std::size_t size) {
-    return get_each(instance, "fmi3GetBoolean", references, n, values, size, &Instance::boolean);
+    return get_each<&Instance::boolean>(instance, "fmi3GetBoolean", references, n, values, size);
 }
 
 RTAMT_FMI Status fmi3SetBoolean(Pointer instance, const Reference* references, std::size_t n,
@@ -119,11 +110,6 @@ RTAMT_FMI Status fmi3SetBoolean(Pointer instance, const Reference* references, s
                     [](auto value) { return value; });
 }
 
-// Types that no variable has, behind the array of n references.
-#define RTAMT_NO_VARIABLES(name, ...)                                                       \
-    RTAMT_FMI Status name(Pointer instance, const Reference*, std::size_t n, __VA_ARGS__) { \
-        return no_variables(instance, #name, n);                                            \
-    }
 RTAMT_NO_VARIABLES(fmi3GetFloat32, float*, std::size_t)
 RTAMT_NO_VARIABLES(fmi3GetInt8, std::int8_t*, std::size_t)
 RTAMT_NO_VARIABLES(fmi3GetUInt8, std::uint8_t*, std::size_t)
@@ -155,33 +141,9 @@ RTAMT_NO_VARIABLES(fmi3SetIntervalDecimal, const double*)
 RTAMT_NO_VARIABLES(fmi3SetIntervalFraction, const std::uint64_t*, const std::uint64_t*)
 RTAMT_NO_VARIABLES(fmi3SetShiftDecimal, const double*)
 RTAMT_NO_VARIABLES(fmi3SetShiftFraction, const std::uint64_t*, const std::uint64_t*)
-#undef RTAMT_NO_VARIABLES
 
-RTAMT_FMI Status fmi3GetFMUState(Pointer instance, State* state) {
-    return get_state(instance, "fmi3GetFMUState", state);
-}
-
-RTAMT_FMI Status fmi3SetFMUState(Pointer instance, State state) {
-    return set_state(instance, "fmi3SetFMUState", state);
-}
-
-RTAMT_FMI Status fmi3FreeFMUState(Pointer instance, State* state) {
-    return free_state(instance, "fmi3FreeFMUState", state);
-}
-
-RTAMT_FMI Status fmi3SerializedFMUStateSize(Pointer instance, State state, std::size_t* size) {
-    return state_size(instance, "fmi3SerializedFMUStateSize", state, size);
-}
-
-RTAMT_FMI Status fmi3SerializeFMUState(Pointer instance, State state, std::uint8_t* bytes,
-                                       std::size_t size) {
-    return serialize(instance, "fmi3SerializeFMUState", state, bytes, size);
-}
-
-RTAMT_FMI Status fmi3DeserializeFMUState(Pointer instance, const std::uint8_t* bytes,
-                                         std::size_t size, State* state) {
-    return deserialize(instance, "fmi3DeserializeFMUState", bytes, size, state);
-}
+RTAMT_STATES(fmi3GetFMUState, fmi3SetFMUState, fmi3FreeFMUState, fmi3SerializedFMUStateSize,
+             fmi3SerializeFMUState, fmi3DeserializeFMUState, std::uint8_t)
 
 // With `stop_on_violation` a violation asks to end the simulation.
 RTAMT_FMI Status fmi3DoStep(Pointer instance, double time, double size, bool, bool* event,
@@ -198,34 +160,29 @@ RTAMT_FMI Status fmi3DoStep(Pointer instance, double time, double size, bool, bo
     });
 }
 
-// Calls that units of this kind do not have, whose capabilities say so.
-#define RTAMT_UNSUPPORTED(name, ...) \
-    RTAMT_FMI Status name(__VA_ARGS__) { return unsupported(instance, #name); }
-RTAMT_UNSUPPORTED(fmi3EnterEventMode, Pointer instance)
-RTAMT_UNSUPPORTED(fmi3EnterStepMode, Pointer instance)
-RTAMT_UNSUPPORTED(fmi3EnterConfigurationMode, Pointer instance)
-RTAMT_UNSUPPORTED(fmi3ExitConfigurationMode, Pointer instance)
-RTAMT_UNSUPPORTED(fmi3GetNumberOfVariableDependencies, Pointer instance, Reference, std::size_t*)
-RTAMT_UNSUPPORTED(fmi3GetVariableDependencies, Pointer instance, Reference, std::size_t*,
-                  Reference*, std::size_t*, int*, std::size_t)
-RTAMT_UNSUPPORTED(fmi3GetDirectionalDerivative, Pointer instance, const Reference*, std::size_t,
+RTAMT_UNSUPPORTED(fmi3EnterEventMode, void* unit)
+RTAMT_UNSUPPORTED(fmi3EnterStepMode, void* unit)
+RTAMT_UNSUPPORTED(fmi3EnterConfigurationMode, void* unit)
+RTAMT_UNSUPPORTED(fmi3ExitConfigurationMode, void* unit)
+RTAMT_UNSUPPORTED(fmi3GetNumberOfVariableDependencies, void* unit, Reference, std::size_t*)
+RTAMT_UNSUPPORTED(fmi3GetVariableDependencies, void* unit, Reference, std::size_t*, Reference*,
+                  std::size_t*, int*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetDirectionalDerivative, void* unit, const Reference*, std::size_t,
                   const Reference*, std::size_t, const double*, std::size_t, double*, std::size_t)
-RTAMT_UNSUPPORTED(fmi3GetAdjointDerivative, Pointer instance, const Reference*, std::size_t,
+RTAMT_UNSUPPORTED(fmi3GetAdjointDerivative, void* unit, const Reference*, std::size_t,
                   const Reference*, std::size_t, const double*, std::size_t, double*, std::size_t)
-RTAMT_UNSUPPORTED(fmi3GetOutputDerivatives, Pointer instance, const Reference*, std::size_t,
+RTAMT_UNSUPPORTED(fmi3GetOutputDerivatives, void* unit, const Reference*, std::size_t,
                   const std::int32_t*, double*, std::size_t)
-RTAMT_UNSUPPORTED(fmi3EvaluateDiscreteStates, Pointer instance)
-RTAMT_UNSUPPORTED(fmi3UpdateDiscreteStates, Pointer instance, bool*, bool*, bool*, bool*, bool*,
-                  double*)
-RTAMT_UNSUPPORTED(fmi3EnterContinuousTimeMode, Pointer instance)
-RTAMT_UNSUPPORTED(fmi3CompletedIntegratorStep, Pointer instance, bool, bool*, bool*)
-RTAMT_UNSUPPORTED(fmi3SetTime, Pointer instance, double)
-RTAMT_UNSUPPORTED(fmi3SetContinuousStates, Pointer instance, const double*, std::size_t)
-RTAMT_UNSUPPORTED(fmi3GetContinuousStateDerivatives, Pointer instance, double*, std::size_t)
-RTAMT_UNSUPPORTED(fmi3GetEventIndicators, Pointer instance, double*, std::size_t)
-RTAMT_UNSUPPORTED(fmi3GetContinuousStates, Pointer instance, double*, std::size_t)
-RTAMT_UNSUPPORTED(fmi3GetNominalsOfContinuousStates, Pointer instance, double*, std::size_t)
-RTAMT_UNSUPPORTED(fmi3GetNumberOfEventIndicators, Pointer instance, std::size_t*)
-RTAMT_UNSUPPORTED(fmi3GetNumberOfContinuousStates, Pointer instance, std::size_t*)
-RTAMT_UNSUPPORTED(fmi3ActivateModelPartition, Pointer instance, Reference, double)
-#undef RTAMT_UNSUPPORTED
+RTAMT_UNSUPPORTED(fmi3EvaluateDiscreteStates, void* unit)
+RTAMT_UNSUPPORTED(fmi3UpdateDiscreteStates, void* unit, bool*, bool*, bool*, bool*, bool*, double*)
+RTAMT_UNSUPPORTED(fmi3EnterContinuousTimeMode, void* unit)
+RTAMT_UNSUPPORTED(fmi3CompletedIntegratorStep, void* unit, bool, bool*, bool*)
+RTAMT_UNSUPPORTED(fmi3SetTime, void* unit, double)
+RTAMT_UNSUPPORTED(fmi3SetContinuousStates, void* unit, const double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetContinuousStateDerivatives, void* unit, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetEventIndicators, void* unit, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetContinuousStates, void* unit, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetNominalsOfContinuousStates, void* unit, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetNumberOfEventIndicators, void* unit, std::size_t*)
+RTAMT_UNSUPPORTED(fmi3GetNumberOfContinuousStates, void* unit, std::size_t*)
+RTAMT_UNSUPPORTED(fmi3ActivateModelPartition, void* unit, Reference, double)

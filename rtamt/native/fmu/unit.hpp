@@ -98,9 +98,9 @@ Status guarded(void* pointer, const char* name, Call call) noexcept {
 }
 
 // Asks for a value for every reference, by a method of the instance.
-template <class T, class Value>
+template <auto get, class T>
 Status get_each(void* pointer, const char* name, const Reference* references, std::size_t n,
-                T* values, std::size_t size, Value (Instance::*get)(Reference) const) noexcept {
+                T* values, std::size_t size) noexcept {
     return guarded(pointer, name, [=](Unit& unit) {
         require_arrays(references, n, values, size);
         for (std::size_t i = 0; i < n; ++i) values[i] = (unit.instance.*get)(references[i]);
@@ -155,3 +155,29 @@ inline Status unsupported(void* unit, const char* name) noexcept {
 }
 
 }  // namespace rtamt::fmu
+
+// Calls that both versions have under their own names. A unit is a pointer of C here.
+#define RTAMT_RUN(name, method) \
+    RTAMT_FMI Status name(void* unit) { return run(unit, #name, &Instance::method); }
+#define RTAMT_STATES(get, set, free, size_of, write, read, Byte)                               \
+    RTAMT_FMI Status get(void* unit, void** state) { return get_state(unit, #get, state); }    \
+    RTAMT_FMI Status set(void* unit, void* state) { return set_state(unit, #set, state); }     \
+    RTAMT_FMI Status free(void* unit, void** state) { return free_state(unit, #free, state); } \
+    RTAMT_FMI Status size_of(void* unit, void* state, std::size_t* size) {                     \
+        return state_size(unit, #size_of, state, size);                                        \
+    }                                                                                          \
+    RTAMT_FMI Status write(void* unit, void* state, Byte* bytes, std::size_t size) {           \
+        return serialize(unit, #write, state, bytes, size);                                    \
+    }                                                                                          \
+    RTAMT_FMI Status read(void* unit, const Byte* bytes, std::size_t size, void** state) {     \
+        return deserialize(unit, #read, bytes, size, state);                                   \
+    }
+// Calls about types that no variable has, after the array of n references.
+#define RTAMT_NO_VARIABLES(name, ...)                                                 \
+    RTAMT_FMI Status name(void* unit, const Reference*, std::size_t n, __VA_ARGS__) { \
+        return no_variables(unit, #name, n);                                          \
+    }
+// Calls that units of this kind do not have; their capabilities state it. Every list of parameters
+// begins with `void* unit`.
+#define RTAMT_UNSUPPORTED(name, ...) \
+    RTAMT_FMI Status name(__VA_ARGS__) { return unsupported(unit, #name); }
