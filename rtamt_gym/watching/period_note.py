@@ -30,7 +30,7 @@ class StepCounter:
     """
 
     def __init__(self, source: str) -> None:
-        self._source = source
+        self.source = source
         self._counts = Counter[float]()
         self._last: float | None = None
         self._line = self._largest_line = self._lost = 0
@@ -67,7 +67,7 @@ class StepCounter:
         """Return the distances so far; None before the second row."""
         if self._last is None or not self._counts:
             return None
-        place = f"{self._source}, line {self._largest_line}"
+        place = f"{self.source}, line {self._largest_line}"
         steps = np.array(sorted(self._counts))
         counts = np.cumsum([self._counts[step] for step in steps.tolist()])
         middle = np.array([(counts[-1] - 1) // 2, counts[-1] // 2])

@@ -16,6 +16,7 @@ from rtamt.typing import End
 from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.dates import RawTimes
+from rtamt_gym.recorded.grid import HOLE
 from rtamt_gym.recorded.names import take_default
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.ruled import check_bounds
@@ -78,6 +79,8 @@ class SampledGroup:
         """The time of the newest row, and whether it has an empty cell, if rows are left out."""
         self._missing = Counter[str]()
         """The number of empty cells of each variable."""
+        self._all_steps = StepCounter(self._steps.source)
+        """The distances of all rows, if rows with an empty cell are left out."""
         rules.undecided += len(rules.specs)
         rules.evidence.begin()
         if self._stated or clock is None:
@@ -105,6 +108,8 @@ class SampledGroup:
         fault = None
         if raw is not None and self._columns.missing == "drop" and not self._stated:
             fault = self._fault_of_dropped(values, raw)
+            if len(raw):
+                self._all_steps.add(plain_times(raw), lines)
         count = len(values) if fault is None else fault.row
         self._feed_rows(values[:count], None if raw is None else raw[:count], lines[:count])
         if fault is not None and not self.stopped:
@@ -466,7 +471,8 @@ class SampledGroup:
             early: Whether more rows could have come.
 
         Raises:
-            InputError: If one row leaves the period of time bounds open.
+            InputError: If one row leaves the period of time bounds open, or two rows are farther
+                apart than rows that were left out.
         """
         if self._first is not None:
             row = self._first[0]
@@ -490,6 +496,7 @@ class SampledGroup:
             raise InputError("expected a row without an empty cell, got none")
         if not self.samples:
             return []
+        self._check_two()
         if self._gap:
             end = "open"
         self._note_times()
@@ -503,6 +510,19 @@ class SampledGroup:
             missing = {v: n for v in state.monitor.variables if (n := self._missing[v])}
             lines.append(line._replace(end=end, final=True, instants=counts, missing=missing))
         return lines
+
+    def _check_two(self) -> None:
+        """Raise InputError if the distance of the only two rows that stay may be a hole."""
+        steps = self._all_steps.times()
+        if steps is None or self.samples != 2 or not len(self._two):
+            return
+        first, second = plain_times(self._two).tolist()
+        if second - first >= HOLE * steps.usual:
+            raise InputError(
+                f"{self._steps.source}: expected samples at even distances, got time "
+                f"{self._two[1]} after {self._two[0]}, with rows between them that are left out. "
+                "Give --missing unknown for unknown samples, or --dense for events."
+            )
 
     def _judge_all(self, name: str, spec: rtamt.Specification, end: End) -> rtamt.Judgement:
         """Judge a requirement on all samples again, with its triggers."""

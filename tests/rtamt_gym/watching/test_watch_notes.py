@@ -26,7 +26,7 @@ TABLES = {
     "comma": "time;x\n0,0;1,5\n0,5;2,5\n",
     "groups": "time,x\n0,1.500\n0.5,2.250\n1,3.125\n",
     "digits": "time,x\n0,1.500\n0.5,2.250\n1,3.12\n",
-    "empty": "time,x\n0,1\n0.5,\n1,2\n1.5,\n",
+    "empty": "time,x\n0,1\n0.5,\n1,2\n1.5,\n2,3\n",
 }
 
 CASES = [
@@ -299,3 +299,16 @@ def test_other_times_of_groups_and_bad_lines(capsys: Output, tmp_path: Path) -> 
     path.write_text("time,x\n0,1\n1,1\n2,bad\n3,1\n4,1\n")
     main(["watch", "always(x > 0)", str(path), "--period", "1", "--skip-bad"])
     assert "aside" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "rows", ["0,1\n0.5,\n1,2\n1.5,\n", "0,1\n1,\n2,\n3,4\n", "0,\n1,2\n2,\n3,4\n"]
+)
+def test_two_rows_around_a_gap_are_no_step(rows: str, capsys: Output, tmp_path: Path) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text(f"time,x\n{rows}")
+    file, error = [str(path), "--time-unit", "s"], "expected samples at even distances"
+    for command in ["monitor"], ["watch"], ["watch", "--stop", "decided"]:
+        code = main([*command, "eventually[0:1](x > 1)", *file, "--missing", "drop"])
+        assert (code, error in capsys.readouterr().err) == (2, True)
+    assert main(["watch", "always(x > -9)", *file, "--missing", "unknown"]) == 3
