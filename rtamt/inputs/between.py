@@ -85,9 +85,6 @@ class UncertainValue:
         return f"UncertainValue({_text(self.lower)}, {_text(self.upper)})"
 
 
-Between = UncertainValue
-"""The name that the C++ code imports."""
-
 UNKNOWN: Final = UncertainValue(-math.inf, math.inf)
 """A completely unknown value."""
 
