@@ -235,8 +235,6 @@ class Run(RunRecord):
         Raises:
             InputError: If the name does not end in ``.parquet``.
         """
-        from rtamt_gym.play.run import save_run
-
         save_run(self, Path(path))
 
     @staticmethod
@@ -246,8 +244,6 @@ class Run(RunRecord):
         Raises:
             InputError: If the file does not hold a run.
         """
-        from rtamt_gym.play.run import load_run
-
         return Run(**load_run(Path(path)))
 
 
