@@ -122,8 +122,8 @@ class ArrayRecording(Recording):
         columns = {name: self._arrays[name] for name in names}
         lengths = {len(column) for column in columns.values()}
         if len(lengths) > 1:
-            each = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
-            raise InputError(f"{self.source}: expected columns of one length, got {each}")
+            lengths = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
+            raise InputError(f"{self.source}: expected columns of one length, got {lengths}")
         count = lengths.pop() if lengths else max(map(len, self._arrays.values()), default=0)
         cells = {name: self._arrays[name] for name in wanted.cells}
         invalid, empty, where = self._invalid, self._empty, self._where

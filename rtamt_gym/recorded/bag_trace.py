@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Final
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import InputError
 from rtamt.errors import nearest, shown
+from rtamt.internal import StampOrder
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.bag_reader import Bag, open_bag
-from rtamt_gym.recorded.bag_stamps import in_line, span
 from rtamt_gym.recorded.bag_topics import TopicFields, topic_fields
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.event_rows import measured
@@ -25,7 +25,7 @@ from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.sampling import BagSignals, Stamps, sampled
 from rtamt_gym.recorded.times import one_record, same_as_before
 from rtamt_gym.recorded.trace import EventTrace, Trace, held
-from rtamt_gym.tables import number
+from rtamt_gym.tables import counted, number
 
 
 def read_bag(
@@ -213,7 +213,7 @@ def _times(
     bag: Bag,
     messages: _Messages,
     notes: list[str],
-    apart: dict[str, float],
+    offsets: dict[str, float],
     *,
     stamped: bool,
 ) -> tuple[Stamps, NDArray[np.intp]]:
@@ -232,27 +232,84 @@ def _times(
             times = logged
             notes.append(f"{messages.topic} has no stamps: its times are when it was recorded")
     if times is not logged:
-        order = in_line(bag, messages.topic, times, logged, notes)
-    apart[messages.topic] = float(np.median(logged - times)) / 1e9
+        order = _in_line(bag, messages.topic, times, logged, notes)
+    offsets[messages.topic] = float(np.median(logged - times)) / 1e9
     return times[order], order
 
 
-def _ends_of_others(bag: Bag, read: Collection[str], apart: Mapping[str, float]) -> Iterator[int]:
+def _span(stamps: Sequence[int], logged: Sequence[int]) -> Iterable[int]:
+    """Return the first and the last stamp of a topic, without strays."""
+    order = StampOrder()
+    in_order = [
+        accepted.stamp
+        for stamp, time in zip(stamps, logged, strict=True)
+        for accepted in order.take(stamp, time, None)
+    ]
+    return min(in_order), max(in_order)
+
+
+def _in_line(
+    bag: Bag, topic: str, stamps: Stamps, logged: Stamps, notes: list[str]
+) -> NDArray[np.intp]:
+    """Return the places of the messages that count by their stamps, in order of recording."""
+    by_log = np.argsort(logged, kind="stable")
+    order, positions = StampOrder(), list[int]()
+    largest = 0
+    for position in by_log.tolist():
+        for accepted in order.take(int(stamps[position]), int(logged[position]), position):
+            positions.append(accepted.message)
+            largest = max(largest, accepted.offset)
+            if accepted.jump:
+                size = f"{abs(accepted.jump) / 1e9:.6g} s"
+                jump = (
+                    f"that is {size} older than the one before it"
+                    if accepted.jump < 0
+                    else f"that jumps ahead of the recording by {size}"
+                )
+                raise InputError(
+                    f"{bag.source}: expected stamps of {topic} that increase, got one {jump}, in "
+                    f"message {accepted.message + 1} of {len(stamps)}: the clock restarted; cut "
+                    "the bag there, or give --time log"
+                )
+    strays = order.strays + (order.held is not None)
+    if strays > len(positions):
+        raise InputError(
+            f"{bag.source}: expected stamps of {topic} from a clock as fast as the recording, got "
+            f"{counted(strays, 'message')} of {len(stamps)} out of line; give --time log"
+        )
+    if order.late:
+        notes.append(
+            f"{topic}: {counted(order.late, 'message')} older than the one before left out"
+        )
+    if strays:
+        notes.append(
+            f"{topic}: {counted(strays, 'message')} left out, more than 1 s out of line with the "
+            "stamps before and after"
+        )
+    if order.ahead:
+        most = round(largest / 1e9, 1)
+        notes.append(
+            f"{topic}: {counted(order.ahead, 'stamp')} up to {most:g} s ahead of the recording"
+        )
+    return np.array(positions, np.intp)
+
+
+def _ends_of_others(bag: Bag, read: Collection[str], offsets: Mapping[str, float]) -> Iterator[int]:
     """Yield the first and last stamps of other topics on the same clock."""
-    usual = min(apart.values(), key=abs, default=0.0)
+    usual = min(offsets.values(), key=abs, default=0.0)
     for logged, stamps in bag.times(bag.types.keys() - read).values():
         delay = float(np.median(np.array(logged, np.int64) - np.array(stamps, np.int64))) / 1e9
         if abs(delay - usual) <= _APART:
-            yield from span(stamps, logged)
+            yield from _span(stamps, logged)
 
 
-def _check_clocks(bag: Bag, apart: Mapping[str, float]) -> None:
+def _check_clocks(bag: Bag, offsets: Mapping[str, float]) -> None:
     """Check that the stamps of all topics can be of one clock."""
-    ordered = sorted(apart, key=lambda topic: apart[topic])
-    if ordered and apart[ordered[-1]] - apart[ordered[0]] > _APART:
+    ordered = sorted(offsets, key=lambda topic: offsets[topic])
+    if ordered and offsets[ordered[-1]] - offsets[ordered[0]] > _APART:
         raise InputError(
             f"{bag.source}: expected times of one clock, got {ordered[0]} and {ordered[-1]}, which "
-            f"are {apart[ordered[-1]] - apart[ordered[0]]:.6g} s apart; give --time log"
+            f"are {offsets[ordered[-1]] - offsets[ordered[0]]:.6g} s apart; give --time log"
         )
 
 

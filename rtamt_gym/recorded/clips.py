@@ -64,16 +64,16 @@ def clips_of(rows: Sequence[Trial], around: float, most: int) -> tuple[list[list
     count = total = 0
     for row, own in zip(rows, clips, strict=True):
         for requirement, outcome in row.outcomes.items():
-            found = outcome.occurrences
-            if found is None or not len(found):
+            occurrences = outcome.occurrences
+            if occurrences is None or not len(occurrences):
                 continue
-            if found.unit != "s":
+            if occurrences.unit != "s":
                 raise InputError(
                     f"--clip: {row.name} has no times, by which clips are cut. If a column holds "
                     "times, name it with --time COLUMN."
                 )
-            total += len(found)
-            for run in islice(found, most - count):
+            total += len(occurrences)
+            for run in islice(occurrences, most - count):
                 count += 1
                 stem = re.sub(r"\W+", "_", f"{requirement}_{float(run.start):.6g}s")
                 name = f"{count:04d}_{stem}"

@@ -126,12 +126,12 @@ def _signal(
         columns: How columns are read.
     """
     source, column = where
-    given = ~np.isnan(values)
+    recorded = ~np.isnan(values)
     if unknown is not None:
-        given |= unknown
-    if not given.any() and name not in columns.starts:
+        recorded |= unknown
+    if not recorded.any() and name not in columns.starts:
         raise InputError(f"{source}: expected events of '{name}', got none")
-    at, values = (times, values) if given.all() else (times[given], values[given])
+    at, values = (times, values) if recorded.all() else (times[recorded], values[recorded])
     places, note = one_record(at, values, columns.same_time, f"{source}, {column}")
     if len(places) == len(at):
         return (at, values), note

@@ -28,7 +28,7 @@ HOLE = 1.75
 
 
 class Grid:
-    """Even distances beside the times of two samples or more.
+    """Even distances that fit the times of two or more samples.
 
     Args:
         times: The times.
@@ -54,7 +54,7 @@ class Grid:
     def _nearest_slope(self) -> float:
         """Return the step of the grid that is nearest to the samples.
 
-        How far they lie off is a convex function of it, whose least value is searched for.
+        The spread of the distances is a convex function of the step, so a search finds its minimum.
         """
         room = 2 * self.jitter / len(self.steps) + 1e-12
         low, high = self.slope * (1 - room), self.slope * (1 + room)
@@ -74,7 +74,7 @@ class Grid:
 
     @cached_property
     def rises(self) -> bool:
-        """Whether every time is after the one before."""
+        """Whether the times increase."""
         return bool((self.steps > 0).all())
 
     @cached_property
@@ -88,7 +88,7 @@ class Grid:
 
     @property
     def even_between_holes(self) -> bool:
-        """Whether the samples are even but for steps over samples that are not there."""
+        """Whether the samples are even, apart from steps over missing samples."""
         if not self.rises or not np.isfinite(self.slope):
             return False
         off = np.abs(self.steps - self.usual)
@@ -107,9 +107,9 @@ class Grid:
 
     @property
     def odd(self) -> int:
-        """The place of the first step that two samples near to the grid do not explain.
+        """The index of the first step that two samples near the grid do not explain.
 
-        If there is none, the place of the step that is farthest from the usual.
+        Without such a step, the index of the step that is farthest from the usual step.
         """
         if self.usual <= 0:
             return int((self.steps <= 0).argmax())
@@ -134,7 +134,7 @@ class Resampled:
     Attributes:
         rows: The row of each sample.
         period: Seconds between the samples.
-        held: Whether each sample lies behind its row, by more than the jitter.
+        held: Whether each sample is later than its row by more than the jitter.
         off: The number of rows that lay off the grid.
         gap: The longest distance of two rows, in seconds.
         at: The row before that distance.
@@ -151,12 +151,12 @@ class Resampled:
 def resampled(times: TimeAxis, grid: Grid) -> Resampled | None:
     """Resample by holding values, every usual step from the first row to the last.
 
-    A row that lies behind a sample by no more than the jitter counts as on it. None: there would
-    be more than a hundred samples for every row, and more than a million.
+    A row that is later than a sample by no more than the jitter counts as on it. Return None if
+    there would be more than a hundred samples for every row, and more than a million.
 
     Args:
-        times: Times that rise.
-        grid: The grid beside them, which is not even.
+        times: Increasing times.
+        grid: The grid of these times, which are not even.
     """
     fits = grid.even_between_holes
     period = grid.fitted if fits else simple(grid.usual, 0.01 * grid.usual)
@@ -180,7 +180,7 @@ class Records:
     Attributes:
         times: The times, which increase; the last may be the end of the trace.
         steps: The distances of neighbours.
-        usual: The median of them; None: it is found when it is needed.
+        usual: The median distance; None until it is computed.
     """
 
     times: Floats
@@ -200,13 +200,13 @@ class Records:
 
 
 def longest_gap(records: Mapping[str, Records], start: float = 0.0) -> Gap | None:
-    """Return the longest time between two records of one variable; None if none has two.
+    """Return the longest time between two records of one variable, or None without two records.
 
-    Among several that are as long it names the one that is the most usual steps long.
+    If several gaps are equally long, return the gap with the most usual steps.
 
     Args:
-        records: The records of each variable; those with one object are found once.
-        start: What to add to the times.
+        records: The records of each variable; variables that share an object share the computation.
+        start: The offset to add to the times, in seconds.
     """
     longest: dict[int, tuple[float, float, Records, list[str]]] = {}
     for name, record in records.items():
@@ -243,7 +243,7 @@ def hole_note(records: Mapping[str, Records], most: float, start: float = 0.0) -
     Args:
         records: The records of each variable.
         most: The longest time in seconds for which a value may hold.
-        start: What to add to the times.
+        start: The offset to add to the times, in seconds.
     """
     texts: dict[str, list[str]] = {}
     for name, record in records.items():

@@ -122,7 +122,7 @@ class GroupAxes:
             self.since = (integers - rows.repeated(integers[rows.begins])) / 1e9
             first = integers[rows.begins] / 1e9
             self._starts = np.zeros(len(first)) if kind == "M" else first
-            self._precisions, self._unit, whole = np.full(len(first), 1e-9), 1, integers
+            self._precisions, self._unit, exact_times = np.full(len(first), 1e-9), 1, integers
         else:
             named = stated or calendar_unit(column) or ""
             self.plain &= named == "" or named in UNITS
@@ -135,7 +135,7 @@ class GroupAxes:
             ends = np.spacing(rows.greatest(np.abs(self.since)))
             self._precisions = np.maximum(ulps * self._unit / 1e9, ends)
             self._starts = in_seconds(raw[rows.begins], self._unit)
-            whole = raw
+            exact_times = raw
         self.plain &= ~rows.any(~np.isfinite(self.since))
         with np.errstate(over="ignore", invalid="ignore"):
             same = np.append(False, same_as_before(self.since))
@@ -145,17 +145,19 @@ class GroupAxes:
         lengths = rows.lengths[self._many] - 1
         self._steps = GroupRows(np.cumsum(lengths) - lengths, lengths)
         self.steps = self._all_steps[inner]
-        self._exact = self._exact_steps(whole, kind)
+        self._exact = self._exact_steps(exact_times, kind)
         self.usual = self._usual()
         self.uneven = self._spread_steps(0.0999)
         if not stated:
             self._leave_doubtful(raw)
 
-    def _exact_steps(self, whole: NDArray[Any], kind: str) -> list[int | None]:
+    def _exact_steps(self, exact_times: NDArray[Any], kind: str) -> list[int | None]:
         """Return the distance of whole numbers of each group with steps, if it is the same."""
         if kind == "f" or not len(self._many):
             return [None] * len(self._many)
-        steps = np.diff(whole.astype(np.int64), prepend=whole[:1].astype(np.int64))[self._inner]
+        steps = np.diff(exact_times.astype(np.int64), prepend=exact_times[:1].astype(np.int64))[
+            self._inner
+        ]
         least, most = self._steps.least(steps), self._steps.greatest(steps)
         return [a if a == b else None for a, b in zip(least.tolist(), most.tolist(), strict=True)]
 
@@ -294,17 +296,17 @@ class GroupAxes:
                 periods[place] = self._fraction(exact[place])
             else:
                 left.append(place)
-        rest = np.array(left, np.intp)
+        pending = np.array(left, np.intp)
         for _ in range(_TRIED):
-            if not len(rest):
+            if not len(pending):
                 return periods
-            period = simple(float(slopes[rest[0]]), float(blurs[rest[0]]))
-            same = _are_simplest(period, slopes[rest], blurs[rest])
+            period = simple(float(slopes[pending[0]]), float(blurs[pending[0]]))
+            same = _are_simplest(period, slopes[pending], blurs[pending])
             same[0] = True
-            for place in rest[same].tolist():
+            for place in pending[same].tolist():
                 periods[place] = period
-            rest = rest[~same]
-        for place in rest.tolist():
+            pending = pending[~same]
+        for place in pending.tolist():
             periods[place] = simple(float(slopes[place]), float(blurs[place]))
         return periods
 

@@ -137,10 +137,10 @@ class GroupTraces:
         names = [] if columns.one_trace else rules.unread
         near = [n for n in names if may_tell_objects(n, read, timed=timed, first=n == first)]
         texts = [n for n in names if n in table.texts and n not in near and timed]
-        found = [self._cells(part, rows.count, columns) for part in (near, texts)]
-        if None in found:
+        cell_tables = [self._cells(part, rows.count, columns) for part in (near, texts)]
+        if None in cell_tables:
             return None
-        cells, others = (part or {} for part in found)
+        cells, others = (part or {} for part in cell_tables)
         column_of = {name: columns.column(name) for name in variables}
         return _Layout(columns, time, rows, column_of, cells, others)
 
@@ -192,11 +192,11 @@ class GroupTraces:
         lengths = np.array([len(part) for part in places], np.int64)
         rows = GroupRows(np.cumsum(lengths) - lengths, lengths)
         order = np.concatenate(places)
-        whole = slice(int(order[0]), int(order[-1]) + 1)
+        span = slice(int(order[0]), int(order[-1]) + 1)
         # Without a copy, if the rows are neighbours.
         chosen: Any = order
-        if whole.stop - whole.start == len(order) and bool((np.diff(order) == 1).all()):
-            chosen = whole
+        if span.stop - span.start == len(order) and bool((np.diff(order) == 1).all()):
+            chosen = span
         return GroupBlock(self, layout, names, places, rows, chosen)
 
     def has_doubtful_bounds(self, period: Fraction) -> bool:

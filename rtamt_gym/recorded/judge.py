@@ -280,7 +280,7 @@ def judge(
         columns = dict[str, Any](trace.columns)
         if trace.passed is not None:
             lower, upper = trace.passed.lower, trace.passed.upper
-            columns |= {n: rtamt.UncertainValue(each, upper[n]) for n, each in lower.items()}
+            columns |= {n: rtamt.UncertainValue(values, upper[n]) for n, values in lower.items()}
         return rtamt.judge(requirement, columns, end=end, n=n, **options)
 
     judges = from_start, with_beginning

@@ -72,16 +72,16 @@ def occurrence_lines(rows: Sequence[Trial]) -> list[str]:
     lines, listed = list[str](), 0
     for row in rows:
         for name, outcome in row.outcomes.items():
-            if (found := outcome.occurrences) is None:
+            if (occurrences := outcome.occurrences) is None:
                 continue
-            if len(rows) > 1 and not len(found):
+            if len(rows) > 1 and not len(occurrences):
                 continue
             listed += 1
             if listed > _LISTED:
                 continue
             if several:
                 lines += [name if len(rows) == 1 else f"{name} in {row.name}"]
-            lines += _text(found, "  " if several else "")
+            lines += _text(occurrences, "  " if several else "")
     if listed > _LISTED:
         lines.append(f"and {counted(listed - _LISTED, 'list')} more")
     if listed == 0:
@@ -89,29 +89,29 @@ def occurrence_lines(rows: Sequence[Trial]) -> list[str]:
     return lines
 
 
-def _text(found: Occurrences, indent: str) -> Iterator[str]:
-    for body in found.bodies:
-        for line in body.lines(found.moment, rates=not found.at_start):
+def _text(occurrences: Occurrences, indent: str) -> Iterator[str]:
+    for body in occurrences.bodies:
+        for line in body.lines(occurrences.moment, rates=not occurrences.at_start):
             rest = line.lstrip()
             yield from indented(rest, indent + " " * (len(line) - len(rest)))
-    if found.at_start:
+    if occurrences.at_start:
         yield f"{indent}evaluated at the first instant only; --view step covers the trace"
 
 
-def states_of(found: Occurrences, begin: float) -> tuple[Floats, NDArray[Any]]:
+def states_of(occurrences: Occurrences, begin: float) -> tuple[Floats, NDArray[Any]]:
     """Return the states of a requirement over a trace: a time and a word for each change.
 
     The state is ``violated`` if a body is violated, otherwise ``unknown`` if the trace does not
     decide a body, otherwise ``satisfied``.
 
     Args:
-        found: The occurrences.
+        occurrences: The occurrences.
         begin: The start of the trace.
     """
     # A place is an instant (time, 0), or the time after it (time, 1).
     changes: dict[tuple[float, int], list[tuple[str, int]]] = {(begin, 0): []}
     names = "start", "end", "to_end", "open_start", "closed_end"
-    for body in found.bodies:
+    for body in occurrences.bodies:
         for word, table in (("violated", body.violations), ("unknown", body.unknown)):
             columns = (table.columns[name].tolist() for name in names)
             for start, end, to_end, open_start, closed_end in zip(*columns, strict=True):

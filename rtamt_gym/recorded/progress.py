@@ -26,13 +26,13 @@ def silence() -> None:
 
 
 @contextmanager
-def progress(what: str, total: int, unit: str) -> Iterator[Advance]:
+def progress(title: str, total: int, unit: str) -> Iterator[Advance]:
     """Show a bar on stderr after a second, if stderr is a terminal and tqdm is installed.
 
     Where bars are inside each other, only the outermost is shown.
 
     Args:
-        what: Names the work.
+        title: The name of the work.
         total: The amount of work.
         unit: The unit of the amount.
 
@@ -53,7 +53,9 @@ def progress(what: str, total: int, unit: str) -> Iterator[Advance]:
         monitor_interval = 0  # its thread would keep a process from being forked
 
     scaled = total > 9999  # 12.3M is shorter than 12345678, but 10.0 no better than 10
-    with Bar(desc=what, total=total, unit=unit, unit_scale=scaled, delay=DELAY, leave=False) as bar:
+    with Bar(
+        desc=title, total=total, unit=unit, unit_scale=scaled, delay=DELAY, leave=False
+    ) as bar:
         _outermost[0] = False
 
         def advance(done: int, note: str = "", /) -> None:

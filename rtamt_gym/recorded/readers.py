@@ -140,12 +140,12 @@ def formats() -> list[Format]:
             raise InputError(
                 f"expected a Format as the entry point {name!r} of {GROUP}, got {row!r}"
             )
-        taken = {extension: other.name for other in rows for extension in other.extensions}
+        owners = {extension: other.name for other in rows for extension in other.extensions}
         for extension in row.extensions:
-            if extension in taken:
+            if extension in owners:
                 raise InputError(
                     f"the entry point {name!r} of {GROUP} takes {extension}, which "
-                    f"{taken[extension]} has; give it another extension"
+                    f"{owners[extension]} has; give it another extension"
                 )
         rows.append(row)
     return rows

@@ -1,4 +1,4 @@
-"""What readers of recorded traces return: named columns of the rows that ``--where`` selects."""
+"""The result of readers of recorded traces: named columns of the rows that ``--where`` selects."""
 
 from __future__ import annotations
 
@@ -43,16 +43,15 @@ class Wanted:
         numbers: Names of the columns of numbers.
         texts: Names of the columns of text.
         gaps: Columns of numbers in which cells may be empty.
-        nan: Whether ``nan`` counts as an empty cell there.
+        nan: Whether ``nan`` counts as an empty cell in the columns of ``gaps``.
         empty: Advice for the error about an empty cell in any other column of numbers.
         time: Name of the column of times, or None; it may be among the numbers too.
-        ends: Whether there are rows at the first and the last time of the whole file, also where
-            columns come at their own pace and these times are of columns that are not read.
+        ends: Whether the rows include the first and the last time of the whole file, even if only
+            columns that are not read have these times.
         part: The second column of times, or None.
-        date_order: The order of day and month in dates where it is not certain.
-        cells: Names of the columns that are read as they are, so that no cell is an error.
-        where: The text that each of some columns has in the rows to read; other rows are left out
-            before anything else.
+        date_order: The order of day and month in ambiguous dates.
+        cells: Names of the columns to read without conversion, so that no cell is an error.
+        where: The required text of some columns; rows with another text are omitted first.
     """
 
     numbers: Sequence[str]
@@ -79,15 +78,16 @@ class Rows:
         where: File and line of a row, for messages.
         source: Name of the file, for messages.
         times: The column of times as doubles, integers, ``datetime64[ns]`` or ``timedelta64[ns]``;
-            None if there is none.
-        notes: What was read otherwise than it is written, in sentences to print.
-        unit: The unit of the times, where the format of the file says it; else empty.
-        sparse: Whether columns come at their own pace, so that a cell is empty where none came.
-        invalid: Of columns of numbers the cells that hold no number though there is a record, such
-            as samples that a measurement marks as not valid: nan, where others are empty.
-        cells: The columns that are read as they are.
-        step: The distance of samples in seconds, where the format states it; else None. Times that
-            are farther apart are a gap.
+            None without a column of times.
+        notes: Sentences to print about changes that the reader made.
+        unit: The unit of the times if the format states it; otherwise, empty.
+        sparse: Whether columns have different times, so that a cell is empty at the times of other
+            columns.
+        invalid: The cells of columns of numbers that have a record without a number, such as
+            samples that a measurement marks as invalid. Their value is nan.
+        cells: The columns that are read without conversion.
+        step: The distance of samples in seconds if the format states it; otherwise, None. Times
+            that are farther apart are a gap.
     """
 
     numbers: Mapping[str, Floats]
@@ -106,7 +106,7 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class RowNumbers:
-    """Says where a row of a file without lines stands; another process can hand it over.
+    """A function from a row to its place in a file without lines; it can be pickled.
 
     Attributes:
         source: Name of the file.
@@ -151,12 +151,12 @@ class Recording:
         raise NotImplementedError
 
     def lines_above(self, name: str) -> int | None:
-        """Return the number of lines above the first one that has a name as a cell, or None."""
+        """Return the number of lines above the first line that has a name as a cell, or None."""
         del name
         return None
 
     def usual_step(self, wanted: Wanted) -> float | None:
-        """Return the usual distance of times next to which two rows may be a gap, or None.
+        """Return the usual distance of times, to detect a gap between two rows; None if unknown.
 
         Args:
             wanted: The columns of times.
@@ -173,7 +173,7 @@ class Recording:
 
 
 class RowFilter:
-    """The rows in which some columns have the texts that ``--where`` names.
+    """A filter for rows with the texts that ``--where`` states.
 
     Args:
         where: The text of each column.
@@ -196,7 +196,7 @@ class RowFilter:
         self._kept = 0
 
     def mask(self, cells: Mapping[str, Sequence[str]]) -> NDArray[np.bool_]:
-        """Return whether each row is selected."""
+        """Return whether each row is selected, and count the selected rows."""
         columns = {name: [text.strip() for text in cells[name]] for name in self._where}
         selected = np.ones(len(next(iter(columns.values()))), bool)
         for name, texts in columns.items():

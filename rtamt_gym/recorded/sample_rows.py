@@ -250,11 +250,11 @@ def _filled(trace: Trace, columns: Columns, *, counted_rows: bool = False) -> Tr
     if not counts:
         return trace
     if columns.missing == "unknown":
-        each = ", ".join(
+        counts_text = ", ".join(
             f"{name}: {count}, the first in {trace.where(int(empty[name].argmax()))}"
             for name, count in counts.items()
         )
-        note = f"empty cells are unknown samples ({each})"
+        note = f"empty cells are unknown samples ({counts_text})"
         return replace(trace, notes=[*trace.notes, note], unknown=tuple(counts))
     if columns.missing == "hold":
         held = dict(trace.columns)
@@ -275,8 +275,8 @@ def _filled(trace: Trace, columns: Columns, *, counted_rows: bool = False) -> Tr
                 hole &= empty[name]
                 held[name][hole] = np.nan
         filled = {n: count - int(np.isnan(held[n]).sum()) for n, count in counts.items()}
-        each = ", ".join(f"{name}: {count}" for name, count in filled.items() if count)
-        note = f"empty cells hold the value before ({each})" if each else ""
+        counts_text = ", ".join(f"{name}: {count}" for name, count in filled.items() if count)
+        note = f"empty cells hold the value before ({counts_text})" if counts_text else ""
         late = [name for name in counts if empty[name][0]]
         default_notes = [
             take_default(trace.source, name, columns, "its first cell is empty") for name in late
@@ -341,13 +341,13 @@ def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trac
             f"every {grid.usual:.6g} s, got {float(grid.steps.max()):.6g} s; cut the trace there"
         )
     since = np.arange(float(len(new.rows))) * new.period.numerator / new.period.denominator
-    taken = trace.selected(new.rows)
+    on_grid = trace.selected(new.rows)
     times = replace(trace.times, since=since, step=new.period)
     notes = [*trace.notes, *_resampled_notes(trace, grid, new, columns.most)]
     # A sample in a hole has no value, and neither has one between two rows, the second unknown.
     hole = new.held & (np.append(grid.steps, 0.0)[new.rows] > columns.most)
     after = np.minimum(new.rows + 1, trace.samples - 1)
-    resampled_values = dict(taken.columns)
+    resampled_values = dict(on_grid.columns)
     for name in resampled_values.keys() - {*absent} if columns.max_gap is not None else ():
         unknown = hole | (new.held & np.isnan(trace.columns[name][after]))
         resampled_values[name] = np.where(unknown, np.nan, resampled_values[name])
@@ -356,7 +356,7 @@ def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trac
         rows = counted(passed.count, "row")
         notes.append(f"left out between samples: {rows} with another value, first {passed.place}")
     return _with_unknown(
-        replace(taken, columns=resampled_values, times=times, notes=notes, passed=passed), columns
+        replace(on_grid, columns=resampled_values, times=times, notes=notes, passed=passed), columns
     )
 
 
@@ -367,21 +367,23 @@ def _passed_rows(trace: Trace, rows: NDArray[np.intp]) -> PassedRows | None:
         trace: All rows.
         rows: The row of each sample, which do not decrease.
     """
-    kept = np.unique(rows)
-    if len(kept) == trace.samples:
+    sampled_rows = np.unique(rows)
+    if len(sampled_rows) == trace.samples:
         return None
-    starts = np.append(0, kept[:-1] + 1)  # the last part goes on to the last row
+    starts = np.append(0, sampled_rows[:-1] + 1)  # the last part goes on to the last row
     again = np.append(False, rows[1:] == rows[:-1])
     lower, upper = dict[str, Floats](), dict[str, Floats]()
     other = np.zeros(trace.samples, bool)
-    owners = kept[np.minimum(np.searchsorted(kept, np.arange(trace.samples)), len(kept) - 1)]
+    owners = sampled_rows[
+        np.minimum(np.searchsorted(sampled_rows, np.arange(trace.samples)), len(sampled_rows) - 1)
+    ]
     for name, column in trace.columns.items():
         values = np.where(np.isnan(column), column[owners], column)  # an empty cell shows nothing
         differs = (values != values[owners]) & ~np.isnan(values)
         if not differs.any():
             continue
         other |= differs
-        part = np.searchsorted(kept, rows)
+        part = np.searchsorted(sampled_rows, rows)
         for ends, fold, unknown in ((lower, np.minimum, -np.inf), (upper, np.maximum, np.inf)):
             known = np.where(np.isnan(values), unknown, values)
             end, own = fold.reduceat(known, starts)[part], known[rows]

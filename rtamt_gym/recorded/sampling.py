@@ -1,4 +1,4 @@
-"""Samples of values that come at times of their own: messages of bags, and records of logs."""
+"""Samples of signals with different times: messages of bags, and records of logs."""
 
 from __future__ import annotations
 
@@ -31,12 +31,11 @@ class BagSignals:
 
     Attributes:
         source: The name of the bag.
-        signals: For each variable the times of its values in nanoseconds, which increase, and the
-            values.
+        signals: The increasing times in nanoseconds and the values of each variable.
         zero: The time that counts as 0 s.
         end: The time up to which the last values hold.
-        epoch: What time 0 s was on the clock that recorded.
-        notes: What was read otherwise than it is written, in sentences to print.
+        epoch: Time 0 s in nanoseconds on the clock that recorded.
+        notes: Sentences to print about changes that the reader made.
         recorded: When each variable was recorded, in seconds since ``zero``, and the end.
         defaults: The variables that have their default up to their first message, or throughout.
     """
@@ -58,18 +57,18 @@ def sampled(
     columns: Columns | None = None,
     origin: float = 0.0,
 ) -> Trace:
-    """Sample a bag at the multiples of a period since its begin, up to its end.
+    """Sample a bag at the multiples of a period, from its start to its end.
 
-    A sample has the values of the last messages at its time or before. The first sample is the
-    first at which one of the variables has a value, or the begin of the bag if a specification
-    reads none.
+    A sample has the values of the last messages at or before its time. The first sample is the
+    first at which any variable has a value, or the start of the bag if a specification reads no
+    variable.
 
     Args:
         signals: The values at the times of their messages.
         groups: The variables of each specification.
         period: Seconds between samples.
-        columns: What the times are called, and for how long a message holds.
-        origin: The time in seconds at which the bag begins; 0 for a bag of ROS.
+        columns: The options that name the times and limit how long a message holds.
+        origin: The time in seconds at which the bag starts; 0 for a bag of ROS.
     """
     step, zero = period * 10**9, signals.zero
     known = {
@@ -125,13 +124,13 @@ def sampled(
 def sampled_events(
     trace: EventTrace, groups: Sequence[Collection[str]], period: Fraction, columns: Columns
 ) -> Trace:
-    """Sample events at the multiples of a period since the begin of their recording, as in a bag.
+    """Sample events at the multiples of a period from the start of the recording, as in a bag.
 
     Args:
         trace: The events.
         groups: The variables of each specification.
         period: Seconds between samples.
-        columns: What the times are called, and for how long a value holds.
+        columns: The options that name the times and limit how long a value holds.
     """
     begin, end = trace.span
     signals = {
@@ -166,7 +165,7 @@ def _held(times: Stamps, values: Floats, places: Stamps) -> Floats:
 def _in_holes(records: Records, at: Floats, most: float, *, silent: bool) -> NDArray[np.bool_]:
     """Return which times lie between two records that are farther apart than values hold.
 
-    The times of both are known, but for the end of the bag if it is silent: no message is there.
+    Values at both records are known, except at the end of a bag, which has no message.
     """
     last = len(records.steps) - 1
     if last < 0:

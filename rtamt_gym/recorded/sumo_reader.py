@@ -88,7 +88,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     if len(kinds) > 1 and OBJECT not in columns.where:
         raise InputError(
             f"{shown(path)}: expected one object, got a {' and a '.join(kinds)} of this name; give "
-            f"{' or '.join(f'--where {OBJECT}={each}' for each in kinds)}"
+            f"{' or '.join(f'--where {OBJECT}={kind}' for kind in kinds)}"
         )
     if kind not in kinds:
         raise InputError(f"{shown(path)}: expected a {kind}, got a {kinds[0]}")

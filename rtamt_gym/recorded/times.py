@@ -55,7 +55,7 @@ class TimeColumn(NamedTuple):
 
     Attributes:
         name: The column.
-        part: A second column, with parts of seconds or dates; None if there is none.
+        part: A second column, with parts of seconds or dates; None without such a column.
     """
 
     name: str
@@ -81,18 +81,19 @@ _SHORT_NAMES = {"s", "ns", "us", "ms"}
 def find_times(
     recording: Recording, columns: Columns, *, read: Collection[str] = (), needed: bool = True
 ) -> TimeColumn | None:
-    """Return the column of times: the one that is named, or the one whose name is of times.
+    """Return the column of times that an option or a known name selects, or None.
 
-    A column ``time`` goes before others, and other plain names before seconds with a column of
+    A column ``time`` has priority. Other plain names come before seconds with a column of
     nanoseconds, dates, less usual names and fields such as ``header.stamp``. A column of dates
-    next to a column ``time`` completes it if that holds times of day.
+    completes a column ``time`` that holds times of day.
 
     Args:
         recording: The file.
         columns: How its columns are read.
-        read: The columns that specifications read. One with a less usual name is not taken.
-        needed: Whether times are needed. Several columns with less usual names are an error then;
-            otherwise none is taken.
+        read: The columns that specifications read. A column of these with a less usual name does
+            not count as times.
+        needed: Whether times are needed. If so, several columns with less usual names are an error;
+            otherwise, the result is None.
     """
     column = _found(recording, columns, read, needed=needed)
     if column is not None and column.part is not None and column.part.unit and columns.time_unit:
@@ -211,11 +212,12 @@ class TimeAxis:
     Attributes:
         column: The name of the column.
         since: Seconds since the first time, exact for integers and dates before they are rounded.
-        start: The first time in seconds; 0 for dates, whose origin is no time of a trace.
-        precision: How far a time may be off because it was rounded to a double.
-        certain: Whether somebody has said that the unit is the unit.
-        step: The distance of samples that the format states, or the distance of all neighbours if
-            it is the same and the times are whole numbers of nanoseconds or longer units.
+        start: The first time in seconds; 0 for dates, because their origin is not a time of the
+            trace.
+        precision: The largest rounding error of a time, in seconds.
+        certain: Whether an option, the format or a name states the unit.
+        step: The distance of samples that the format states. Otherwise, the distance of neighbours
+            if all are equal and the times are whole numbers.
         decided: The unit that a name and the usual step decided together; empty if they did not.
         readings: The units in which the usual step would be plausible, if none is certain and
             seconds are not.
@@ -298,7 +300,7 @@ class TimeAxis:
         return self.start + self.since
 
     def check_distances(self, rows: Rows) -> None:
-        """Check that each time has a distance to the first, where it is not left aside."""
+        """Check that each time has a finite distance to the first."""
         far = ~np.isfinite(self.since)
         if far.any():
             raw, index = rows.times, int(far.argmax())
@@ -309,7 +311,7 @@ class TimeAxis:
             )
 
     def check_unit(self, where: str) -> None:
-        """Check that the times can be seconds, if nobody has said so."""
+        """Check that times of an unstated unit can be seconds."""
         if self.certain or not self.absurd or len(self.since) < 2:
             return
         usual = median(np.abs(np.diff(self.since)))
@@ -328,14 +330,14 @@ class TimeAxis:
         self,
         where: Callable[[int], str],
         rows: NDArray[np.intp] | None = None,
-        what: str = "",
+        subject: str = "",
     ) -> None:
-        """Check that no time is before the one ahead of it; times may repeat.
+        """Check that times do not decrease; times may repeat.
 
         Args:
             where: Returns the place of a row, for messages.
             rows: The rows that count; None: all do.
-            what: Whose times they are, such as `` of 'x'``.
+            subject: The owner of the times, such as `` of 'x'``.
         """
         since = self.since if rows is None else self.since[rows]
         with np.errstate(over="ignore"):
@@ -346,7 +348,7 @@ class TimeAxis:
             return
         rows = np.arange(len(self.since)) if rows is None else rows
         index = int(back.argmax())
-        position = f"{where(int(rows[index + 1]))}: expected times{what} that increase"
+        position = f"{where(int(rows[index + 1]))}: expected times{subject} that increase"
         late, before = self.text(int(rows[index + 1])), self.text(int(rows[index]))
         if newest_first(since):
             raise InputError(
@@ -365,18 +367,18 @@ class TimeAxis:
 
     @property
     def unit_doubt(self) -> str:
-        """Why a period from these times may be in another unit; empty without a doubt."""
+        """The reason to doubt the unit of a period from these times; empty without a doubt."""
         note = "" if self.decided else self.unit_note
         return note and f"{note}; if seconds, --time-unit s"
 
     def note_of_unit(self, length: float) -> str:
-        """Return which unit was decided, or that the times may be milliseconds; empty otherwise.
+        """Return a note on a unit that was decided, or on times that may be milliseconds.
 
-        They may be if the unit is not stated, and the times are 1 or more apart: whole numbers, or
-        others in nearly even steps.
+        Times of an unstated unit may be milliseconds if they are at least 1 apart, and are whole
+        numbers or have nearly even steps. The text is empty if there is nothing to note.
 
         Args:
-            length: The length of the trace in seconds, of which these may be the first times.
+            length: The length of the whole trace in seconds; the times may be only its first times.
         """
         if self.decided:
             usual = median(np.abs(np.diff(self.since)))
@@ -420,18 +422,18 @@ def stated_unit(column: str, unit: str, columns: Columns) -> str:
 
 
 def rises(times: NDArray[Any]) -> bool:
-    """Return whether each time is after the one before."""
+    """Return whether the times increase."""
     return bool((times[1:] > times[:-1]).all())
 
 
 def newest_first(since: Floats) -> bool:
-    """Return whether times fall from the first row to the last."""
+    """Return whether times decrease from the first row to the last."""
     later, before = since[1:], since[:-1]
     return len(later) > 0 and bool((later <= before).all() and (later < before).any())
 
 
 def _check_no_clock(raw: RawTimes, place: str) -> None:
-    """Refuse numbers that may be days or times of day, and not seconds."""
+    """Raise InputError if numbers may be days or times of day instead of seconds."""
     for phrase, doubtful, advice in (
         (
             "a date, as the number of days in spreadsheets and MATLAB,",
@@ -477,7 +479,7 @@ def raw_steps(times: RawTimes) -> Floats:
 
 
 def in_seconds(raw: RawTimes, unit: int) -> Floats:
-    """Numbers of a unit in seconds, rounded once."""
+    """Return numbers of a unit in seconds, rounded once."""
     second = UNITS["s"]
     floats: Floats = raw.astype(np.float64)
     return floats * (unit // second) if unit >= second else floats / (second // unit)
@@ -502,10 +504,10 @@ _TINY = float(np.finfo(np.float64).tiny)
 
 
 def same_as_before(times: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return, for each time from the second on, whether it is the instant of the one before.
+    """Return, for each time after the first, whether it is the same instant as the previous time.
 
     Integers and dates are one instant if they are equal. Floating-point times are one instant if
-    they differ by at most one unit in the last place, as clocks do that count k * 0.01.
+    they differ by at most one unit in the last place, as in clocks that count k * 0.01.
 
     Example:
         >>> same_as_before(np.array([0.3, 0.1 + 0.2, 0.4])).tolist()
@@ -519,18 +521,18 @@ def same_as_before(times: NDArray[Any]) -> NDArray[np.bool_]:
     return np.asarray(np.abs(after - before) <= ulp, np.bool_)
 
 
-def check_rising(times: Floats, what: str) -> None:
-    """Refuse times in seconds that go back.
+def check_rising(times: Floats, subject: str) -> None:
+    """Raise InputError if times decrease.
 
     Args:
         times: The times in the order of the file.
-        what: The file and the signal, for messages.
+        subject: The file and the signal, for messages.
     """
     back = (np.diff(times) < 0) & ~same_as_before(times)
     if back.any():
         index = int(back.argmax())
         raise InputError(
-            f"{what}: expected times that increase, got {_text(times[index + 1])} s after "
+            f"{subject}: expected times that increase, got {_text(times[index + 1])} s after "
             f"{_text(times[index])} s"
         )
 
@@ -539,7 +541,7 @@ def one_record(
     times: NDArray[Any],
     values: NDArray[Any],
     choice: SameTime | None,
-    what: str,
+    subject: str,
     seconds: Floats | None = None,
 ) -> tuple[NDArray[np.intp], str]:
     """Keep one record of a signal for each instant.
@@ -547,13 +549,14 @@ def one_record(
     Args:
         times: The times of the records, shape (n,), which do not decrease.
         values: The values, shape (n,); nan stands for a record without a number.
-        choice: Which record counts where records of one instant differ; None: that is an error.
-        what: The file and the signal, for messages.
+        choice: Which record counts if records of one instant differ; None: such records are an
+            error.
+        subject: The file and the signal, for messages.
         seconds: The times in seconds, shape (n,); None: the times are seconds.
 
     Returns:
-        The places of the records that are kept, and a note on those that differ and are left out;
-        empty if there are none.
+        The indices of the records to keep, and a note on omitted records that differ; empty without
+        such records.
 
     Example:
         >>> times, values = np.array([0.0, 1.0, 1.0]), np.array([5.0, 3.0, 3.0])
@@ -586,14 +589,14 @@ def one_record(
         if len(differing) >= _ROUNDED and 2 * len(differing) > len(first):
             advice = ", as if times were rounded. Write times that tell the records apart."
         raise InputError(
-            f"{what}: expected one value at {_text(instants[position])} s, got "
+            f"{subject}: expected one value at {_text(instants[position])} s, got "
             f"{number(values[change])} and {number(values[change + 1])}{more}{advice}"
         )
     more = f" and at {counted(len(differing) - 1, 'more time')}" * (len(differing) > 1)
     note = (
         f"the {choice} of {count} different records at {_text(instants[position])} s{more} counts"
     )
-    return np.nonzero(starts if choice == "first" else ends)[0], f"{what}: {note}"
+    return np.nonzero(starts if choice == "first" else ends)[0], f"{subject}: {note}"
 
 
 def common_instants(columns: list[Floats]) -> Floats:

@@ -1,4 +1,4 @@
-"""Recordings of autopilots: topics whose records have times of their own, in microseconds."""
+"""Recordings of autopilots: each topic has its own times, in microseconds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rtamt_gym.tables import counted, number
 
 
 class TopicField(NamedTuple):
-    """The values of a field, and the microseconds of each."""
+    """The values of a field, and their times in microseconds."""
 
     topic: str
     times: NDArray[np.uint64]
@@ -27,19 +27,19 @@ class TopicField(NamedTuple):
 
 
 class TopicRecording(Recording):
-    """The fields of topics, and the column ``time`` of the times at which one has a value.
+    """The fields of topics, and the column ``time`` with the times of all values.
 
-    A field is called ``topic.field``; where a topic has several instances, ``topic.0.field`` is the
-    field of the first, and that name is there for a single one too. Times are seconds since the
-    start of the autopilot. A field that has no value at a time where another one has is an empty
-    cell there; one that is nan holds no number.
+    A field is called ``topic.field``; ``topic.0.field`` is the field of the first instance of a
+    topic. Times are seconds since the start of the autopilot. If a field has no value at a time of
+    another field, its cell is empty; nan is a record without a number.
 
     Args:
         source: The name of the file, for messages.
         fields: The fields by name.
         lines: The microseconds of the records of each topic.
         notes: Sentences to print about the log.
-        same_time: Which of several different records of a field at one time counts; None: the last.
+        same_time: Which of several different records of a field at one time counts; None: the last
+            record.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class TopicRecording(Recording):
     def _in_order(
         self, fields: Mapping[str, TopicField]
     ) -> tuple[dict[str, TopicField], list[str]]:
-        """Return the fields with times that increase, and what was left out for that."""
+        """Return the fields with increasing times, and notes on omitted records."""
         ordered: dict[str, TopicField] = {}
         left_out: dict[str, None] = {}
         notes: list[str] = []
@@ -96,7 +96,7 @@ class TopicRecording(Recording):
 
 
 def _stamped(times: NDArray[np.uint64]) -> NDArray[np.bool_]:
-    """Return which records have a time of their own: 0 stands for none.
+    """Return which records have a time; 0 stands for a missing time.
 
     The first record is at 0 if the next one follows within two usual steps: the log starts there.
     """
@@ -121,7 +121,7 @@ def named_fields(
     """Return the fields of topics by name.
 
     Args:
-        topics: For each topic and number of an instance the fields.
+        topics: The fields of each topic and instance number.
     """
     return {shown(name): field for name, field in _named(topics)}
 

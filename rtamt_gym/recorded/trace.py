@@ -33,9 +33,9 @@ class PassedRows:
     """Rows between samples whose values no sample of a resampled trace has.
 
     Attributes:
-        lower: For each variable with such values the smallest one at or before each sample, after
-            the sample before.
-        upper: The largest ones.
+        lower: The smallest such value of each variable at or before each sample, after the previous
+            sample.
+        upper: The largest such values.
         count: The number of such rows.
         place: The first of them.
     """
@@ -61,20 +61,20 @@ class Trace:
         columns: The values of each variable.
         samples: The number of samples.
         times: The times, or None.
-        where: Gives the file and line of a sample, for messages.
-        jitter: The part of the period by which a sample may lie off the grid, None for the usual.
+        where: Returns the file and line of a sample, for messages.
+        jitter: The part of the period by which a sample may lie off the grid, None for the default.
         if_events: Advice for errors that rows which are events, not samples, may cause.
-        notes: What was done to the samples that the file does not say, in sentences to print.
-        epoch: What time 0 was in nanoseconds on the clock that recorded a bag; else 0.
-        known_from: The first sample of each variable that has none before, as a topic of a bag that
-            began late; its values before are nan.
-        unknown: The variables of which some values are not known; these are nan.
+        notes: Sentences to print about changes to the samples of the file.
+        epoch: Time 0 in nanoseconds on the clock that recorded a bag; otherwise, 0.
+        known_from: The first sample with a value of each variable that starts late, such as a topic
+            of a bag; its earlier values are nan.
+        unknown: The variables with unknown values, which are nan.
         defaults: The variables that have their default in part of the trace or in all of it.
         gap: The longest time between two records of one variable, if there are times.
-        grid: The grid beside the times, if it is known already.
-        start_known: Whether samples count only from the first one on at which all variables of a
-            requirement have a value.
-        passed: The rows of a resampled trace that no sample has, if their values differ.
+        grid: The grid of the times, if it is already computed.
+        start_known: Whether the trace of a requirement starts at the first sample at which all its
+            variables have a value.
+        passed: The rows between the samples of a resampled trace, if their values differ.
     """
 
     source: str
@@ -105,15 +105,12 @@ class Trace:
         return LateStart(time, since, tuple(late), first - begin, "sample")
 
     def with_beginning(self, variables: Collection[str]) -> Trace:
-        """Return the trace from the first sample on at which one of some variables has a value.
-
-        The others are unknown there, which is nan.
-        """
+        """Return the trace from the first sample at which any of the variables has a value."""
         begin = min(self.known_from.get(name, 0) for name in variables)
         return replace(self.selected(np.arange(begin, self.samples)), known_from={})
 
     def known(self, variables: Collection[str]) -> Trace:
-        """Return the trace from the first sample on at which all of some variables have a value."""
+        """Return the trace from the first sample at which all of the variables have a value."""
         first, late = max(
             ((self.known_from.get(name, 0), name) for name in variables), default=_NOW
         )
@@ -147,15 +144,15 @@ class Trace:
 
     @property
     def start(self) -> float:
-        """Time of the first sample; 0 without a column of times, or with one of dates."""
+        """The time of the first sample in seconds; 0 for dates and without a column of times."""
         return 0.0 if self.times is None else self.times.start
 
     def period(self, *, timed: bool = False) -> Fraction | None:
         """Return the seconds between samples; None without times, or with one sample only.
 
         Args:
-            timed: Whether a formula has time bounds. Errors then do not offer to ignore the times,
-                which would move samples into and out of windows.
+            timed: Whether a formula has time bounds. Errors then do not suggest ignoring the times,
+                because that moves samples into and out of windows.
         """
         if self.times is None or self.samples < 2:
             return None
@@ -202,13 +199,13 @@ class EventTrace:
             end of the recording (`held`).
         span: The first and the last time of the recording, whatever was recorded then.
         events: The number of recorded events of all variables.
-        notes: What was read otherwise than it is written, in sentences to print.
-        epoch: What time 0 was in nanoseconds on the clock that recorded a bag; else 0.
+        notes: Sentences to print about changes that the reader made.
+        epoch: Time 0 in nanoseconds on the clock that recorded a bag; otherwise, 0.
         max_gap: The longest time in seconds for which a value holds; None: any.
         defaults: The variables that have their default in part of the trace or in all of it.
         gap: The longest time between two events of one variable.
         step: The usual distance of two events of the most frequent variable, in seconds.
-        unknown: The variables of which some events hold no number, which is not known then.
+        unknown: The variables with events without a number, whose value is then unknown.
         start_known: As for `Trace`, with events in place of samples.
         absent: The variables without an event, which have their default throughout.
     """
@@ -247,7 +244,7 @@ class EventTrace:
         return LateStart(time, begin, tuple(late), before)
 
     def tables_from(self, start: LateStart | None, names: Collection[str]) -> dict[str, Floats]:
-        """Return the events of some variables from a start on; all if it is None.
+        """Return the events of some variables from a start; all events if the start is None.
 
         The trace starts there even if all of these variables are known earlier.
         """
@@ -332,7 +329,7 @@ def outside_ranges(spec: rtamt.Specification, trace: Trace | EventTrace) -> dict
 
 
 def constant_note(trace: Trace | EventTrace) -> str:
-    """Return the note on variables with one value in the whole trace; empty without one."""
+    """Return the note on variables with one value in the whole trace, or an empty text."""
     constant = {}
     for name, values in _values(trace).items():
         known = values[~np.isnan(values)]
@@ -351,7 +348,7 @@ def _values(trace: Trace | EventTrace) -> Mapping[str, Floats]:
 
 
 def _place(trace: Trace | EventTrace, name: str, at: int) -> str:
-    """Return where a value is, by its time, or without times by its row."""
+    """Return the time of a value as text; without times, its row."""
     if isinstance(trace, EventTrace):
         return f"at {time_text(float(trace.signals[name][0][at]), trace.step)}"
     if trace.times is None:
@@ -365,6 +362,6 @@ def _decimal(value: float) -> str:
 
 
 def _either(remedies: Sequence[str]) -> str:
-    """Return the ways out in words."""
+    """Return the remedies as a list in words."""
     *others, last = remedies
     return f"{', '.join(others)}{',' * (len(others) > 1)} or {last}" if others else last

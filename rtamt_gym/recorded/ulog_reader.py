@@ -50,12 +50,12 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
 
 
 class _Bytes:
-    """A file that knows whether it ended within what was asked for.
+    """A file that records whether it ended within a read.
 
-    pyulog asks for the header of a message, and then for its rest; it closes what it has read.
+    pyulog reads the header of a message, then its rest, and closes the file.
 
     Attributes:
-        cut: Whether it did.
+        cut: Whether the file ended within a read.
     """
 
     def __init__(self, raw: io.BufferedReader) -> None:
@@ -84,7 +84,7 @@ def _fields(log: ULog) -> dict[str, TopicField]:
 
 
 def _joined(topic: str, parts: Sequence[Any]) -> dict[str, TopicField]:
-    """Return the fields of an instance, whose topic a logger may have subscribed several times."""
+    """Return the fields of an instance; a logger may have subscribed to its topic several times."""
     parts = [part.data for part in parts if _STAMP in part.data]
     if not parts:
         return {}
@@ -99,7 +99,7 @@ def _joined(topic: str, parts: Sequence[Any]) -> dict[str, TopicField]:
 
 
 def _dropouts(log: ULog) -> list[str]:
-    """Return what is to say of data that the autopilot could not write."""
+    """Return the notes on data that the autopilot could not write."""
     if not log.dropouts:
         return []
     total = sum(dropout.duration for dropout in log.dropouts)

@@ -51,14 +51,14 @@ class WideRecording(Recording):
                 "got an empty cell"
             )
         check_one_writing(self.source, key, {*objects})
-        kept = {key, *time.columns, *columns.where, *columns.by}
+        row_columns = {key, *time.columns, *columns.where, *columns.by}
         # The columns and objects of each name; a name with several cannot be read.
         self._places: dict[str, list[tuple[str, str]]] = {}
         for name in dict.fromkeys(names):
-            for of in objects if name not in kept else ():
-                self._places.setdefault(f"{name}.{of}", []).append((name, of))
+            for owner in objects if name not in row_columns else ():
+                self._places.setdefault(f"{name}.{owner}", []).append((name, owner))
         self._columns, self._one_trace = {*names}, columns.one_trace
-        self._others = [name for name in dict.fromkeys(names) if name not in kept]
+        self._others = [name for name in dict.fromkeys(names) if name not in row_columns]
         self._are_single = False
         self.names = [*time.columns, *self._places]
         self.dates = [name for name in recording.dates if name in time.columns]
@@ -91,11 +91,11 @@ class WideRecording(Recording):
         of_objects: dict[str, NDArray[np.intp]] = {}
         columns, absent = {}, {}
         for name in wanted.numbers:
-            column, of = self._place(name)
-            if of not in of_objects:
-                (of_objects[of],) = np.nonzero(objects == of)
-                self._check(rows, places, of_objects[of], of)
-            own = of_objects[of]
+            column, owner = self._place(name)
+            if owner not in of_objects:
+                (of_objects[owner],) = np.nonzero(objects == owner)
+                self._check(rows, places, of_objects[owner], owner)
+            own = of_objects[owner]
             columns[name] = np.full(len(instants), np.nan)
             columns[name][places[own]] = rows.numbers[column][own]
             absent[name] = np.isnan(columns[name])
@@ -120,8 +120,8 @@ class WideRecording(Recording):
             return
         cells = self._recording.read(Wanted((), cells=names, where=wanted.where)).cells
         cells = {name: values for name, values in cells.items() if len(values) == rows.count}
-        for of in np.unique(objects).tolist():
-            (own,) = np.nonzero(objects == of)
+        for owner in np.unique(objects).tolist():
+            (own,) = np.nonzero(objects == owner)
             there = [np.ones(len(own), bool)]
             times = None if rows.times is None else rows.times[own]
             evidence = objects_in({n: c[own] for n, c in cells.items()}, times, there, read)
@@ -130,19 +130,19 @@ class WideRecording(Recording):
             column = shlex.quote(evidence.column)
             if evidence.row is not None:
                 raise InputError(
-                    f"{rows.where(int(own[evidence.row]))}: expected one trace of {of!r}, but "
+                    f"{rows.where(int(own[evidence.row]))}: expected one trace of {owner!r}, but "
                     f"'{evidence.column}' shows that another one starts here. Cut the file there, "
                     "or give --one-trace if all rows are one trace."
                 )
             raise InputError(
-                f"{self.source}: expected one trace of {of!r}, got {len(evidence.values)} values "
-                f"of '{evidence.column}', which no requirement reads: {listed(evidence.values)}. "
+                f"{self.source}: expected one trace of {owner!r}, got {len(evidence.values)} "
+                f"values of '{evidence.column}', which no requirement reads: {listed(evidence.values)}. "
                 f"Give --by {column} for a trace of each, or --one-trace if all rows are one trace."
             )
 
     def _place(self, name: str) -> tuple[str, str]:
         """Return the column and the object of a name that can be read in one way only."""
-        readings = [f"the column '{column}' of '{of}'" for column, of in self._places[name]]
+        readings = [f"the column '{column}' of '{owner}'" for column, owner in self._places[name]]
         readings += ["a column of the file"] if name in self._columns else []
         if len(readings) > 1:
             raise InputError(
