@@ -56,8 +56,8 @@ class _Type(NamedTuple):
     """A type of messages.
 
     Attributes:
-        name: Its name, such as ``ATT``.
-        length: The bytes of a message with its head.
+        name: The name of the type, such as ``ATT``.
+        length: The length of a message in bytes, with its header.
         letters: The type of each field.
         fields: The names of the fields.
     """
@@ -69,7 +69,7 @@ class _Type(NamedTuple):
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """The layout of a message with its head."""
+        """The layout of a message with its header."""
         kinds = [_KINDS[letter][0] for letter in self.letters]
         fields = list(zip(self.fields, kinds, strict=True))
         return np.dtype([("head", "V3"), *fields])
@@ -105,7 +105,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
 
 
 def _messages(path: str, data: bytes) -> tuple[dict[int, _Type], dict[int, list[int]], bool]:
-    """Return the types, the places of the messages of each, and whether the last one is cut."""
+    """Return the types, the offsets of their messages, and whether the last message is cut."""
     types: dict[int, _Type] = {_FORMAT: _OWN}
     lengths = [0] * 256
     lengths[_FORMAT] = _OWN.length
@@ -169,7 +169,7 @@ def _array(raw: NDArray[np.uint8], kind: _Type, offsets: list[int]) -> NDArray[A
 
 
 def _instances(types: Mapping[int, _Type], arrays: Mapping[int, NDArray[Any]]) -> dict[int, str]:
-    """Return the field with the number of the instance, by the type that has one.
+    """Return the field with the instance number, by the type that has such a field.
 
     Messages FMTU give each field a letter for its unit; ``#`` marks the number of an instance.
     """
@@ -188,7 +188,7 @@ def _instances(types: Mapping[int, _Type], arrays: Mapping[int, NDArray[Any]]) -
 def _by_instance(
     kind: _Type, array: NDArray[Any], micros: NDArray[np.uint64], field: str | None
 ) -> dict[int, dict[str, TopicField]]:
-    """Return the fields of numbers of each instance; there is one if no field has its number."""
+    """Return the numeric fields of each instance; without instance numbers there is one."""
     own = np.zeros(len(array), np.int64) if field is None else array[field].astype(np.int64)
     topics = {}
     for instance in np.unique(own).tolist():

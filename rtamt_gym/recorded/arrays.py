@@ -1,4 +1,4 @@
-"""Recordings whose columns are arrays: archives of NumPy, files of MATLAB, and other formats."""
+"""Recordings with arrays as columns: archives of NumPy, files of MATLAB, and other formats."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _load_mat(path: str) -> Iterator[tuple[str, NDArray[Any]]]:
 def _columns_in(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield vectors as columns, also of shape (1, n) or (n, 1), and fields with dotted names.
 
-    A single number is a column only if there are no vectors.
+    A single number is a column only if the file has no vectors.
     """
     for name, value in data.items():
         dotted = f"{prefix}{name}"
@@ -89,10 +89,10 @@ class ArrayRecording(Recording):
 
     Args:
         source: Name of the file, for messages.
-        arrays: The columns, whose lengths are compared where they are read.
-        invalid: The cells of columns that are nan though there is a record; the reader reports it.
+        arrays: The columns; a read checks their lengths.
+        invalid: The cells of columns that are nan because their record has no number.
         decimal: The decimal mark of numbers that are text; None to recognise it.
-        empty: The empty cells of columns whose format tells them from nan, for messages.
+        empty: The empty cells of columns, if the format distinguishes them from nan; for messages.
         where: Returns the place of a row, for messages; None: the number of the row.
     """
 
@@ -122,8 +122,8 @@ class ArrayRecording(Recording):
         columns = {name: self._arrays[name] for name in names}
         lengths = {len(column) for column in columns.values()}
         if len(lengths) > 1:
-            lengths = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
-            raise InputError(f"{self.source}: expected columns of one length, got {lengths}")
+            lengths_text = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
+            raise InputError(f"{self.source}: expected columns of one length, got {lengths_text}")
         count = lengths.pop() if lengths else max(map(len, self._arrays.values()), default=0)
         cells = {name: self._arrays[name] for name in wanted.cells}
         invalid, empty, where = self._invalid, self._empty, self._where
@@ -184,7 +184,7 @@ class ArrayRecording(Recording):
         where: Callable[[int], str],
         selected: NDArray[np.bool_] | None,
     ) -> tuple[Mapping[str, Floats], RawTimes | None, list[str]]:
-        """Return the numbers and times that are text; all columns of text are evidence."""
+        """Return numbers and times from texts; all texts are evidence for the decimal mark."""
         if not {*names} & {*self.texts}:
             return {}, None, []
         count = len(self._arrays[names[0]])
@@ -209,7 +209,7 @@ def _check_gaps(
     wanted: Wanted,
     where: Callable[[int], str],
 ) -> None:
-    """Refuse nan in a column whose cells must not be empty."""
+    """Raise InputError for nan in a column that must not have empty cells."""
     absent = np.isnan(values)
     if name not in wanted.gaps and absent.any():
         row = int(absent.argmax())
@@ -248,14 +248,14 @@ def _times_of(
 def at_instants(
     instants: NDArray[Any], channels: Mapping[str, tuple[NDArray[Any], NDArray[Any]]]
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[np.bool_]]]:
-    """Return channels with times of their own as columns over common instants.
+    """Return channels with different times as columns over common instants.
 
     Args:
         instants: The times of all channels, which increase, shape (n,).
         channels: The times and the values of each channel; nan marks a record without a number.
 
     Returns:
-        The columns, nan where a channel has no record; and where it has one without a number.
+        The columns, nan where a channel has no record; and marks of records without a number.
     """
     arrays: dict[str, NDArray[Any]] = {}
     invalid = {}

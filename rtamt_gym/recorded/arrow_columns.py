@@ -1,7 +1,7 @@
 """Columns of Arrow as arrays of NumPy, and texts that pyarrow has split.
 
-The conversions of pyarrow import pandas wherever it is installed, which takes longer than to read
-a million rows; the protocol of DLPack imports nothing.
+The conversions of pyarrow import pandas if it is installed, which takes longer than reading a
+million rows. The DLPack protocol imports nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _NUMBERS = (
 
 
 def is_number(kind: pa.DataType) -> bool:
-    """Return whether a type holds numbers, or cells that are all empty."""
+    """Return whether a type holds numbers, or only empty cells."""
     return any(is_kind(kind) for is_kind in _NUMBERS)
 
 
@@ -50,7 +50,7 @@ def floats_of(column: pa.ChunkedArray) -> Floats:
 
 
 def values_of(column: pa.ChunkedArray) -> NDArray[Any]:
-    """Return cells as they are: numbers with nan in an empty cell, dates, or texts."""
+    """Return cells without conversion: numbers with nan in an empty cell, dates, or texts."""
     kind = column.type
     if pa.types.is_boolean(kind) and not column.null_count:
         return np.array(column.to_pylist(), bool)
@@ -70,7 +70,7 @@ def values_of(column: pa.ChunkedArray) -> NDArray[Any]:
 def raw_times_of(column: pa.ChunkedArray) -> RawTimes | None:
     """Return the numbers, dates or durations of a column without empty cells.
 
-    None if 64 bits cannot count them, dates and durations in nanoseconds.
+    Return None if 64 bits cannot hold them; dates and durations are in nanoseconds.
     """
     kind = column.type
     try:
@@ -103,7 +103,7 @@ def split_text(
         separator: The character between cells.
         width: The number of cells in each row.
         above: The number of lines above the first row.
-        places: The columns, each by its place in a row.
+        places: The columns, each by its index in a row.
     """
     names = list(map(str, range(width)))
     try:
@@ -123,7 +123,7 @@ def split_text(
 
 
 class ArrowCells(TextCells):
-    """The texts of a column of Arrow, which pyarrow converts where they are plain."""
+    """The texts of a column of Arrow; pyarrow converts plain texts."""
 
     def __init__(self, column: pa.ChunkedArray) -> None:
         self._column = column
@@ -145,7 +145,7 @@ class ArrowCells(TextCells):
         return iter(self._texts)
 
     def _parts(self) -> Iterator[bytes]:
-        """Yield the bytes of all cells in parts, each of which is freed after use."""
+        """Yield the bytes of all cells in parts, and free each part after use."""
         for part in self._column.chunks:
             data = part.buffers()[2]
             if data is not None:

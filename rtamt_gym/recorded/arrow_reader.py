@@ -101,7 +101,7 @@ def parquet_batches(
         path: The file.
         columns: How its columns are read.
         names: The columns.
-        size: The most rows of a part.
+        size: The maximum number of rows of a part.
     """
     with open_parquet(path, columns) as recording, refusing(path, "a whole Parquet file"):
         fields, first = recording.fields_of(names), 0
@@ -131,7 +131,7 @@ def _flat(table: pa.Table) -> pa.Table:
 
 
 def is_text(kind: pa.DataType) -> bool:
-    """Return whether a type holds texts, also if they are stored by number."""
+    """Return whether a type holds texts, including dictionary-encoded texts."""
     if pa.types.is_dictionary(kind):
         kind = kind.value_type
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
@@ -213,7 +213,7 @@ class ArrowRecording(Recording):
 
         Args:
             table: The rows.
-            first: The number of the first of them.
+            first: The number of the first of these rows.
         """
         flat = _flat(table)
         return ArrowRecording(
@@ -269,7 +269,7 @@ class ArrowRecording(Recording):
             )
 
     def _table(self, names: Sequence[str]) -> dict[str, pa.ChunkedArray]:
-        """Return some columns by their shown names."""
+        """Return some columns by their displayed names."""
         fields = [self._places[name][0] for name in names]
         table = _flat(self._load(list(dict.fromkeys(fields))))
         return {name: self._element(table[f], name) for name, f in zip(names, fields, strict=True)}

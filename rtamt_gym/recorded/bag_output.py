@@ -1,4 +1,4 @@
-"""Writes a copy of a bag as MCAP, with robustness and verdicts as topics of their own."""
+"""Writes a copy of a bag as MCAP, with topics for robustness and verdicts."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ _Message = tuple[int, Connection, bytes | memoryview]
 
 @dataclass(frozen=True, slots=True)
 class _Topic:
-    """A topic that is added.
+    """A topic to add.
 
     Attributes:
         kind: The class of its messages.
-        times: Their times in seconds.
-        values: Their numbers or texts.
+        times: The times of the messages in seconds.
+        values: The numbers or texts of the messages.
     """
 
     kind: str
@@ -67,15 +67,15 @@ def write_mcap(
 ) -> tuple[list[str], list[str]]:
     """Write all messages of a bag, with robustness and verdicts at the times of the samples.
 
-    The robustness of a requirement is on the topic of its output variable, else on
+    The robustness of a requirement is on the topic of its output variable; otherwise, on
     ``/rtamt/NAME``, and its verdict so far (-1, 0 or 1) on that topic with ``/verdict``; named
     formulas have topics of their own. Requirements with occurrences have their state as text on
-    that topic with ``/state``. Where the bag has such a topic already, ours ends in
+    that topic with ``/state``. If the bag already has the topic, the added topic ends in
     ``/offline``. Messages of ROS 1 become messages of ROS 2 with the same fields, but for the
     ``seq`` of headers.
 
     Returns:
-        The added topics, and those left out because the bag does not define their classes.
+        The added topics, and the topics omitted because the bag does not define their classes.
     """
     with open_bag(trace.source) as bag, TemporaryDirectory(dir=out.parent) as folder:
         added = _added(trace, judgements, specs, bag, occurrences)
@@ -89,7 +89,7 @@ def write_mcap(
 
 
 def write_bag_clips(path: str, epoch: int, clips: Mapping[Path, tuple[float, float]]) -> None:
-    """Write the messages of a bag between two times, for each of some files.
+    """Write clips of a bag to files.
 
     Args:
         path: The bag.
@@ -115,7 +115,7 @@ def write_bag_clips(path: str, epoch: int, clips: Mapping[Path, tuple[float, flo
 
 
 def _channels(writer: Writer, bag: Bag, store: Typestore) -> dict[tuple[str, str], Connection]:
-    """Add the topics of a bag whose classes are known to a copy."""
+    """Add the topics of a bag with known classes to a copy."""
     channels: dict[tuple[str, str], Connection] = {}
     for connection in bag.reader.connections:
         name = connection.topic, connection.msgtype
@@ -134,7 +134,7 @@ def _write(
 ) -> list[str]:
     """Write the messages of a bag and the added messages in the order of their times.
 
-    Returns the topics that are left out: a class that the bag does not define cannot be written.
+    Return the omitted topics: a message of a class that the bag does not define cannot be written.
     """
     store = _store(bag)
     channels = _channels(writer, bag, store)
@@ -252,7 +252,8 @@ def _placed(
 ) -> tuple[str, str]:
     """Return the class of the messages of a formula and their topic.
 
-    It is the stamped one, if that is declared. The fields of one message have topics below its own.
+    It is the stamped class if it is declared. The fields of a message have topics below the topic
+    of the message.
     """
     topic = publication.topic or publication.default
     if sum(topic == (other.topic or other.default) for other in publications) > 1:
@@ -262,7 +263,7 @@ def _placed(
 
 
 def _free(topic: str, bag: Bag) -> str:
-    """Return a name for a topic that the bag does not have."""
+    """Return an unused name for a topic."""
     name = f"/{topic.lstrip('/')}"
     return f"{name}/offline" if name in bag.types else name
 

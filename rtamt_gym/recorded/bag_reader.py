@@ -34,11 +34,11 @@ class Bag:
     """An open bag. Times are nanoseconds of the clock that recorded.
 
     Attributes:
-        source: Its name, for messages.
+        source: The name of the bag, for messages.
         reader: The open reader of rosbags.
         types: The class of the messages on each topic, ``geometry_msgs/Twist``.
         counts: The number of messages on each topic.
-        begin: The time of the first message, of any topic.
+        begin: The time of the first message on any topic.
         end: The time of the last message.
         notes: What was read otherwise than it is written, in sentences to print.
     """
@@ -95,7 +95,7 @@ class Bag:
         return by_topic
 
     def fields(self, topic: str) -> Collection[str]:
-        """Return the fields of the messages on a topic; none if their class is not defined."""
+        """Return the fields of the messages on a topic; empty if their class is not defined."""
         return self._fields(_long(self.types[topic])) or ()
 
     def class_at(self, topic: str, path: FieldPath) -> str | None:
@@ -127,7 +127,7 @@ class Bag:
         where: str,
         depth: int,
     ) -> Any:  # noqa: ANN401
-        """Return the type of a field or an element of something of a type."""
+        """Return the type of a field or an element of a type."""
         match kind:
             case (Nodetype.NAME, str(name)) if isinstance(step, str):
                 fields = self._fields(name)
@@ -190,7 +190,7 @@ class Bag:
 
 @contextmanager
 def open_bag(path: str) -> Iterator[Bag]:
-    """Open a bag: an ``.mcap``, ``.db3`` or ``.bag`` file, or the folder of one of rosbag2."""
+    """Open a bag: an ``.mcap``, ``.db3`` or ``.bag`` file, or the folder of a rosbag2 bag."""
     Path(path).stat()
     humble = get_typestore(Stores.ROS2_HUMBLE)  # later ones write definitions into their bags
     try:
@@ -205,7 +205,7 @@ def open_bag(path: str) -> Iterator[Bag]:
 
 
 def _short(name: str) -> str:
-    """``geometry_msgs/Twist`` for ``geometry_msgs/msg/Twist``."""
+    """Return ``geometry_msgs/Twist`` for ``geometry_msgs/msg/Twist``."""
     return name.replace("/msg/", "/")
 
 

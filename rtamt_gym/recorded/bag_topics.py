@@ -1,4 +1,4 @@
-"""Which topics of a bag specifications read, and which fields of their messages."""
+"""The topics and fields of a bag that specifications read."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class TopicFields:
-    """A topic of a bag, and what specifications read of its messages.
+    """A topic of a bag, and the fields that specifications read.
 
     Attributes:
         topic: The name of the topic in the bag.
@@ -33,12 +33,12 @@ class TopicFields:
 
 @dataclass(frozen=True, slots=True)
 class _Wish:
-    """What a text says of a message or a plain variable.
+    """The declaration of a message or a plain variable in a specification.
 
     Attributes:
-        topic: The topic as it is written, or None where no text names one.
-        kind: The class that it declares, or None.
-        default: The topic if no text names one.
+        topic: The topic in the text, or None.
+        kind: The declared class, or None.
+        default: The topic if no text names a topic.
     """
 
     topic: str | None = None
@@ -47,11 +47,11 @@ class _Wish:
 
     @property
     def whole(self) -> str:
-        """The topic as it is written, or the default."""
+        """The topic in the text, or the default."""
         return self.topic or self.default
 
     def joined(self, other: _Wish, name: str) -> _Wish:
-        """Return the wish of two texts."""
+        """Return the combined declaration of two texts."""
         wishes: dict[str, tuple[object, object]] = {
             "topic": (self.topic, other.topic),
             "class": (self.kind, other.kind),
@@ -71,7 +71,7 @@ def topic_fields(
 ) -> list[TopicFields]:
     """Return the topics of a bag that specifications read, each with its variables.
 
-    A variable that has a value without a message is in none if its topic is missing or empty.
+    A variable with a default is omitted if its topic is missing or empty.
     """
     fields_of: dict[str, list[SubscribedField]] = {}
     wishes, parts = _wishes(specs)
@@ -125,7 +125,7 @@ def _check_number(bag: Bag, topic: str, path: FieldPath, variable: str) -> None:
 def _check_near(
     bag: Bag, variable: str, where: str, wishes: Mapping[str, _Wish], columns: Columns
 ) -> None:
-    """Refuse a default if a topic has nearly the name of the variable."""
+    """Raise InputError if a topic may be a misspelt name of a variable with a default."""
     if variable in columns.defaults:
         return
     others = {columns.signals.get(name, wish.whole) for name, wish in wishes.items()}
@@ -143,14 +143,14 @@ def _check_near(
 
 
 def check_topics(specs: Mapping[str, rtamt.Specification]) -> None:
-    """Refuse specifications that declare a shared topic differently."""
+    """Raise an error if specifications declare a shared topic differently."""
     _wishes(specs)
 
 
 def columns_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> Columns:
     """Return the columns with the topic and field of each variable that the texts name.
 
-    With them a bag is read alike under formulas that have lost their declarations.
+    These columns also serve formulas without the declarations, such as mutants.
     """
     wishes, parts = _wishes(specs)
     signals = dict(columns.signals)
@@ -167,7 +167,7 @@ _DATA: FieldPath = ("data",)
 def _wishes(
     specs: Mapping[str, rtamt.Specification],
 ) -> tuple[dict[str, _Wish], dict[str, tuple[str, FieldPath]]]:
-    """Return the wish of the texts for each message, and the message and path of each variable."""
+    """Return the declaration of each message, and the message and path of each variable."""
     wishes: dict[str, _Wish] = {}
     parts: dict[str, tuple[str, FieldPath]] = {}
     for spec in specs.values():
@@ -208,7 +208,7 @@ def _placed(
 
 
 def _alike(bag: Bag, written: str) -> list[str]:
-    """Return the topics of a bag that a text can mean."""
+    """Return the topics of a bag that match a name."""
     known = {f"/{topic.lstrip('/')}": topic for topic in bag.types}
     full_name = f"/{written.lstrip('/')}"
     if full_name in known:
@@ -219,7 +219,7 @@ def _alike(bag: Bag, written: str) -> list[str]:
 
 
 def _topic(bag: Bag, written: str, variable: str, kind: str | None, *, named: bool) -> str:
-    """Return the topic of a bag that a text means."""
+    """Return the only topic of a bag that matches a name."""
     similar, full_name = _alike(bag, written), f"/{written.lstrip('/')}"
     if not similar:
         known = {f"/{topic.lstrip('/')}" for topic in bag.types}
@@ -267,10 +267,9 @@ def _listed(topics: Collection[str]) -> str:
 
 
 def _check_class(bag: Bag, topic: str, prefix: FieldPath, wish: _Wish, message: str) -> None:
-    """Check that messages are of the class that a text declares.
+    """Check that messages have the declared class.
 
-    Every message of ``std_msgs`` that holds a number stands for any other: its values are doubles
-    in the end.
+    All messages of ``std_msgs`` with a number are equivalent, because their values become doubles.
     """
     got = bag.class_at(topic, prefix)
     if wish.kind is None or got == wish.kind:

@@ -34,7 +34,7 @@ def read_bag(
     reading: EvaluationOptions,
     columns: Columns,
 ) -> tuple[Trace | EventTrace, Fraction | None]:
-    """Read a bag, and the period at which it was sampled; None for events."""
+    """Return the trace of a bag, and the period of its samples; None for events."""
     if not reading.dense and reading.period is None:
         raise InputError(
             f"{shown(path)}: expected --period, such as 100ms, to sample the messages of a bag, or "
@@ -96,8 +96,8 @@ class _Messages:
         topic: Its name.
         variables: The variables that are read of a message.
         logged: The time of recording of each message.
-        stamps: The time in the header of each message; empty if that is not read.
-        values: The values of each variable, nan where a message has none.
+        stamps: The time in the header of each message; empty if headers are not read.
+        values: The values of each variable, nan if a message has no value.
     """
 
     topic: str
@@ -217,7 +217,7 @@ def _times(
     *,
     stamped: bool,
 ) -> tuple[Stamps, NDArray[np.intp]]:
-    """Return the times of a topic's messages in order, and the places of these messages.
+    """Return the times of a topic's messages in order, and the indices of these messages.
 
     With stamps, late messages and strays do not count (`rtamt.inputs.stamps.StampOrder`).
     """
@@ -251,7 +251,7 @@ def _span(stamps: Sequence[int], logged: Sequence[int]) -> Iterable[int]:
 def _in_line(
     bag: Bag, topic: str, stamps: Stamps, logged: Stamps, notes: list[str]
 ) -> NDArray[np.intp]:
-    """Return the places of the messages that count by their stamps, in order of recording."""
+    """Return the indices of messages with valid stamps, in order of recording."""
     by_log = np.argsort(logged, kind="stable")
     order, positions = StampOrder(), list[int]()
     largest = 0
@@ -364,7 +364,7 @@ def _started(
 
 
 def _silences(signals: BagSignals, spans: Mapping[str, Stamps], columns: Columns) -> list[str]:
-    """Describe the topics that pause or end early, so that their last values are held."""
+    """Describe the topics that pause or end early while their last values hold."""
     notes, stale = [], columns.stale
     for topic, times in spans.items():
         ends = np.append(times, signals.end)

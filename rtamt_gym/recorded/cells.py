@@ -1,4 +1,4 @@
-"""Numbers and times in the texts of cells, whichever splitter they come from."""
+"""Numbers and times in the texts of cells, from any splitter."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _EXACT: Final = 2.0**53
 
 
 class CellNumbers(NamedTuple):
-    """The numbers of a column, and the first cell whose digits stand in groups; else empty."""
+    """The numbers of a column, and the first cell with digits in groups, or an empty text."""
 
     values: Floats
     grouped: str = ""
@@ -73,7 +73,7 @@ class TextCells(Sequence[str]):
     @overload
     def __getitem__(self, place: slice) -> Sequence[str]: ...
     def __getitem__(self, place: int | slice) -> str | Sequence[str]:
-        """Return a text, or some of them."""
+        """Return one or several texts."""
         return self._texts[place]
 
     def __len__(self) -> int:
@@ -213,7 +213,7 @@ def times_in(
     days: Iterable[str] | None = None,
     order: DateOrder | None = None,
 ) -> tuple[RawTimes, str]:
-    """Return times, and the first cell whose digits stand in groups; else an empty text.
+    """Return times, and the first cell with digits in groups, or an empty text.
 
     The times are integers, doubles, dates as ``datetime64[ns]``, or times of day.
 
@@ -221,8 +221,8 @@ def times_in(
         cells: The texts.
         decimal: The decimal mark.
         where: Returns the place of a cell, for messages.
-        days: The dates of times of day; None if there are none.
-        order: The order of day and month where it is not certain.
+        days: The dates of times of day; None without a column of dates.
+        order: The order of day and month in ambiguous dates.
 
     Example:
         >>> times_in(TextCells(["1700000000000000001"]), ".", str)

@@ -1,4 +1,4 @@
-"""Clips: a cut of a recording around each violation, in the format of the recording."""
+"""Clips: parts of a recording around each violation, in the format of the recording."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TEXTS = (".csv", ".csv.gz", ".tsv", ".txt")
 
 
 class Clip(NamedTuple):
-    """A cut of a recording.
+    """A part of a recording.
 
     Attributes:
         name: The name of the file, without its extension.
@@ -86,8 +86,8 @@ def write_table_clips(
 ) -> None:
     """Write the rows of a table around violations, with all of its columns.
 
-    The rows from the first to the last one of the trace in the time of a clip are copied as they
-    are; rows of other objects between them stay.
+    The rows from the first to the last row of the trace in the time of a clip are copied unchanged,
+    with the rows of other objects between them.
 
     Args:
         path: The trace.
@@ -121,7 +121,7 @@ def _extension(path: str) -> str:
 
 
 def _number(place: str) -> int:
-    """Return the line or row that a place of a file ends with."""
+    """Return the line or row number at the end of the place of a row."""
     return int(place.rpartition(" ")[2])
 
 

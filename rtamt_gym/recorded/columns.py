@@ -39,49 +39,50 @@ class Columns:
     """Options for reading the columns of a recording; the defaults suit a plain file.
 
     Attributes:
-        signals: The column of each variable that is called otherwise in the recording.
+        signals: The column of each variable that has another name in the recording.
         time: The column of times. None: the column with a known name, such as ``time``,
             ``timestamp`` or ``Time [s]``.
         time_unit: The unit of the times, a name of `UNITS`. None: the unit in the name or the type
-            of the column, else seconds.
-        separator: The character between the cells of a text. None: what its first line uses.
-        decimal: The decimal mark of a text, ``.`` or ``,``. None: the mark for which the cells of
-            the file are evidence.
+            of the column; otherwise, seconds.
+        separator: The character between the cells of a text. None: the separator of its first line.
+        decimal: The decimal mark of a text, ``.`` or ``,``. None: the mark that the cells of the
+            file show.
         missing: The treatment of empty cells.
-        jitter: The part of the period by which a sample may lie off the grid and count as on it;
-            a trace with samples farther off is resampled, where each value holds until the next.
-            None: 0.05, and such a trace is refused.
+        jitter: The largest distance of a sample from the grid, as a part of the period, at which it
+            counts as on the grid. A trace with samples farther off is resampled, and each value
+            holds until the next. None: 0.05, and such a trace is an error.
         stale: The longest time in seconds for which a topic of a bag may be without a message.
             None: any time, and a note reports a long one.
         same_time: Which of several different records of one variable at one instant counts,
             ``"first"`` or ``"last"``. None: such records are an error; in bags and ULog files the
             last one counts.
         max_gap: The longest time in seconds for which a value holds until the next record of its
-            variable; where two are farther apart, nothing is known between them. A number or text,
-            such as ``"500ms"``. None: any time.
+            variable; values are unknown in longer gaps. A number or text, such as ``"500ms"``.
+            None: any time.
         starts: The values of variables before their first record, or without one, such as the
             defaults that a specification declares.
         defaults: The variables that have their default even if a column has nearly their name.
-        no_defaults: Whether to refuse the defaults of all others.
+        no_defaults: Whether the defaults of all other variables are an error.
         skip: The number of lines of a text before the line of names, or before lines that are
             recognised as comments.
-        start: How the time counts in which some variables of a requirement have no value yet, in
-            dense time and in bags. ``"unknown"``: the requirement is judged without it, and with it
-            as unknown, and the worse verdict is reported. ``"known"``: it is left out.
-        where: The text that each of some columns has in the rows that are read.
-        by: The columns that tell the traces of a table apart.
-        long: The columns of names and of values of a table whose rows hold one event each. None:
-            the columns ``variable`` and ``value``, if there are such columns.
+        start: The treatment of the time before all variables of a requirement have a value, in
+            dense time and in bags. ``"unknown"``: the requirement is judged without this time, and
+            with unknown values in it, and the worse verdict is reported. ``"known"``: this time is
+            omitted.
+        where: The required text of some columns; other rows are not read.
+        by: The key columns of a table with several traces.
+        long: The columns of names and of values, for a table with one event in each row. None: the
+            columns ``variable`` and ``value``, if there are such columns.
         wide: The column of objects, which become columns such as ``speed.Ego``. None: a row holds
             the values of one object only.
         one_trace: Whether rows are one trace although they look like several objects or episodes.
         sorted: Whether the rows of each trace of a table follow each other, so that a Parquet file
             is read in parts.
         date_order: Whether dates such as 03/04/2024 have the day first (``"dmy"``) or the month
-            (``"mdy"``). None: dates in which the order is not certain are refused.
+            (``"mdy"``). None: a date with an uncertain order is an error.
 
     Raises:
-        InputError: If an attribute has a value that it cannot have.
+        InputError: If an attribute has an invalid value.
     """
 
     signals: Mapping[str, str] = field(default_factory=dict)
@@ -134,7 +135,7 @@ class Columns:
 
     @property
     def most(self) -> float:
-        """The longest time in seconds for which a value holds: infinite if nothing is said.
+        """The longest time in seconds for which a value holds: infinite without ``max_gap``.
 
         A distance of rounded times, such as 1.1 - 0.4, is not longer than the time that it shows.
         """
@@ -271,7 +272,7 @@ _STEP = re.compile(r"\.([A-Za-z]\w*)|\[(\d+)\]", re.ASCII)
 
 
 def path_text(path: FieldPath) -> str:
-    """Return a path as it is written.
+    """Return the text of a path.
 
     Example:
         >>> path_text(("ranges", 0))
@@ -296,7 +297,7 @@ class FieldError(InputError):
 
 
 def read_source(text: str) -> tuple[str, FieldPath]:
-    """Return the topic, whose name has no dots, and the path behind it, which may be empty.
+    """Return the topic, whose name has no dots, and the path after it, which may be empty.
 
     Example:
         >>> read_source("/robot0/scan.ranges[0]"), read_source("/speed")

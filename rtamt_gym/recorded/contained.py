@@ -1,7 +1,7 @@
-"""Files that another process reads: a library that crashes, or hangs, ends that process alone.
+"""Files that another process reads, so that a library that crashes or hangs ends only that process.
 
-The process is there against damaged files. It is no sandbox: it has the rights of this one. One
-process reads many files, one after the other, and only the columns that are wanted come back.
+The process protects against damaged files. It is not a sandbox, because it has the rights of this
+process. It reads many files in turn, and returns only the wanted columns.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ def open_file(module: str, path: str, columns: Columns) -> Iterator[Recording]:
 
 
 def call(module: str, function: str, path: str) -> Any:  # noqa: ANN401 - of any function
-    """Return the value of a function of a module for a file, which another process calls."""
+    """Call a function of a module for a file in another process, and return the result."""
     with _taken() as process:
         return process.ask(("call", Path.cwd(), module, path, function), path, _limit(path))
 
 
 def _limit(path: str) -> float:
-    """Return the seconds that a file may take."""
+    """Return the time limit of a file in seconds."""
     file = Path(file_of(path))
     return LIMIT + (file.stat().st_size if file.exists() else 0) / 1e6
 
@@ -80,8 +80,8 @@ class _Contained(Recording):
 class _Process:
     """A process that reads files, and the pipes to it.
 
-    It imports what this one would, and not what lies in the working directory; its standard input
-    ends when this process ends, however it does.
+    It imports the same modules as this process, and no modules from the working directory. Its
+    standard input ends whenever this process ends.
     """
 
     def __init__(self) -> None:
@@ -137,7 +137,7 @@ class _Process:
 
     @property
     def ended(self) -> bool:
-        """Whether it can be asked no more."""
+        """Whether the process has ended."""
         return self._process.poll() is not None
 
     def end(self) -> None:

@@ -1,4 +1,4 @@
-"""Reads text whose cells are separated by commas, semicolons, tabs or blanks.
+"""Reads text with cells separated by commas, semicolons, tabs or blanks.
 
 pyarrow splits long plain files if it is installed, and the `csv` module splits all others: it
 reports lines, and reads runs of blanks. `TextNumbers` turns the cells of both into numbers.
@@ -110,7 +110,7 @@ def _text_of(raw: BinaryIO) -> TextIO:
 
 
 def _bounded(file: TextIO, path: str) -> Iterator[str]:
-    """Yield lines; a line without an end is refused before it fills the memory."""
+    """Yield lines; an endless line is an error before it fills the memory."""
     for line in iter(partial(file.readline, _LINE + 1), ""):
         if len(line) > _LINE:
             raise InputError(f"{shown(path)}: expected lines of at most {_LINE} characters")
@@ -142,7 +142,7 @@ class CsvRecording(Recording):
         fast: Whether pyarrow may split the file.
 
     Raises:
-        InputError: If there is no line of names.
+        InputError: If the text has no line of names.
 
     Example:
         >>> recording = CsvRecording(["time;x", "0;5", "0,5;4,25"], "trace.csv")
@@ -243,7 +243,7 @@ class CsvRecording(Recording):
             return None
 
     def lines_above(self, name: str) -> int | None:
-        """Return the number of lines above the first one that has a name as a cell, or None."""
+        """Return the number of lines above the first line that has a name as a cell, or None."""
         for index, line in enumerate(self._top):
             cells = line.strip().split(self.separator if self.separator != " " else None)
             if name in (cell.strip().strip('"') for cell in cells):
@@ -270,7 +270,7 @@ class CsvRecording(Recording):
             yield CsvRecording(lines, self._file, self._columns, fast=self._fast)
 
     def _unit_of(self, time: str | None) -> str:
-        """Return the unit of the times in the row of units; empty if there is none."""
+        """Return the unit of the times in the row of units, or an empty text."""
         where = f"{self.source}, line {self.last_above}"
         return unit_below(where, time, self._units, self._columns)
 
@@ -366,7 +366,7 @@ class CsvRecording(Recording):
         return dict(zip(names, columns, strict=False))
 
     def _has_row_a_line(self, rows: int) -> bool:
-        """Return whether no quoted cell below the names can go over several lines.
+        """Return whether no quoted cell below the names can span several lines.
 
         Args:
             rows: The number of rows that pyarrow reads.
@@ -413,7 +413,7 @@ class CsvRecording(Recording):
         )
 
     def _plain(self, text: str) -> str:
-        """Return a text whose bytes were not UTF-8 as Latin-1."""
+        """Return a text as Latin-1 if its bytes were not UTF-8."""
         if not any("\udc80" <= character <= "\udcff" for character in text):
             return text
         latin = text.encode("utf-8", "surrogateescape").decode("latin-1")
@@ -452,7 +452,7 @@ def skip_note(before: int, lines: int) -> str:
 
 
 def unit_below(where: str, time: str | None, units: Mapping[str, str], columns: Columns) -> str:
-    """Return the unit of the times in a row of units; empty if there is none.
+    """Return the unit of the times in a row of units, or an empty text.
 
     Args:
         where: The place of the row, for messages.

@@ -54,14 +54,14 @@ _MONTHS: Final = {
 def read_dates(texts: Sequence[str], order: DateOrder | None = None) -> RawTimes | None:
     """Return dates as ``datetime64[ns]``, in UTC if they have offsets; None if one is not a date.
 
-    These are dates of ISO 8601, also without marks between year, month and day, and dates whose
-    order of day and month is certain: the year first, dots (31.12.2024), a month in letters. Of
-    others (03/04/2024) the order is certain if a number is greater than 12, or if it does not
+    These are dates of ISO 8601, also without marks between year, month and day, and dates with a
+    certain order of day and month: the year first, dots (31.12.2024), a month in letters. In other
+    dates (03/04/2024), the order is certain if a number is greater than 12, or if it does not
     matter for the distances. A date without a time is the start of its day.
 
     Args:
         texts: The texts of a column.
-        order: The order of day and month where it is not certain.
+        order: The order of day and month in ambiguous dates.
 
     Example:
         >>> read_dates(["2024-05-01T12:00:00.5Z", "2024-05-01 14:00:01+02:00"]).tolist()
@@ -97,8 +97,9 @@ def times_of_texts(
 
     Args:
         texts: The texts of a column of times.
-        days: The texts of a column of dates, for texts that are times of day; None: there is none.
-        order: The order of day and month where it is not certain.
+        days: The texts of a column of dates, for texts that are times of day; None without such a
+            column.
+        order: The order of day and month in ambiguous dates.
     """
     joined = texts if days is None else [f"{d} {t}" for d, t in zip(days, texts, strict=True)]
     for candidates in (joined, texts) if days is not None else (texts,):

@@ -1,4 +1,4 @@
-"""The violated episodes of a LeRobot data set, in the form that its editing tool takes."""
+"""The violated episodes of a LeRobot data set, in the format of its editing tool."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from rtamt_gym.tables import counted
 
 
 def data_set_of(paths: Sequence[str]) -> str:
-    """Return the one data set whose episodes some traces are.
+    """Return the data set of some episodes.
 
     Raises:
-        InputError: If a trace is not an episode, or the traces are of several data sets.
+        InputError: If a trace is not an episode, or the episodes are from several data sets.
     """
     files: dict[str, None] = {}
     for path in paths:
@@ -38,8 +38,7 @@ def data_set_of(paths: Sequence[str]) -> str:
 def violated_episodes(rows: Sequence[Trial], paths: Sequence[str]) -> tuple[str, str]:
     """Return the indices of the violated episodes as JSON, and a summary for the report.
 
-    An episode that is only undecided, or that has an error, is not in the list; the summary counts
-    these.
+    The list omits undecided episodes and episodes with errors; the summary counts them.
 
     Args:
         rows: The outcomes of each episode.

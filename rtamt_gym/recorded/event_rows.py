@@ -120,8 +120,8 @@ def _signal(
     Args:
         name: The variable.
         times: The times in seconds, shape (n,).
-        values: The values, shape (n,); nan in empty cells, which are no events.
-        unknown: The empty cells that are events without a known value; None: there are none.
+        values: The values, shape (n,); nan in empty cells, which are not events.
+        unknown: The empty cells that are events with an unknown value; None without such cells.
         where: The file and the column, for messages.
         columns: How columns are read.
     """
@@ -139,7 +139,7 @@ def _signal(
 
 
 def _empty_cells(name: str, values: Floats) -> list[str]:
-    """Return the number of empty cells of a variable; an empty list if there are none."""
+    """Return the number of empty cells of a variable; otherwise, an empty list."""
     count = int(np.isnan(values).sum())
     return [f"{name}: {count}"] if count else []
 
@@ -155,7 +155,7 @@ def _events(
     columns: Columns,
     axis: TimeAxis,
 ) -> EventTrace:
-    """Return the trace, with defaults from its first row on; values hold to its last row."""
+    """Return the trace, with defaults from its first row; values hold to its last row."""
     times = axis.seconds
     begin, end = float(times.min()), float(times.max())
     notes = [*rows.notes, *selection_notes(rows.count, columns.where)]
@@ -211,7 +211,7 @@ def measured(trace: EventTrace, recorded: Mapping[str, Floats], columns: Columns
     Args:
         trace: The trace.
         recorded: When each variable was recorded, in seconds.
-        columns: For how long values hold.
+        columns: The options that limit how long values hold.
     """
     merged: dict[int, Records] = {}
     for times in recorded.values():

@@ -1,4 +1,4 @@
-"""Times and periods of many groups of a table at once, where their samples are plainly even."""
+"""Times and periods of many groups of a table at once, if their samples are plainly even."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class GroupAxes:
 
     Attributes:
         plain: Whether the times of each group increase, and are certainly not dates, days or times
-            of day. Other attributes of the others mean nothing.
+            of day. Other attributes are meaningless for groups that are not plain.
         since: Seconds since the first time of the group, for each row.
         uneven: Whether steps differ by more than about a tenth.
     """
@@ -176,7 +176,7 @@ class GroupAxes:
         return Fraction(step * self._unit, UNITS["s"])
 
     def _spread_steps(self, part: float) -> Booleans:
-        """Return whether the steps of each group differ by more than a part of the usual one."""
+        """Return whether the steps of each group differ by more than a part of the usual step."""
         spread = np.zeros(len(self._rows.lengths), bool)
         if len(self._many):
             least, most = self._steps.least(self.steps), self._steps.greatest(self.steps)
@@ -218,10 +218,10 @@ class GroupAxes:
         return {place: step for place, step in pairs if step is not None}
 
     def far_apart(self, step: float) -> Booleans:
-        """Return which groups have two rows that are farther apart than a step in other groups.
+        """Return which groups have two rows only, farther apart than the steps of other groups.
 
         Args:
-            step: The usual step of others in the unit of the column.
+            step: The usual step of other groups in the unit of the column.
         """
         most = HOLE * step * self._unit / UNITS["s"]
         return np.asarray((self._rows.lengths == 2) & (self.usual >= most))
@@ -242,7 +242,7 @@ class GroupAxes:
         """Return the longest gap of each group.
 
         Args:
-            usual: The usual step; None for the one of the group.
+            usual: The usual step; None for the usual step of each group.
         """
         gaps: list[Gap | None] = [None] * len(self._rows.lengths)
         if not len(self._many):
@@ -271,7 +271,7 @@ class GroupAxes:
         return result
 
     def periods(self) -> list[Fraction | None]:
-        """Return the period of each group; None for one row, and if it is not plainly even."""
+        """Return the period of each group; None for one row or uneven times."""
         periods: list[Fraction | None] = [None] * len(self._rows.lengths)
         many = self._many[self.plain[self._many]]
         exact = self._exact_of
@@ -312,10 +312,10 @@ class GroupAxes:
 
 
 def _are_simplest(period: Fraction, values: Floats, blurs: Floats) -> Booleans:
-    """Return for which values `simple` certainly returns a period.
+    """Return for which values `simple` certainly returns this period.
 
-    Two fractions with denominators up to D are 1 / D**2 apart or more, so that a period with such a
-    denominator that is nearer than half of that is the only one.
+    Two fractions with denominators up to D are at least 1 / D**2 apart. So a period with such a
+    denominator is unique if it is nearer than half of this distance.
     """
     power = max(1, len(str(period.denominator - 1)))
     if power > 7:  # floats cannot tell

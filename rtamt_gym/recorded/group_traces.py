@@ -46,15 +46,15 @@ Booleans = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """What all groups of a table have in common.
+    """The common columns and times of all groups of a table.
 
     Attributes:
-        columns: How columns are read, with the annotations of the specifications.
-        time: The columns of times; None if there are none.
+        columns: The column options, with the annotations of the specifications.
+        time: The columns of times; None without them.
         rows: The values and times of all groups.
         column_of: The column of each variable.
         cells: The columns that may separate objects by their names.
-        texts: The columns of texts that nothing reads.
+        texts: The unread columns of texts.
     """
 
     columns: Columns
@@ -73,7 +73,7 @@ class GroupTraces:
         specs: The requirements.
         reading: The evaluation options.
         columns: How the columns of each group are read.
-        more: The traces of more requirements, whose columns are read once for both.
+        more: The traces of more requirements, to read their common columns once.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class GroupTraces:
         return self._layout is not None
 
     def _common(self, columns: Columns) -> _Layout | None:
-        """Return what the groups have in common; None if each is read by itself."""
+        """Return the common columns and times of the groups; None to read groups one by one."""
         table, specs, period = self._table, self._specs, self._period
         columns = with_columns(specs, columns)
         columns = replace(columns, starts=starts_of(specs, columns))
@@ -160,7 +160,7 @@ class GroupTraces:
         return rows
 
     def _has_clocks(self, columns: Columns, time: TimeColumn | None, read: set[str]) -> bool:
-        """Return whether variables have columns of times of their own."""
+        """Return whether variables have their own columns of times."""
         if columns.time is not None or (time is not None and time.part is not None):
             return False
         clocks = {own_times(name, self._table.names) for name in self._table.names if name in read}
@@ -171,7 +171,7 @@ class GroupTraces:
     def _cells(
         self, names: Sequence[str], count: int, columns: Columns
     ) -> dict[str, NDArray[Any]] | None:
-        """Return columns as they are; None if they cannot be read."""
+        """Return columns without conversion; None if they cannot be read."""
         if not names:
             return {}
         rows = self._table.read(Wanted((), cells=names, where=columns.where))
@@ -180,7 +180,7 @@ class GroupTraces:
         return {name: values for name, values in rows.cells.items() if len(values) == count}
 
     def block(self, names: Sequence[str], places: Sequence[NDArray[np.intp]]) -> GroupBlock | None:
-        """Return the traces of some groups; None if each is read by itself.
+        """Return the traces of some groups; None to read groups one by one.
 
         Args:
             names: The names of the traces.
@@ -200,7 +200,7 @@ class GroupTraces:
         return GroupBlock(self, layout, names, places, rows, chosen)
 
     def has_doubtful_bounds(self, period: Fraction) -> bool:
-        """Return whether a bound does not fit a period whose unit is in doubt."""
+        """Return whether a bound does not fit a period with a doubtful unit."""
         if period not in self._doubts:
             self._doubts[period] = False
             try:
@@ -237,7 +237,7 @@ class GroupBlock:
 
     Args:
         traces: The traces of the table.
-        layout: What all groups have in common.
+        layout: The common columns and times of all groups.
         names: The names of the traces.
         places: The rows of each group in the table.
         rows: The rows of each group in the columns.

@@ -32,7 +32,7 @@ _Keys = tuple[str, ...]
 _Cells = tuple[dict[str, NDArray[Any]], Callable[[int], str]]
 
 _MOST_TABLES = 2
-"""The most tables that stay in memory."""
+"""The maximum number of tables in memory."""
 
 
 class GroupTable:
@@ -47,7 +47,7 @@ class GroupTable:
         rows: The rows of each group, by the texts of its keys, in the order of first rows.
         values: The keys of each group with their types.
         names: The names of the columns.
-        where: The text of each column by which rows of the file are selected.
+        where: The required text of the columns that select rows.
         blank_rows: The number of rows without an object, which are in no group.
     """
 
@@ -121,7 +121,7 @@ class GroupTable:
             check_one_writing(self.source, name, {keys[i] for keys in self.rows})
 
     def _check_totals(self, rows: Rows) -> None:
-        """Check that the last row, alone in its group, is not called a row of totals."""
+        """Check that a last row that is alone in its group does not name totals."""
         if self._columns.one_trace or len(self.rows) == 1:
             return
         key, part = next(reversed(self.rows.items()))
@@ -135,7 +135,7 @@ class GroupTable:
     def _without_object(self, count: int, cells: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
         """Return the rows in which all cells are empty except times.
 
-        SUMO writes such a row for a step in which no vehicle drives.
+        SUMO writes such a row for a step without vehicles.
         """
         blank = np.ones(count, bool)
         for column in cells.values():
@@ -159,7 +159,7 @@ class GroupTable:
 
     @property
     def blank_notes(self) -> list[str]:
-        """A note on the rows without an object; empty if there are none."""
+        """The note on rows without an object; empty without such rows."""
         count = self.blank_rows
         return [f"{counted(count, 'row')} of the file without an object in no group"] * bool(count)
 
@@ -209,7 +209,7 @@ class GroupTable:
         return float(medians.min()) if len(medians) else None
 
     def cells(self, names: Sequence[str]) -> _Cells:
-        """Return columns as they are, and the place of each row for messages."""
+        """Return columns without conversion, and a function to the place of a row."""
         names = tuple(dict.fromkeys(names))
         if names not in self._read_cells:
             wanted = Wanted([], cells=names, where=self._columns.where)

@@ -146,7 +146,7 @@ class DemoRecording(Recording):
 
 
 def _demos(path: str, file: h5py.File) -> list[str]:
-    """Return the names of the demonstrations; links to other files are left out."""
+    """Return the names of the demonstrations; links to other files are omitted."""
     demos = []
     if "data" in file and _is_group(file, "data"):
         demos = [name for name in file["data"] if _is_group(file["data"], name)]
@@ -164,7 +164,7 @@ def _is_group(parent: h5py.Group, name: str) -> bool:
 
 
 def _period(path: str, data: h5py.Group) -> Fraction | None:
-    """Return the seconds between rows by the control rate of the environment, or None."""
+    """Return the seconds between rows from the control rate of the environment, or None."""
     name = "env_args" if "env_args" in data.attrs else "env_info"  # of robomimic, of robosuite
     if name not in data.attrs:
         return None
@@ -186,7 +186,7 @@ def _period(path: str, data: h5py.Group) -> Fraction | None:
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
-    """Return a key under which ``demo_2`` comes before ``demo_10``."""
+    """Return a sort key that puts ``demo_2`` before ``demo_10``."""
     return [(int(part), "") if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", name)]
 
 

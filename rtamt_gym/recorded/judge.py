@@ -56,17 +56,17 @@ class Series:
         return replace(self, times=times, values=np.concatenate([[self.first], self.values]))
 
     def at(self, place: int) -> str:
-        """Write the time of the value at a place."""
+        """Return the text of the time of the value at an index."""
         return time_text(float(self.times[place]), self.step)
 
     @property
     def least(self) -> int:
-        """The place of the least value, of the first if there are several."""
+        """The index of the first minimum."""
         return int(self.values.argmin())
 
     @property
     def below(self) -> int | None:
-        """The place of the first negative value, -0.0 included, or None."""
+        """The index of the first negative value, including -0.0, or None."""
         below = np.signbit(self.values)
         return int(below.argmax()) if below.any() else None
 
@@ -77,20 +77,22 @@ class TraceJudgement:
 
     Attributes:
         found: The verdict, its bounds, and what was not recorded.
-        series: The robustness of the named formulas, the last of which is the result; empty unless
-            it was asked for, and if values are not known: it has no value at each sample then.
-        semantics: How predicates counted.
+        series: The robustness of the named formulas, with the result last. It is empty if
+            ``formulas`` is false, or if values are unknown, because robustness then has no single
+            value at a sample.
+        semantics: The semantics of predicates.
         start: The time of the first sample; 0 for events.
         period: Seconds between samples; None for events, or if bounds count samples.
         step: The usual distance of two times in seconds; None if they are sample numbers.
         dense: Whether the trace was judged in dense time.
-        progress: How far it came in the stages of the requirement; None without stages, and in
-            dense time also where stages have times of their own or values are not known.
+        progress: The progress in the stages of the requirement. None without stages; in dense time,
+            also None if stages have their own times or values are unknown.
         cut: The verdict on a recording that was cut; None unless `verdict` is SATISFIED under
             ``--end complete``.
-        late_start: Where the trace of the requirement starts, if that is later than the recording.
-        from_start: The verdict on the trace from there on. It is ``found`` unless that counts the
-            time before, and is what the series rest on.
+        late_start: The start of the trace of the requirement, if it is later than the start of the
+            recording.
+        from_start: The verdict on the trace from ``late_start``, which the series use. It differs
+            from ``found`` only if ``found`` includes the time before.
     """
 
     found: rtamt.Judgement
@@ -129,12 +131,12 @@ class TraceJudgement:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict under the reading of the end that was asked for."""
+        """The verdict under the end mode of the evaluation options."""
         return self.found.verdict
 
     @property
     def decided(self) -> Moment | None:
-        """From when on no continuation could change the verdict, or None."""
+        """The first sample or time from which no continuation can change the verdict, or None."""
         decided = self.found.decided_at
         if decided is None:
             return None
@@ -144,12 +146,12 @@ class TraceJudgement:
 
     @property
     def certain_from(self) -> float | None:
-        """The time of `decided` in seconds, or the number of its sample if there is no period."""
+        """The time of `decided` in seconds, or its sample number without a period."""
         return None if self.decided is None else self.decided.time
 
     @property
     def not_recorded(self) -> tuple[str, ...]:
-        """What an open verdict needs and the trace does not have, in words."""
+        """The unrecorded intervals that an open verdict needs, in words."""
         if self.period is None:
             return tuple(map(str, self.found.unrecorded))
         return tuple(
@@ -166,7 +168,7 @@ class TraceJudgement:
 
     @property
     def way_out(self) -> str:
-        """What would decide an open verdict; empty if the verdict is decided."""
+        """A remedy for an open verdict; empty if the verdict is decided."""
         if self.verdict != Verdict.UNDECIDED:
             return ""
         if self.found.complete == Verdict.UNDECIDED:
@@ -175,7 +177,7 @@ class TraceJudgement:
 
     @property
     def asked(self) -> list[str]:
-        """How many times each implication was put to the test, in words; empty if none was."""
+        """The trigger counts of implications, in words; empty if no implication was triggered."""
         return trigger_texts(self.found.triggers, self._instant)
 
     def _instant(self, at: float) -> str:
@@ -186,10 +188,7 @@ class TraceJudgement:
 
     @property
     def otherwise_complete(self) -> str:
-        """What a trace that is all there is would have, if that is another verdict; else empty.
-
-        Robustness over time and explanations read the trace so.
-        """
+        """The verdict under ``complete`` if it differs; otherwise, an empty text."""
         verdicts = {self.verdict, self.found.complete}
         return self.found.complete.name if verdicts == _DECIDED else ""
 
@@ -256,8 +255,8 @@ def judge(
         spec: The specification.
         trace: The samples.
         period: Seconds between samples; None: bounds count samples.
-        reading: How traces are judged.
-        formulas: Whether the robustness of the named formulas is evaluated too.
+        reading: The evaluation options.
+        formulas: Whether to evaluate the robustness of the named formulas too.
     """
     requirement = viewed(spec, reading.view)
     late, recorded = trace.late_start(requirement.variables), trace
@@ -331,8 +330,8 @@ def _by_start(
     """Judge a trace whose variables may start at different times.
 
     Returns:
-        The verdict, the verdict of the first way, the start, and the verdict on a recording that
-        was cut; that is None unless the trace is all there is, and satisfied.
+        The verdict; the verdict from the start; the start; and the verdict under ``cut``, which is
+        None unless ``end`` is ``"complete"`` and the verdict is satisfied.
     """
     judge_, with_beginning = judges
     first = result = judge_(end)
@@ -434,8 +433,8 @@ def judge_events(
     Args:
         spec: The specification.
         trace: The events.
-        reading: How traces are judged.
-        formulas: Whether the robustness of the named formulas is evaluated too.
+        reading: The evaluation options.
+        formulas: Whether to evaluate the robustness of the named formulas too.
     """
     try:
         return _judge_events(spec, trace, reading, formulas=formulas)
@@ -507,7 +506,7 @@ def dense_arguments(
         spec: The specification.
         trace: The events.
         late: The start of the trace; None: all variables are known from the start.
-        reading: How traces are judged.
+        reading: The evaluation options.
         beginning: Whether the time before the start is a part of it, with unknown values.
     """
     options = {"semantics": reading.semantics, **_not_known(trace)}

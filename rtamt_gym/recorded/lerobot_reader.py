@@ -1,4 +1,4 @@
-"""Reads data sets of LeRobot, version 3: a folder whose episodes are traces."""
+"""Reads data sets of LeRobot, version 3: a folder with an episode for each trace."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _SLOWER: Final = 0.01
 
 @dataclass(frozen=True, slots=True)
 class _Episode:
-    """An episode: the file of its rows, their number, and the tasks that it was recorded for."""
+    """An episode: its file, its number of rows and its tasks."""
 
     file: Path
     length: int
@@ -64,7 +64,7 @@ class _DataSet:
 
 
 def traces_in(path: str) -> tuple[str, dict[str, dict[str, Sequence[str]]]]:
-    """Return the column that tells episodes apart, and its texts with the tasks of each."""
+    """Return the key column of episodes, and its texts with the tasks of each episode."""
     episodes = _data_set(path).episodes.items()
     return EPISODE, {
         str(index): {_TASK: episode.tasks} if episode.tasks else {} for index, episode in episodes
@@ -122,7 +122,7 @@ class LeRobotRecording(ArrowRecording):
         self.names = [*self._places]
 
     def read(self, wanted: Wanted) -> Rows:
-        """Read the wanted columns; times are those of the frame rate if they agree with it."""
+        """Read the wanted columns; times that agree with the frame rate are made exact."""
         rows = super().read(wanted)
         times = rows.times
         if times is None or wanted.time != _TIME or wanted.where.keys() - {EPISODE, _TASK}:
@@ -179,7 +179,7 @@ def _frames(count: int, period: Fraction) -> Floats:
 
 
 def _length(file: Path, name: str, feature: Mapping[str, Any] | None) -> int:
-    """Return the number of elements of a column of lists, by the description of the data set."""
+    """Return the number of elements in a column of lists, from the description of the data set."""
     shape = None if feature is None else feature.get("shape")
     if not (isinstance(shape, list) and len(shape) == 1 and isinstance(shape[0], int)):
         raise InputError(
@@ -190,9 +190,9 @@ def _length(file: Path, name: str, feature: Mapping[str, Any] | None) -> int:
 
 
 def _element_names(feature: Mapping[str, Any]) -> list[str]:
-    """Return the names of the elements of a feature; an empty list if it has none.
+    """Return the names of the elements of a feature; an empty list for a feature without names.
 
-    They are a list, a list for the one key of an object, or an object of places.
+    They are a list, an object with a list under its only key, or an object of indices.
 
     Example:
         >>> _element_names({"names": {"motors": ["pan", "lift"]}})
@@ -213,7 +213,7 @@ def _element_names(feature: Mapping[str, Any]) -> list[str]:
 
 
 def _data_set(path: str) -> _DataSet:
-    """Return the description of a data set, which is read again if its files change."""
+    """Return the description of a data set; read it again if its files change."""
     files = [Path(path) / "meta/info.json", *sorted(Path(path).glob("meta/**/*.parquet"))]
     return _described(path, _stamps(files))
 
@@ -222,7 +222,7 @@ _Stamps = tuple[tuple[int, int], ...]
 
 
 def _stamps(files: Sequence[Path]) -> _Stamps:
-    """Return the sizes and the times of files, so that files which change are read again."""
+    """Return the sizes and the times of files, to detect changes."""
     return tuple((stat.st_size, stat.st_mtime_ns) for stat in (file.stat() for file in files))
 
 
@@ -295,7 +295,7 @@ def _tasks(folder: Path) -> dict[int, str]:
 
 
 def _table(file: str, names: Sequence[str] | None = None) -> pa.Table:
-    """Return some columns of a file; names that it does not have are left out."""
+    """Return some columns of a file; missing names are omitted."""
     # pq.read_table would import pandas.
     with refusing(file, "a whole Parquet file"), pq.ParquetFile(file) as opened:
         known = opened.schema_arrow.names
@@ -317,7 +317,7 @@ def _columns_of(
 ) -> tuple[pa.Table, dict[int, tuple[int, int]]]:
     """Return columns of a file, and the first row and the number of rows of each episode.
 
-    The number is 0 for an episode whose rows are not in one piece.
+    The number is 0 for an episode with separated rows.
     """
     del stamps
     table = _table(file, [*dict.fromkeys((*names, EPISODE))])

@@ -39,19 +39,19 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
 
 
 class MdfRecording(Recording):
-    """The channels of a measurement, and the column ``time`` of the times at which one has a value.
+    """The channels of a measurement, and the column ``time`` with the times of all values.
 
-    A channel that has no value at a time where another one has is an empty cell there. A sample
-    that its invalidation bit marks as not valid, and one that is nan, holds no number. A channel
-    whose values are names of numbers holds the numbers.
+    If a channel has no value at a time of another channel, its cell is empty. A sample that is nan,
+    or that its invalidation bit marks as invalid, holds no number. A channel with names of numbers
+    holds the numbers.
 
     A channel name that occurs in several groups is also there as ``GROUP.NAME``, where the group is
-    the name of its acquisition, or ``group3`` if the acquisitions of these groups have no names of
-    their own.
+    the name of its acquisition, or ``group3`` if the acquisitions of these groups have no unique
+    names.
 
     Args:
         file: The open file.
-        source: Its name, for messages.
+        source: The name of the file, for messages.
         same_time: Which of several different samples of a channel at one time counts; None: such
             samples are an error.
     """
@@ -97,7 +97,7 @@ class MdfRecording(Recording):
         return np.unique([min(ends), max(ends)] if ends else [])
 
     def _other_master(self, group: int) -> str:
-        """Return what the records of a group stand over if not over times; empty for times."""
+        """Return the quantity on the axis of a group; empty for time."""
         index = self._file.masters_db.get(group)
         if index is None:
             return "nothing"
@@ -134,7 +134,7 @@ class MdfRecording(Recording):
 
 
 class _Signal(NamedTuple):
-    """Samples of a channel; nan holds no number."""
+    """Samples of a channel; nan is a sample without a number."""
 
     times: Floats
     values: NDArray[Any]
@@ -143,7 +143,7 @@ class _Signal(NamedTuple):
 def _qualified(
     channels: Sequence[tuple[str, int, int]], groups: Sequence[Any]
 ) -> Iterator[tuple[str, int, int]]:
-    """Yield the channels whose name occurs in several groups, under names with their group."""
+    """Yield the channels that have the same name in several groups, with the group in the name."""
     counts = Counter(name for name, _, _ in channels)
     acquired = [shown(getattr(part.channel_group, "acq_name", "") or "") for part in groups]
     for name, group, index in channels:

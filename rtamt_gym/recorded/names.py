@@ -1,7 +1,7 @@
-"""The names of columns and the defaults of variables: what is needed, and what is missing.
+"""The columns that variables need, and the defaults of variables without a column.
 
 To change when a variable gets its default, change three places: this module for files and bags, and
-`rtamt.inputs.samples` and `rtamt.inputs.event_reader` for what callers pass.
+`rtamt.inputs.samples` and `rtamt.inputs.event_reader` for the arguments of callers.
 `Specification.defaults` lists the variables that have one.
 """
 
@@ -34,7 +34,7 @@ def are_long(names: Collection[str], variables: Collection[str]) -> bool:
 def long_columns(
     names: Collection[str], variables: Collection[str], columns: Columns
 ) -> tuple[str, str] | None:
-    """Return the columns of names and values if each row is one event; None if rows are wide."""
+    """Return the columns of names and values if each row is one event; otherwise, None."""
     if columns.long is not None:
         return columns.long
     return (VARIABLE, VALUE) if are_long(names, variables) else None
@@ -54,7 +54,7 @@ def recorded_variables(
 def check_recorded(
     source: str, names: Sequence[str], variables: Sequence[str], columns: Columns
 ) -> None:
-    """Refuse a recording without any variable of a specification, which has defaults only."""
+    """Raise InputError if a recording has no variable of a specification with defaults only."""
     if not variables or recorded_variables(names, variables, columns):
         return
     needed = [columns.column(name) for name in variables]
@@ -68,9 +68,9 @@ def check_recorded(
 def check_near(
     source: str, names: Sequence[str], variables: Sequence[str], columns: Columns
 ) -> None:
-    """Refuse a default if a column has nearly the name of the variable.
+    """Raise InputError if a variable with a default may have a misspelt column.
 
-    Such a column has nearly the name of the variable, and is no other variable's.
+    Such a column has nearly the name of the variable, and belongs to no other variable.
     """
     read = {columns.column(name) for name in variables} | {columns.time, TIME}
     free = [name for name in names if name not in read]
@@ -110,7 +110,7 @@ def misspellings(columns: Columns, variables: Sequence[str], names: Sequence[str
 
 
 def misspelt_value(column: str, name: str) -> str:
-    """Return the fault of a row that has a value under a misspelt name of a column."""
+    """Return the error text for a row with a value under a misspelt column name."""
     signal = shlex.quote(f"{column}={column}")
     return (
         f"no value of '{column}', but one of '{name}', which nothing reads. Write one name in all "
@@ -143,7 +143,7 @@ def needed_columns(
     Args:
         recording: The file.
         variables: The variables of the specifications.
-        columns: How they are called in the file.
+        columns: The options with the names of the columns.
         if_events: Advice for a file whose rows are events, not samples.
     """
     for variable in columns.signals:
@@ -239,7 +239,7 @@ def starts_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> dic
 
 
 def with_columns(specs: Mapping[str, rtamt.Specification], columns: Columns) -> Columns:
-    """Return how columns are read, with the ``@ column`` annotations of specifications.
+    """Return the column options with the ``@ column`` annotations of specifications.
 
     ``--signal`` overrides an annotation.
 
@@ -260,13 +260,13 @@ def with_columns(specs: Mapping[str, rtamt.Specification], columns: Columns) -> 
 
 
 def take_default(source: str, name: str, columns: Columns, why: str, on_topic: str = "") -> str:
-    """Return the note on a variable that has its default, or refuse it.
+    """Return the note on a variable that has its default; raise InputError if defaults are refused.
 
     Args:
         source: Name of the file, for messages.
         name: The variable.
-        columns: The values that variables have without a record, and whether they may.
-        why: Why it has its default.
+        columns: The options with the defaults, and with the permission to use them.
+        why: The reason for the default.
         on_topic: The topic of a bag, such as `` of /odom``; empty for a table.
     """
     value = number(columns.starts[name])

@@ -1,4 +1,4 @@
-"""Recorded traces under requirements as a result in JSON."""
+"""The result of judged traces in JSON."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def json_parts(
 
     Args:
         matrix: The outcomes.
-        rules: How the traces were judged, by name.
-        columns: How their columns were read; what is not the default is said.
+        rules: The evaluation options, by name.
+        columns: The column options; the document contains only values that are not the default.
         exit_code: The exit code of the command.
-        least: How long each trace is to last, in seconds; None: any time.
-        mutants: The `MutationScore` of each requirement as ``scores``, and as ``least`` the share
-            that was asked for; None if no mutants were made.
-        groups: The values that tell each trace apart from others in its file, by its name.
+        least: The minimum length of each trace in seconds; None: any length.
+        mutants: The `MutationScore` of each requirement as ``scores``, and the required share as
+            ``least``; None without mutants.
+        groups: The key values of each trace in its file, by its name.
     """
     requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
     default = Columns()

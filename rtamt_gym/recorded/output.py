@@ -37,21 +37,21 @@ _PIECE = 1 << 15
 
 
 def check_output(path: Path) -> None:
-    """Check that the extension of a file is one that robustness is written to."""
+    """Check that robustness can be written to a file with this extension."""
     writer_of(path)
 
 
 def save(judgements: Mapping[str, TraceJudgement], path: Path, *, dense: bool) -> None:
     """Write the robustness of every formula in the format of the file's extension.
 
-    For samples, the columns are the times, or the sample numbers if the period is unknown, and one
-    for each formula, nan where its variables were not known yet. In dense time a row is one event,
-    with its time, variable and value.
+    For samples, the columns are the times, or the sample numbers if the period is unknown, and the
+    robustness of each formula, nan before its variables are known. In dense time a row is one
+    event, with its time, variable and value.
 
     Args:
         judgements: The judgements by name of the specification. If there are several, the name
             precedes the names of its formulas.
-        path: The file, whose name ends as one of `WRITERS` does.
+        path: The file, with an extension of `WRITERS`.
         dense: Whether the robustness consists of events in dense time.
     """
     series = _named(judgements)
@@ -76,7 +76,7 @@ def save(judgements: Mapping[str, TraceJudgement], path: Path, *, dense: bool) -
 
 
 def _filled(values: Floats, count: int) -> Floats:
-    """Values of the last samples with nan before, so that there are so many."""
+    """Return values of the last samples with nan before them, in the required number."""
     missing = count - len(values)
     return np.concatenate([np.full(missing, np.nan), values]) if missing else values
 

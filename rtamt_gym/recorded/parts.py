@@ -21,7 +21,7 @@ class TracePart(NamedTuple):
 
     Attributes:
         file: The path of the file or folder.
-        values: The text of each column that tells the traces apart.
+        values: The text of each key column.
     """
 
     file: str
@@ -53,7 +53,7 @@ def part_name(file: str, key: str, value: str) -> str:
 
 
 def group_name(file: str, values: Mapping[str, str]) -> str:
-    """Return the name of a trace that several columns tell apart.
+    """Return the name of a trace with several key columns.
 
     Example:
         >>> group_name("runs.csv", {"run": "2", "car": "a=b"})
@@ -123,7 +123,7 @@ def split_name(name: str) -> tuple[str, str]:
 
 
 def file_of(path: str) -> str:
-    """Return the file of a trace: the path itself unless the trace is one of several in a file."""
+    """Return the file of a trace: the path itself if it names a file."""
     part = part_of(path)
     return path if part is None else part.file
 
@@ -151,7 +151,7 @@ def choose(
 
     Args:
         file: The path of the file or folder.
-        key: The name of the column that tells the traces apart.
+        key: The name of the key column.
         values: Its text for each trace, with the texts that other columns have in the trace.
         where: The text of each column that ``--where`` names.
 

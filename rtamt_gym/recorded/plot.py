@@ -40,17 +40,18 @@ def draw_trace(
 ) -> Figure:
     """Draw the signals, and below them a panel for every formula, shaded where it is negative.
 
-    Where it is -0.0 there is nothing to shade: the line at 0 is thick there. If there are more than
-    12 panels, the picture shows the worst requirements, the worst first, without the formulas that
-    they use, and signals that these read, and says in a line what it leaves out.
+    The line at 0 is thick where the robustness is -0.0, because there is nothing to shade. If there
+    are more than 12 panels, the picture shows the worst requirements, the worst first, and the
+    signals that they read. It omits the formulas that they use, and lists the omitted panels in a
+    line.
 
     Args:
         signals: The values of the variables.
         judgements: The judgements by name of the specification; the panel of a result shows the
             verdict.
-        title: Stands above.
+        title: The text above the picture.
         reads: The variables of each specification.
-        everything: Whether all panels are drawn, however many there are.
+        everything: Whether to draw all panels in any case.
     """
     formulas = [(spec, name) for spec, judged in judgements.items() for name in judged.series]
     left_out = ""

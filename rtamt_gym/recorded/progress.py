@@ -15,7 +15,7 @@ _outermost = [True]
 
 
 class Advance(Protocol):
-    """Shows that so much more is done, and what else there is to say."""
+    """A function that shows additional work done, and a note."""
 
     def __call__(self, done: int, note: str = "", /) -> None: ...  # noqa: D102 - as the class says
 
@@ -29,7 +29,7 @@ def silence() -> None:
 def progress(title: str, total: int, unit: str) -> Iterator[Advance]:
     """Show a bar on stderr after a second, if stderr is a terminal and tqdm is installed.
 
-    Where bars are inside each other, only the outermost is shown.
+    Of nested bars, only the outermost is shown.
 
     Args:
         title: The name of the work.
@@ -37,8 +37,8 @@ def progress(title: str, total: int, unit: str) -> Iterator[Advance]:
         unit: The unit of the amount.
 
     Yields:
-        A function to call with the amount done since its last call, and with what the bar is to
-        say after its numbers.
+        A function to call with the amount done since its last call, and with a note to show after
+        the numbers.
     """
     if not (_outermost[0] and sys.stderr is not None and sys.stderr.isatty()):
         yield _silent

@@ -5,8 +5,8 @@ To add a format:
 1. Add a row to `FORMATS` and write the module that the row names. A reader sets ``Rows.unit`` if
    the format states the unit of its times, and ``Rows.invalid`` if it marks samples as not valid.
    It calls the library inside `refusing`. Set ``contained`` if the library can crash. A bag has
-   ``bag`` and a module with ``read_bag``; `rtamt_gym.recorded.bag_trace` reads its messages. A
-   file with several traces has ``several``, and one whose columns have times of their own
+   ``bag`` and a module with ``read_bag``; `rtamt_gym.recorded.bag_trace` reads its messages. A file
+   with several traces has ``several``; a file with columns that have their own times has
    ``clocks``.
 2. Add a writer to ``tests/rtamt_gym/recorded/test_formats.py``, which runs `check_trace_format` on
    every format with one trace in a file, and rows to ``docs/traces.md``, ``docs/commands.md`` and,
@@ -44,25 +44,24 @@ class Format:
 
     Attributes:
         name: The name of the format, for messages.
-        extensions: The ends of the names of such files, in lower case.
+        extensions: The extensions of the files, in lower case.
         module: The module that reads them. Its function ``open_file(path, columns)`` is a context
             manager that yields a `Recording`; a module for bags has ``read_bag``.
-        bag: Whether they are bags, whose topics have times of their own.
+        bag: Whether they are bags; each topic of a bag has its own times.
         contained: Whether another process reads them, because their library may crash on a
             damaged file. Rows then come with `RowNumbers`.
-        table: Whether a file is one table, whose rows ``--where`` selects and whose columns the
-            reader also returns as they are.
-        clocks: Whether columns have times of their own, so that ``--period`` samples them as the
-            topics of a bag.
-        marker: The file in a folder that makes the folder one of this format; empty for none.
-        several: Whether a file holds several traces. The module then has
-            ``traces_in(path)``, which returns the column that tells them apart and its text for
-            each trace, as `parts.choose` takes them; ``open_file`` takes a `parts.part_name`.
-        choice: Whether ``--where`` has to name one of several traces.
-        numbered: Whether the texts that tell traces apart are whole numbers.
-        marks: Bytes near the start of a file, at least one of which tells it from files of other
-            kinds with the same extension; empty if the extension is enough. In a folder, a file
-            without them is not a trace.
+        table: Whether a file is one table. ``--where`` selects its rows, and its reader can return
+            columns without conversion.
+        clocks: Whether columns have their own times, so that ``--period`` samples them like topics
+            of a bag.
+        marker: The file that identifies a folder of this format; empty without such a file.
+        several: Whether a file holds several traces. The module then has ``traces_in(path)``, which
+            returns the key column and its text for each trace, as `parts.choose` takes them;
+            ``open_file`` takes a `parts.part_name`.
+        choice: Whether ``--where`` has to name a trace of the file.
+        numbered: Whether the texts of the key column are whole numbers.
+        marks: Byte strings that identify the format near the start of a file; one is enough. Empty
+            if the extension identifies the format. In a folder, a file without them is not a trace.
     """
 
     name: str
@@ -133,7 +132,7 @@ GROUP: Final = "rtamt.trace_formats"
 
 
 def formats() -> list[Format]:
-    """Return the formats of this package, and those that other packages add."""
+    """Return the formats of this package, and the formats that other packages add."""
     rows = [*FORMATS]
     for name, row in plugins(GROUP).items():
         if not isinstance(row, Format):
@@ -152,12 +151,12 @@ def formats() -> list[Format]:
 
 
 def extensions() -> list[str]:
-    """Return the ends of the names of files that can be read."""
+    """Return the extensions of readable files."""
     return [extension for row in formats() for extension in row.extensions]
 
 
 def has_marks(path: Path) -> bool:
-    """Return whether a file has `Format.marks` of its extension; True if there are none."""
+    """Return whether a file has a mark of its format; True if the format has no marks."""
     name = path.name.lower()
     row = next((row for row in formats() if name.endswith(row.extensions)), None)
     if row is None or not row.marks:
@@ -229,7 +228,7 @@ def traces_in(path: str, where: Mapping[str, str]) -> list[str]:
 
 
 def group_of(path: str) -> Mapping[str, object]:
-    """Return the values that tell a trace apart from others in its file; empty for a file."""
+    """Return the key values of a trace in its file; empty if the path names a file."""
     part = part_of(path)
     if part is None:
         return {}
@@ -249,7 +248,7 @@ def is_bag(path: str) -> bool:
 
 
 def samples_clocks(path: str) -> bool:
-    """Return whether ``--period`` samples a file by its times, and does not leave them aside."""
+    """Return whether ``--period`` samples a file by its times instead of ignoring them."""
     try:
         row = format_of(path)
     except InputError:
@@ -279,7 +278,7 @@ def open_recording(
 
 @contextmanager
 def refusing(path: str, expected: str) -> Iterator[None]:
-    """Turn the errors of a library that reads a file into a refusal of the file.
+    """Turn the errors of a library that reads a file into InputError.
 
     Args:
         path: The file.

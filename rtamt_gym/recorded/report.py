@@ -16,13 +16,13 @@ def report(
     notes: Iterable[str] = (),
     reasons: Mapping[str, str] = MappingProxyType({}),
 ) -> list[str]:
-    """Write judgements in words and as a table.
+    """Return the lines of judgements in words and as a table.
 
     Args:
         judgements: The judgement of each requirement.
         trace: The lines that describe the trace.
-        notes: Remarks on the trace.
-        reasons: The reasons of verdicts by requirement, in a phrase.
+        notes: Notes on the trace.
+        reasons: A phrase with the reason for the verdict, by requirement.
     """
     several = len(judgements) > 1
     rows = [("spec", "formula", "at the start", "minimum", "at", "violated from")]
@@ -76,7 +76,7 @@ def report(
 
 
 def _left_out(unknown: Mapping[str, tuple[str, ...]], *, several: bool) -> list[str]:
-    """Why the table lacks requirements, in a sentence; nothing if it has all."""
+    """Return a sentence on requirements that the table omits; empty if it has all."""
     if not unknown:
         return []
     of_specs = f" of {', '.join(unknown)}" if several else ""

@@ -62,13 +62,13 @@ def has_time_bounds(spec: Specification) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class RowTable:
-    """A table of rows, and what is read from it.
+    """A table of rows, with the columns to read from it.
 
     Attributes:
         recording: The file, whose columns can be read again.
         columns: How its columns are read.
         read: The columns that specifications read.
-        time: The columns of times; None if there are none.
+        time: The columns of times; None without them.
     """
 
     recording: Recording
@@ -141,7 +141,7 @@ class RowTable:
         )
 
     def check_spelling(self, rows: Rows, variables: Sequence[str]) -> None:
-        """Check that no misspelt column has values in rows in which a variable has none.
+        """Check that no misspelt column has values in rows without a value of a variable.
 
         A column that has a value next to a value of the variable is another signal.
 
@@ -161,7 +161,7 @@ class RowTable:
                 raise InputError(f"{rows.where(row)}: {misspelt_value(column, name)}")
 
     def _check_totals(self, rows: Rows) -> None:
-        """Check that a text in the last row does not call it a row of totals."""
+        """Check that no text in the last row names totals."""
         if self.columns.where or self.columns.by:
             return
         last = self.recording.last_texts()
@@ -179,7 +179,8 @@ class RowTable:
     def check_selection(self, rows: Rows) -> None:
         """Check that ``--where`` leaves out no row between samples that time bounds count.
 
-        A column that tells objects apart may, because the rows of one object follow each other.
+        A column of object names may leave rows out, because the rows of one object follow each
+        other.
         """
         names = [n for n in self.columns.where if not names_objects(n, texts=True)]
         if self.columns.by or not names:
@@ -221,7 +222,7 @@ class RowTable:
             )
 
     def check_times(self, rows: Rows) -> None:
-        """Check that no column that nothing reads looks like times."""
+        """Check that no unread column looks like times."""
         every = [*dict.fromkeys(self.recording.names)]
         named = [n for n in every if n in self.read and unit_of_times(n) is not None]
         names = [*self.unread, *named]
@@ -266,7 +267,7 @@ class RowTable:
             )
 
     def _check_row_numbers(self, rows: Rows, cells: Mapping[str, NDArray[np.generic]]) -> None:
-        """Check that no row is missing by the numbers of the rows."""
+        """Check that the row numbers of the file show no missing row."""
         for name in self.unread:
             row = missing_row(name, cells[name]) if name in cells else None
             if row is not None:
@@ -323,7 +324,7 @@ _SCALES = sorted({a / b for a in UNITS.values() for b in UNITS.values()})
 
 
 def _same_clock(times: NDArray[np.generic] | None, other: NDArray[np.generic] | None) -> bool:
-    """Return whether two columns of times have the same instants in each row, or one is no clock.
+    """Return whether two columns have the same instants in each row, or one is not a clock.
 
     They may count from different origins, in different units, and be a step apart.
     """
@@ -358,7 +359,7 @@ def _instants(values: NDArray[np.generic] | None) -> NDArray[np.float64] | None:
 def _are_split(
     seconds: NDArray[np.generic] | None, part: NDArray[np.generic] | None, unit: str
 ) -> bool:
-    """Return whether two columns are whole seconds and parts of seconds that rise, or fall."""
+    """Return whether two columns are whole seconds and parts of seconds in order."""
     if seconds is None or part is None or len(seconds) < 2:
         return False
     if not all(v.dtype.kind in "iuf" and np.isfinite(v).all() for v in (seconds, part)):
@@ -378,7 +379,7 @@ def _varies(values: NDArray[np.generic]) -> bool:
 
 
 def has_footer(values: NDArray[np.generic]) -> bool:
-    """Return whether all cells but the last are numbers that rise."""
+    """Return whether all cells except the last are increasing numbers."""
     if values.dtype.kind not in "fOUT" or len(values) < 3:
         return False
     if values.dtype.kind == "f":

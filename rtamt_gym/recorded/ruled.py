@@ -32,7 +32,7 @@ def read_ruled(
     reading: EvaluationOptions,
     columns: Columns,
 ) -> tuple[Trace | EventTrace, Fraction | None]:
-    """Read a trace and its period: the stated one, the one of its samples, or None."""
+    """Read a trace and its period: the stated period, the period of its samples, or None."""
     row = format_of(path)
     columns = checked_columns(path, row, columns)
     _check_absent(columns, dense=reading.dense)
@@ -74,7 +74,7 @@ def _with_period(
     reading: EvaluationOptions,
     columns: Columns,
 ) -> tuple[Trace, Fraction | None]:
-    """Return a trace with its period: the stated one, the one of its times, or None."""
+    """Return a trace with its period: the stated period, the period of its times, or None."""
     if reading.seconds is not None:
         aside = AsideTimes.of(trace)
         check_bounds(specs, reading, "" if aside is None else aside.meant(reading.seconds))
@@ -205,7 +205,7 @@ def check_bounds(
     Args:
         specs: The specifications.
         reading: The evaluation options, with the period.
-        doubt: Why the unit of the period may be wrong; without it there is nothing to check.
+        doubt: The reason why the unit of the period may be wrong; if empty, nothing is checked.
     """
     for spec in specs.values() if doubt else ():
         try:

@@ -61,7 +61,7 @@ def read_trace(
         variables: The variables that are needed.
         columns: How the columns are read.
         if_events: Advice for errors that rows which are events, not samples, may cause.
-        period: Seconds between samples where the times are left aside.
+        period: Seconds between samples, to ignore the times; None to use the times.
         timed: Whether a specification has time bounds, which need times or a period.
         table: Whether the file is one table, whose rows may belong to several objects.
 
@@ -243,7 +243,8 @@ def _filled(trace: Trace, columns: Columns, *, counted_rows: bool = False) -> Tr
     Args:
         trace: The trace.
         columns: How its columns are read.
-        counted_rows: Whether time bounds count its rows, between which none may be left out.
+        counted_rows: Whether time bounds count its rows, so that no row between them may be
+            omitted.
     """
     empty = {name: np.isnan(values) for name, values in trace.columns.items()}
     counts = {name: int(here.sum()) for name, here in empty.items() if here.any()}
@@ -316,13 +317,13 @@ def _without_empty(
 
 
 def _next(there: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return the place of the next value at or after each place; the last place without one."""
+    """Return the index of the next value at or after each index; the last index without a value."""
     places = np.where(there, np.arange(len(there)), len(there) - 1)
     return np.minimum.accumulate(places[::-1])[::-1]
 
 
 def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trace:
-    """Return the trace, resampled if that is asked for and its samples lie off the grid."""
+    """Return the trace, resampled if an option allows it and its samples lie off the grid."""
     named = _with_unknown(trace, columns)
     if trace.times is None or trace.samples < 2:
         return named
@@ -361,7 +362,7 @@ def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trac
 
 
 def _passed_rows(trace: Trace, rows: NDArray[np.intp]) -> PassedRows | None:
-    """Return the rows whose values no sample has; None if there are none.
+    """Return the rows between samples whose values differ from the samples, or None.
 
     Args:
         trace: All rows.
@@ -394,7 +395,7 @@ def _passed_rows(trace: Trace, rows: NDArray[np.intp]) -> PassedRows | None:
 
 
 def _resampled_notes(trace: Trace, grid: Grid, new: Resampled, most: float) -> list[str]:
-    """Describe what a trace has on the grid that its rows do not say, but for what is unknown."""
+    """Return the notes on a resampled trace, without its unknown values."""
     every = f"resampled every {float(new.period):.6g} s"
     if new.off or most == math.inf:
         note = (
@@ -414,7 +415,7 @@ def _resampled_notes(trace: Trace, grid: Grid, new: Resampled, most: float) -> l
 
 
 def _with_unknown(trace: Trace, columns: Columns) -> Trace:
-    """Return the trace with the names of the variables of which values are not known."""
+    """Return the trace with the names of the variables that have unknown values."""
     if columns.max_gap is None:
         return trace
     names = [name for name, values in trace.columns.items() if np.isnan(values).any()]
@@ -428,7 +429,7 @@ def wanted_samples(
 
     Args:
         numbers: The columns of numbers.
-        time: The columns of times; None if there are none.
+        time: The columns of times; None without them.
         columns: How the columns are read.
         if_events: Advice for errors that rows which are events, not samples, may cause.
     """
@@ -443,7 +444,7 @@ def wanted_samples(
 
 
 def wanted_times(wanted: Wanted, time: TimeColumn | None, columns: Columns) -> Wanted:
-    """Return the columns to read with those of times, in the rows that ``--where`` selects."""
+    """Return the columns to read, with the columns of times and the rows of ``--where``."""
     timed = replace(wanted, where=columns.where, date_order=columns.date_order)
     return timed if time is None else replace(timed, time=time.name, part=time.part)
 
@@ -457,7 +458,7 @@ def read_rows(recording: Recording, wanted: Wanted) -> Rows:
 
 
 def check_valid(rows: Rows, columns: Columns) -> None:
-    """Check that all records hold numbers, unless somebody has said what others do."""
+    """Check that all records hold numbers, unless an option states the treatment of others."""
     if columns.missing != "raise":
         return
     for name, invalid in rows.invalid.items():

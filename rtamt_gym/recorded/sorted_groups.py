@@ -1,4 +1,4 @@
-"""The groups of a Parquet file whose rows follow each other, for a file larger than memory.
+"""The groups of a sorted Parquet file, for a file larger than memory.
 
 Only the key columns are read at first, in parts. Each group is then read with its neighbours, from
 the row groups of the file that hold them.
@@ -28,7 +28,7 @@ class SortedGroups:
 
     Args:
         file: The path of the file.
-        columns: How its columns are read; ``by`` names the key columns.
+        columns: The column options; ``by`` names the key columns.
 
     Attributes:
         values: The keys of each group with their types, by the texts of the keys, in order.
@@ -138,12 +138,12 @@ class SortedGroups:
         return self._steps[key]
 
     def span(self, keys: tuple[str, ...]) -> tuple[int, int] | None:
-        """Return the rows of the part that holds a group; None if there is no such group."""
+        """Return the rows of the part that holds a group; None without such a group."""
         return self._spans.get(keys)
 
 
 def _changes(cells: Sequence[NDArray[Any]]) -> NDArray[np.bool_]:
-    """Return whether each row after the first has other cells than the row before."""
+    """Return whether each row after the first differs from the row before."""
     changes = np.zeros(len(cells[0]) - 1, bool)
     for column in cells:
         changes |= column[1:] != column[:-1]

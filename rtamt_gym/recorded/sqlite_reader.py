@@ -105,7 +105,7 @@ class TableRecording(Recording):
 
 
 def _array(cells: Sequence[Any]) -> NDArray[Any]:
-    """Return cells as numbers with nan in empty ones, or as texts if one is a text."""
+    """Return cells as numbers with nan in empty cells, or as texts if a cell is a text."""
     kinds = {type(cell) for cell in cells}
     if str in kinds and bytes not in kinds:
         return np.array(["" if cell is None else str(cell).strip() for cell in cells])

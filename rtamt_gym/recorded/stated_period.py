@@ -1,4 +1,4 @@
-"""Times that a stated period leaves aside."""
+"""The times that a stated period replaces."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class AsideTimes:
         usual: The median distance.
         smallest: The smallest distance.
         largest: The largest distance.
-        place: The row before the first of the largest distances.
+        place: The row before the first largest distance.
         length: The time from the first row to the last.
 
     Example:
@@ -46,7 +46,7 @@ class AsideTimes:
         return cls(grid.usual, least, most, trace.where(at), float(times.since[-1]))
 
     def meant(self, period: Fraction) -> str:
-        """Return a question if a period is as many seconds as the times show milliseconds."""
+        """Return a question if a period in seconds equals the distances in milliseconds."""
         if self.smallest <= 0:
             return ""
         for unit, factor in (("ms", 10**3), ("us", 10**6)):

@@ -43,8 +43,8 @@ class _Objects(NamedTuple):
     Attributes:
         kinds: The kinds of each object, by its name; there are several if kinds share the name.
         names: The attributes of each kind.
-        step: The distance of the steps in seconds, also of steps without an object; None if they
-            are uneven or there is one only.
+        step: The distance of the steps in seconds, including steps without an object; None for
+            uneven steps or a single step.
     """
 
     kinds: Mapping[str, Sequence[str]]
@@ -67,7 +67,7 @@ class _Table(NamedTuple):
 
 
 def traces_in(path: str) -> tuple[str, dict[str, dict[str, Sequence[str]]]]:
-    """Return the column that tells objects apart, and its texts with the kinds of each."""
+    """Return the key column of objects, and its texts with the kinds of each object."""
     return ID, {name: {OBJECT: kinds} for name, kinds in _objects(path, _stamp(path)).kinds.items()}
 
 
@@ -102,7 +102,7 @@ class SumoRecording(Recording):
         path: The name of the trace.
         file: The file.
         name: The name of the object.
-        kind: Its kind.
+        kind: The kind of the object.
         attributes: The attributes of objects of this kind.
     """
 
@@ -241,8 +241,8 @@ def _parse(path: str, row: _Row, times: list[str] | None = None) -> None:
 
     Args:
         path: The file.
-        row: The function.
-        times: The list to which the time of each step is added.
+        row: The function to call.
+        times: The list that receives the time of each step.
     """
     parser = expat.ParserCreate()
     level, time = 0, ""

@@ -46,8 +46,8 @@ class TextLayout:
         separator: The character between cells; a blank stands for runs of blanks.
         names: The names of the columns.
         width: The cells of each row; cells beyond the names are empty.
-        units: The cells of the row of units below the names; None if there is not one.
-        rows: The rows from the line of the names on, as `rows_of` yields them; None if a quote may
+        units: The cells of the row of units below the names; None without such a row.
+        rows: The rows from the line of names, as `rows_of` yields them; None if a quote may
             continue beyond the lines.
     """
 
@@ -112,8 +112,8 @@ def rows_of(
         separator: The separator of the cells.
         before: The number of lines above them.
         source: The name of the file, for messages.
-        width: The number of cells in a row, if the lines go up to the end of the text. Quotes that
-            may hide rows are then an error.
+        width: The number of cells in a row, if the lines go up to the end of the text. If it is
+            set, quotes that may hide rows are an error.
     """
     if separator == " ":
         lines = (line.strip() for line in lines)
@@ -170,10 +170,10 @@ def _names_of(lines: Sequence[str], at: int, below: int, separator: str | None) 
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A line taken for the names, and the rows below it.
+    """A possible line of names, and the rows below it.
 
     Attributes:
-        layout: The layout that this gives.
+        layout: The layout with this line of names.
         rows: The first rows.
     """
 
@@ -247,7 +247,7 @@ def _separator_of(head: str, below: str) -> str:
 def _units_in(rows: Sequence[Sequence[str]], columns: int) -> list[str] | None:
     """Return the first row if it can only be a row of units.
 
-    It has a common unit in a column of values, and a number, a date or a truth value nowhere.
+    It has a common unit in a column of values, and no number, date or truth value.
     """
     if len(rows) < 2 or len(rows[0]) < columns or any(map(_is_value, rows[0])):
         return None

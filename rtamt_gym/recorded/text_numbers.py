@@ -1,9 +1,9 @@
-"""The step from texts to numbers, and the decimal mark of a file.
+"""Numbers in texts, and the decimal mark of a file.
 
 A cell such as ``1.250`` is 1.25 with a decimal point, and 1250 with a decimal comma and points
 between groups of three digits. A cell such as ``0.125``, ``3,5``, ``1.000.000`` or ``1.000,5`` has
 one reading only, and decides for all columns. A point without evidence is a decimal point, unless
-the column looks like integers in groups. Any other file is refused.
+the column looks like integers in groups. Any other file is an error.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class ColumnMarks:
         open: For each mark, the longest cell with it that is a number with both decimal marks.
         text: Whether a cell with a mark is not a number under either decimal mark.
         ungrouped: The first cell without a mark that a writer of groups would have divided.
-        digits: The most digits of a cell without a mark.
+        digits: The maximum number of digits in a cell without a mark.
         padded: Whether an open cell ends in 0, as no shortest decimal number does.
 
     Example:
@@ -92,7 +92,7 @@ class ColumnMarks:
         return bool(self.open) and not self.evidence
 
     def grouped(self, decimal: str) -> str:
-        """Return the longest cell if each number has three digits after the mark; else no text."""
+        """Return the longest cell if all numbers have three digits after the mark, or ``""``."""
         all_groups = self.is_open and decimal in self.open and not self.digits
         return self.open[decimal].text if all_groups and len(self.open) == 1 else ""
 
@@ -177,7 +177,7 @@ class TextNumbers:
 
     Args:
         names: The columns of text of the file.
-        wanted: The columns to read; others than columns of text are left out.
+        wanted: The columns to read; only columns of text are read.
         option: The decimal mark that the user has stated; None to recognise it.
         source: Name of the file, for messages.
         where: Returns the place of a row that is read, for messages.
@@ -240,7 +240,7 @@ class TextNumbers:
     def _look(
         self, names: Collection[str], cells: Mapping[str, TextCells], *, complete: bool
     ) -> None:
-        """Add the evidence of some columns, which a file without marks in a column has not."""
+        """Add the evidence of some columns."""
         for name in names:
             column = cells.get(name)
             if column is None or (complete and not (column.has(".") or column.has(","))):
@@ -267,7 +267,7 @@ class TextNumbers:
 
         Args:
             cells: The cells.
-            days: The dates of times of day; None if there are none.
+            days: The dates of times of day; None without a column of dates.
         """
 
         def place(row: int) -> str:
@@ -377,7 +377,7 @@ COMMA_NOTE: Final = "numbers are read with a decimal comma"
 
 
 def grouped_note(cell: str, decimal: str) -> str:
-    """Return the note on a cell whose digits stand in groups of three."""
+    """Return the note on a cell with digits in groups of three."""
     return f"marks between groups of three digits are left out: '{cell}' is {_read(cell, decimal)}"
 
 

@@ -21,8 +21,8 @@ from rtamt_gym.recorded.times import TIME, find_times, same_as_before
 class WideRecording(Recording):
     """A table as one trace of several objects: ``speed`` of ``Ego`` is the column ``speed.Ego``.
 
-    A row for each time has the values of all objects; those of an absent object are empty, and
-    marked as records without a number, so that they do not hold.
+    A row for each time has the values of all objects. The cells of an absent object are empty, and
+    marked as records without a number, so that earlier values do not hold.
 
     Args:
         recording: The table, with a row per object and time.
@@ -136,8 +136,9 @@ class WideRecording(Recording):
                 )
             raise InputError(
                 f"{self.source}: expected one trace of {owner!r}, got {len(evidence.values)} "
-                f"values of '{evidence.column}', which no requirement reads: {listed(evidence.values)}. "
-                f"Give --by {column} for a trace of each, or --one-trace if all rows are one trace."
+                f"values of '{evidence.column}', which no requirement reads: "
+                f"{listed(evidence.values)}. Give --by {column} for a trace of each, or "
+                "--one-trace if all rows are one trace."
             )
 
     def _place(self, name: str) -> tuple[str, str]:
