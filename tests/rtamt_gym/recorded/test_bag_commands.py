@@ -44,7 +44,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_bag_is_judged_like_the_table_of_its_samples(folder: Path, capsys: Output) -> None:
+def test_bag_verdicts_match_table(folder: Path, capsys: Output) -> None:
     rows = [f"{i / 10},{1.5 * min(i, 10 - i) / 5}" for i in range(11)]
     (folder / "b.csv").write_text("\n".join(["time,cmd.linear.x", *rows]))
     assert main(["monitor", "spec.stl", "b.csv"]) == 1
@@ -66,9 +66,7 @@ def test_a_bag_is_judged_like_the_table_of_its_samples(folder: Path, capsys: Out
     assert (folder / "c.png").stat().st_size > 10_000
 
 
-def test_a_folder_of_bags_is_judged_and_one_of_rosbag2_is_one_trace(
-    folder: Path, capsys: Output
-) -> None:
+def test_rosbag2_folder_is_one_trace(folder: Path, capsys: Output) -> None:
     command = ["monitor", "spec.stl", "--period", "100ms", "--junit", "out.xml"]
     assert main([*command, "--markdown", "out.md", "--", "bags"]) == 1
     found = capsys.readouterr().out
@@ -99,7 +97,7 @@ def test_a_folder_of_bags_is_judged_and_one_of_rosbag2_is_one_trace(
     assert main(["monitor", "slow = spec.stl", "bags/c", "bags/d.db3"]) == 2
 
 
-def test_several_bags_without_a_separator_are_told_apart(folder: Path, capsys: Output) -> None:
+def test_bags_without_separator(folder: Path, capsys: Output) -> None:
     assert main(["monitor", "spec.stl", "bags/c", "bags/a.mcap"]) == 2
     assert capsys.readouterr().err == (
         "rtamt: error: expected a specification, got the trace bags/c; for several traces write "
@@ -108,9 +106,7 @@ def test_several_bags_without_a_separator_are_told_apart(folder: Path, capsys: O
     assert (folder / "bags" / "c").is_dir()
 
 
-def test_json_says_how_a_bag_was_read_and_a_report_reads_it_again(
-    folder: Path, capsys: Output
-) -> None:
+def test_json_keeps_bag_options(folder: Path, capsys: Output) -> None:
     command = ["monitor", "spec.stl", "--period", "100ms", "--json", "--", "bags"]
     assert main(command) == 1
     text = capsys.readouterr().out
@@ -130,9 +126,7 @@ def test_json_says_how_a_bag_was_read_and_a_report_reads_it_again(
     assert "is not shown" not in capsys.readouterr().out
 
 
-def test_a_bag_that_lacks_a_topic_is_judged_by_the_other_requirements(
-    folder: Path, capsys: Output
-) -> None:
+def test_bag_with_missing_topic(folder: Path, capsys: Output) -> None:
     command = ["monitor", "spec.stl", "warm = always(temperature > 3)", "--period", "0.1"]
     assert main([*command, "bags/a.mcap"]) == 2
     said = capsys.readouterr()
@@ -184,7 +178,7 @@ def test_wrong_field_fails_only_its_requirement(
     assert main(["monitor", "fields.stl", "--only", "wrong", *command]) == 2
 
 
-def test_what_was_held_is_said_below_the_verdict_and_in_json(folder: Path, capsys: Output) -> None:
+def test_held_values_are_reported(folder: Path, capsys: Output) -> None:
     said = [twist(START + i * 10**8, 0.5 + i / 100) for i in range(20)]
     said.append(Said(START + 10**10, "/name", "std_msgs/String", {}))
     path = str(write_bag(folder / "quiet.bag", said))
@@ -254,9 +248,7 @@ def test_constants_are_mined_from_bags(folder: Path, capsys: Output) -> None:
         mine(text, traces, {"v": (0, 9)})
 
 
-def test_texts_that_differ_in_a_topic_are_refused_before_anything_is_read(
-    folder: Path, capsys: Output
-) -> None:
+def test_different_topics_error_before_reading(folder: Path, capsys: Output) -> None:
     (folder / "other.stl").write_text(SPEC.replace("robot0", "robot1").replace("slow", "calm"))
     assert main(["monitor", "spec.stl", "o=other.stl", "--dense", "--json", "bags/a.mcap"]) == 2
     said = capsys.readouterr()

@@ -60,11 +60,11 @@ def test_compressed_bags_are_read(name: str, compression: str, tmp_path: Path) -
     assert speeds(path) == SPEEDS
 
 
-def test_an_mcap_file_needs_neither_chunks_nor_an_index(tmp_path: Path) -> None:
+def test_mcap_without_chunks_or_index(tmp_path: Path) -> None:
     assert speeds(plain_mcap(tmp_path / "run.mcap", SAID)) == SPEEDS
 
 
-def test_messages_without_an_index_and_out_of_order_are_refused(tmp_path: Path) -> None:
+def test_unordered_messages_without_index_error(tmp_path: Path) -> None:
     path = plain_mcap(tmp_path / "run.mcap", [SAID[1], SAID[0]])
     with pytest.raises(rtamt.InputError) as caught:
         read(path)
@@ -75,13 +75,13 @@ def test_messages_without_an_index_and_out_of_order_are_refused(tmp_path: Path) 
     )
 
 
-def test_messages_that_were_written_out_of_order_count_at_their_times(tmp_path: Path) -> None:
+def test_unordered_messages_keep_their_times(tmp_path: Path) -> None:
     shuffled = [SAID[(7 * i) % 40] for i in range(40)]
     for extension in (".mcap", ".db3", ".bag"):
         assert speeds(write_bag(tmp_path / f"run{extension}", shuffled)) == SPEEDS
 
 
-def test_a_recording_that_was_not_closed_is_refused_with_the_way_out(tmp_path: Path) -> None:
+def test_unclosed_recording_error(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "run.mcap", SAID)
     path.write_bytes(path.read_bytes()[:-50])
     with pytest.raises(rtamt.InputError) as caught:
@@ -134,7 +134,7 @@ def test_a_bag_in_several_files_is_one_trace(tmp_path: Path) -> None:
     )
 
 
-def test_bags_without_definitions_have_the_classes_of_humble(tmp_path: Path) -> None:
+def test_bag_without_definitions_uses_humble(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "run.db3", SAID)
     with sqlite3.connect(path) as database:
         database.execute("DROP TABLE message_definitions")
@@ -144,7 +144,7 @@ def test_bags_without_definitions_have_the_classes_of_humble(tmp_path: Path) -> 
     assert [*read(path).notes] == ["the bag defines no classes of messages: Humble's are taken"]
 
 
-def test_topics_with_messages_of_two_classes_are_refused(tmp_path: Path) -> None:
+def test_topic_with_two_classes_error(tmp_path: Path) -> None:
     other = Said(START, "/robot0/cmd_vel", "std_msgs/Bool", {})
     path = plain_mcap(tmp_path / "run.mcap", SAID)
     data = plain_mcap(tmp_path / "two.mcap", [other]).read_bytes()
@@ -215,9 +215,7 @@ def test_an_empty_bag_is_refused(tmp_path: Path, text: str, silent: list[tuple[s
         ("run.bag", b"x" * 99, "whole bag of ROS 1, got an error: File magic is invalid"),
     ],
 )
-def test_a_file_of_which_nothing_can_be_saved_has_no_way_out(
-    tmp_path: Path, name: str, data: bytes, said: str
-) -> None:
+def test_unrecoverable_file_error(tmp_path: Path, name: str, data: bytes, said: str) -> None:
     path = tmp_path / name
     path.write_bytes(data)
     with pytest.raises(rtamt.InputError) as caught:
@@ -225,7 +223,7 @@ def test_a_file_of_which_nothing_can_be_saved_has_no_way_out(
     assert str(caught.value) == f"{path}: expected a {said.format(path)}"
 
 
-def test_files_of_another_profile_or_encoding_are_refused(tmp_path: Path) -> None:
+def test_unsupported_profile_or_encoding_error(tmp_path: Path) -> None:
     path = plain_mcap(tmp_path / "run.mcap", SAID)
     whole = path.read_bytes()
     path.write_bytes(whole.replace(b"\x04\0\0\0ros2", b"\x04\0\0\0ros1", 1))
@@ -242,7 +240,7 @@ def test_files_of_another_profile_or_encoding_are_refused(tmp_path: Path) -> Non
     )
 
 
-def test_a_specification_without_variables_is_judged_from_begin_to_end(tmp_path: Path) -> None:
+def test_specification_without_variables_covers_bag(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "run.mcap", SAID)
     spec = rtamt.parse("always(true)")
     trace, _ = read_ruled(
@@ -273,7 +271,7 @@ def test_a_missing_package_names_its_extra(
     )
 
 
-def test_a_bag_that_may_not_be_read_is_an_error_of_the_system(
+def test_unreadable_bag_is_a_system_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
@@ -287,9 +285,7 @@ def test_a_bag_that_may_not_be_read_is_an_error_of_the_system(
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag"])
-def test_a_bag_with_a_wrong_byte_is_read_or_refused_but_nothing_else(
-    extension: str, tmp_path: Path
-) -> None:
+def test_corrupt_byte_is_read_or_refused(extension: str, tmp_path: Path) -> None:
     path = write_bag(tmp_path / f"run{extension}", SAID[:5])
     whole = path.read_bytes()
     random = np.random.default_rng(5)
@@ -328,7 +324,7 @@ def test_an_index_without_topics_is_refused(tmp_path: Path) -> None:
     )
 
 
-def test_a_definition_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+def test_unreadable_definition_error(tmp_path: Path) -> None:
     path = plain_mcap(tmp_path / "run.mcap", SAID)
     path.write_bytes(path.read_bytes().replace(b"Vector3 linear", b"Vector3 =inear"))
     with pytest.raises(rtamt.InputError) as caught:

@@ -74,9 +74,7 @@ def messages(path: Path) -> dict[str, list[tuple[int, Any]]]:
 
 
 @pytest.mark.parametrize("dense", [False, True])
-def test_states_change_where_the_requirement_is_violated(
-    spec: Path, tmp_path: Path, *, dense: bool
-) -> None:
+def test_states_change_at_violations(spec: Path, tmp_path: Path, *, dense: bool) -> None:
     bag, copy = recorded(tmp_path, ".mcap"), tmp_path / "copy.mcap"
     command = ["monitor", str(spec), str(bag), "--write-mcap", str(copy), "--occurrences"]
     assert main([*command, *(["--dense"] if dense else ["--period", "100ms"])]) == 1
@@ -94,7 +92,7 @@ def test_states_change_where_the_requirement_is_violated(
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag", ""])
-def test_a_copy_has_the_messages_the_robustness_and_the_verdicts(
+def test_copy_contains_messages_and_results(
     extension: str, spec: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag, copy = recorded(tmp_path, extension), tmp_path / "copy.mcap"
@@ -154,7 +152,7 @@ def test_a_copy_has_the_messages_the_robustness_and_the_verdicts(
 
 
 @pytest.mark.slow
-def test_a_copy_is_written_though_nobody_reads_what_is_printed(spec: Path, tmp_path: Path) -> None:
+def test_copy_survives_closed_stdout(spec: Path, tmp_path: Path) -> None:
     bag, copy = recorded(tmp_path, ".mcap"), tmp_path / "copy.mcap"
     command = ["monitor", str(spec), str(bag), "--period", "100ms", "--write-mcap", str(copy)]
     assert run_unread(command, tmp_path) == (141, b"")
@@ -178,7 +176,7 @@ def test_what_every_reader_needs_is_in_the_copy(spec: Path, tmp_path: Path) -> N
     assert texts["/monitor/out"].startswith("std_msgs/Header header\nfloat64 value\n===")
 
 
-def test_dense_robustness_has_the_times_of_its_events(
+def test_dense_robustness_keeps_event_times(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = [twist(START, 1.0), twist(START + 3 * STEP, 3.0), twist(START + 20 * STEP, 1.0)]
@@ -201,7 +199,7 @@ def test_dense_robustness_has_the_times_of_its_events(
     assert verdicts == [(0, 0), (3 * STEP, -1), (20 * STEP, -1)]
 
 
-def test_only_a_bag_is_copied_to_a_file_of_its_own(
+def test_copy_needs_a_bag_and_a_new_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = recorded(tmp_path, "")
@@ -232,9 +230,7 @@ def test_only_a_bag_is_copied_to_a_file_of_its_own(
         assert capsys.readouterr().err == f"rtamt: error: {words}\n"
 
 
-def test_a_message_that_cannot_be_copied_leaves_no_copy(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_failed_copy_leaves_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag, copy, store = tmp_path / "run.bag", tmp_path / "copy.mcap", store_of(1, {})
     kind = "geometry_msgs/msg/Twist"
     with Writer(bag) as writer:
@@ -277,7 +273,7 @@ def test_names_of_topics_have_letters_of_ros(
     ]
 
 
-def test_fields_of_one_message_and_one_topic_of_two_texts_hide_nothing(tmp_path: Path) -> None:
+def test_shared_topics_keep_all_results(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "run.bag", [twist(START + i * STEP, 1.0) for i in range(3)])
     declared = "from my_msgs.msg import Parts\noutput Parts out\n@ topic(out, /safe)\n"
     (tmp_path / "a.stl").write_text(f"{declared}out.a = x < 3\nout.b.c = always(out.a)\n")
@@ -328,7 +324,7 @@ def test_a_copy_has_the_topics_of_a_node(spec: Path, tmp_path: Path) -> None:
     assert added == {topic for topic in published if not topic.endswith(("/lower", "/upper"))}
 
 
-def test_simulated_stamps_are_shown_at_times_of_recording(
+def test_simulated_stamps_use_recording_times(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = write_bag(tmp_path / "run.mcap", [odometry(i) for i in range(10)])
@@ -343,7 +339,7 @@ def test_simulated_stamps_are_shown_at_times_of_recording(
     assert found[-1] - found[0] == 9 * 10**9
 
 
-def test_topics_of_classes_that_nobody_defines_are_left_out_and_said(
+def test_undefined_classes_are_omitted_with_note(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     own = {"lab_msgs/Wheel": "float32 turn\n"}

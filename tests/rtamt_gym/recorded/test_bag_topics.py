@@ -53,7 +53,7 @@ def first(bag: str, text: str, **signals: str) -> dict[str, float]:
 TWIST = "from geometry_msgs.msg import Twist; input Twist cmd; "
 
 
-def test_topics_are_absolute_or_relative_to_any_namespace(bag: str) -> None:
+def test_absolute_and_relative_topics(bag: str) -> None:
     for topic, speed in (
         ("/robot0/cmd_vel", 1.0),
         ("robot0/cmd_vel", 1.0),
@@ -83,7 +83,7 @@ def test_signals_name_topics_and_fields(bag: str) -> None:
     assert first(bag, "v.x > 0", v="/robot1/cmd_vel.linear") == {"v.x": 2.0}
 
 
-def test_elements_of_lists_are_written_in_the_text(bag: str) -> None:
+def test_list_elements_in_specifications(bag: str) -> None:
     text = (
         "from sensor_msgs.msg import LaserScan; input LaserScan scan; @ topic(scan, /scan);"
         "scan.ranges[0] < scan.ranges[1]"
@@ -132,7 +132,7 @@ def test_what_is_not_there_is_named_with_what_is(bag: str) -> None:
     )
 
 
-def test_messages_of_another_class_than_declared_are_refused(bag: str) -> None:
+def test_wrong_message_class_error(bag: str) -> None:
     text = "from geometry_msgs.msg import TwistStamped; input TwistStamped cmd; "
     assert refused(bag, f"{text} @ topic(cmd, robot0/cmd_vel); cmd.twist.linear.x > 0") == (
         "expected geometry_msgs/TwistStamped on /robot0/cmd_vel, as 'cmd' is declared, got "
@@ -223,7 +223,7 @@ def test_a_source_that_cannot_be_read_is_refused(bag: str) -> None:
         )
 
 
-def test_specifications_that_differ_in_a_topic_are_refused(bag: str) -> None:
+def test_different_topic_declarations_error(bag: str) -> None:
     both = {
         name: rtamt.parse(f"{TWIST} @ topic(cmd, {topic}); cmd.linear.x > 0")
         for name, topic in (("a", "/robot0/cmd_vel"), ("b", "/robot1/cmd_vel"))
@@ -240,7 +240,7 @@ def test_specifications_that_differ_in_a_topic_are_refused(bag: str) -> None:
     assert trace.columns["cmd.linear.x"].tolist() == [1.0]
 
 
-def test_numbers_that_are_missing_are_refused_or_leave_the_value_before(tmp_path: Path) -> None:
+def test_missing_numbers_error_or_hold(tmp_path: Path) -> None:
     ranges = [[0.5], [float("nan")], [], [0.25], [float("inf")]]
     said = [
         Said(START + i * 10**9, "/scan", "sensor_msgs/LaserScan", {"ranges": each})
@@ -308,7 +308,7 @@ def bag_defaults(folder: Path, limits: dict[int, float], name: str = "run.mcap")
         ({0: 2.0}, [2.0] * 5, "/robot0/limit: the message at 0 s is held for 4 s, to the end"),
     ],
 )
-def test_a_default_counts_before_the_first_message(
+def test_default_before_first_message(
     tmp_path: Path, limits: dict[int, float], values: list[float], note: str
 ) -> None:
     path = bag_defaults(tmp_path, limits)
@@ -326,7 +326,7 @@ def test_a_default_counts_before_the_first_message(
 @pytest.mark.parametrize("whole", [True, False])
 @pytest.mark.parametrize("topic", ["/robot0/Limit", "/robot0/limti"])
 @pytest.mark.parametrize("reading", [RULES, EvaluationOptions(dense=True)])
-def test_a_topic_of_nearly_the_same_name_is_refused(
+def test_misspelt_topic_error(
     topic: str, whole: object, reading: EvaluationOptions, tmp_path: Path
 ) -> None:
     said = [twist(START + i * 10**9, 0.25) for i in range(5)]
@@ -347,7 +347,7 @@ def test_a_topic_of_nearly_the_same_name_is_refused(
 
 
 @pytest.mark.parametrize("limits", [{}, {2: 2.0}])
-def test_defaults_of_topics_are_refused_where_that_is_asked_for(
+def test_topic_defaults_error_with_no_defaults(
     limits: dict[int, float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = bag_defaults(tmp_path, limits)
@@ -360,7 +360,7 @@ def test_defaults_of_topics_are_refused_where_that_is_asked_for(
     assert main(["monitor", TEXT, bag_defaults(tmp_path, {0: 2.0}, "whole.mcap"), *words[3:]]) == 0
 
 
-def test_a_topic_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
+def test_missing_requested_topic_error(tmp_path: Path) -> None:
     with pytest.raises(rtamt.InputError) as caught:
         read_ruled(
             bag_defaults(tmp_path, {}), {"": SPEC}, RULES, Columns({"limit": "/robot0/limt"})
@@ -380,7 +380,7 @@ def test_defaults_alone_pass_no_gate(tmp_path: Path) -> None:
         )
 
 
-def test_the_field_data_has_the_default_of_its_message(tmp_path: Path) -> None:
+def test_data_field_has_message_default(tmp_path: Path) -> None:
     declared = "from std_msgs.msg import Float64\ninput Float64 limit = 0.5"
     text = TEXT.replace("input float64 limit = 0.5", declared).replace("< limit", "< limit.data")
     for limits, values in (({}, [0.5] * 5), ({2: 2.0}, [0.5, 0.5, 2.0, 2.0, 2.0])):
@@ -390,7 +390,7 @@ def test_the_field_data_has_the_default_of_its_message(tmp_path: Path) -> None:
         assert trace.columns["limit.data"].tolist() == values
 
 
-def test_two_defaults_of_one_variable_are_refused(tmp_path: Path) -> None:
+def test_two_defaults_error(tmp_path: Path) -> None:
     other = rtamt.parse(TEXT.replace("= 0.5", "= 0.75"))
     with pytest.raises(rtamt.InputError) as caught:
         read_ruled(bag_defaults(tmp_path, {}), {"one": SPEC, "two": other}, RULES, Columns())

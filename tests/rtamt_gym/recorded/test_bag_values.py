@@ -66,7 +66,7 @@ def written(folder: str, extension: str, commands: Events, speeds: Events, delay
 @pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag", ""])
 @settings(max_examples=examples(6), deadline=None)
 @given(commands=events(), speeds=events(), period=st.sampled_from(["1/10", "1/3", "7/10"]))
-def test_samples_hold_the_last_message_at_each_multiple_of_the_period(
+def test_samples_hold_last_message(
     extension: str, commands: Events, speeds: Events, period: str
 ) -> None:
     step = Fraction(period)
@@ -105,9 +105,7 @@ def test_samples_hold_the_last_message_at_each_multiple_of_the_period(
 @pytest.mark.parametrize("extension", [".mcap", ".bag"])
 @settings(max_examples=examples(6), deadline=None)
 @given(commands=events(), speeds=events())
-def test_events_are_at_their_times_and_the_last_values_hold_to_the_end(
-    extension: str, commands: Events, speeds: Events
-) -> None:
+def test_events_hold_to_bag_end(extension: str, commands: Events, speeds: Events) -> None:
     rules = EvaluationOptions(dense=True)
     with tempfile.TemporaryDirectory() as folder:
         path = written(folder, extension, commands, speeds)
@@ -129,9 +127,7 @@ def test_events_are_at_their_times_and_the_last_values_hold_to_the_end(
 
 @settings(max_examples=examples(6), deadline=None)
 @given(commands=events(), speeds=events(), delay=st.integers(0, 3_000_000_000))
-def test_stamps_of_headers_count_where_they_are_asked_for(
-    commands: Events, speeds: Events, delay: int
-) -> None:
+def test_header_stamps_option(commands: Events, speeds: Events, delay: int) -> None:
     columns = Columns(time="header")
     with tempfile.TemporaryDirectory() as folder:
         path = written(folder, ".mcap", commands, speeds, delay)
@@ -146,7 +142,7 @@ def test_stamps_of_headers_count_where_they_are_asked_for(
     assert trace.notes[0] == "/robot0/cmd_vel has no stamps: its times are when it was recorded"
 
 
-def test_each_requirement_is_judged_from_when_its_own_topics_are_known(tmp_path: Path) -> None:
+def test_requirements_start_with_their_topics(tmp_path: Path) -> None:
     said = [twist(START + i * 10**8, 1.0 if i else 3.0) for i in range(40)]
     said += [odometry(START + i * 10**8 + 7, 2.0, START) for i in range(20, 40)]
     path = str(write_bag(tmp_path / "run.mcap", sorted(said, key=lambda each: each.time)))
@@ -220,7 +216,7 @@ ODOM = rtamt.parse(
 )
 
 
-def test_a_message_that_comes_late_is_left_out_and_counted(tmp_path: Path) -> None:
+def test_late_messages_are_counted(tmp_path: Path) -> None:
     path = stamped(tmp_path, [0.0, 0.2, 0.1, 0.3, 0.25, 0.4])
     trace, _ = read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), Columns(time="header"))
     assert isinstance(trace, EventTrace)
@@ -251,7 +247,7 @@ def test_a_stray_stamp_is_left_out_with_a_note(tmp_path: Path) -> None:
         Path(path).unlink()
 
 
-def test_a_jump_ahead_is_refused_and_stamps_ahead_are_noted(tmp_path: Path) -> None:
+def test_clock_jump_error_and_ahead_note(tmp_path: Path) -> None:
     path = stamped(tmp_path, [0.0, 0.1, 7.2, 7.3, 7.4])
     with pytest.raises(rtamt.InputError, match="jumps ahead of the recording by 7 s, in message 3"):
         read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), Columns(time="header"))
@@ -267,7 +263,7 @@ def test_stamps_of_a_faster_clock_are_refused(tmp_path: Path) -> None:
         read_ruled(path, {"": ODOM}, EvaluationOptions(dense=True), Columns(time="header"))
 
 
-def test_stamps_of_simulated_time_are_judged_but_not_mixed_with_times_of_recording(
+def test_simulated_stamps_do_not_mix_with_log_times(
     tmp_path: Path,
 ) -> None:
     path = stamped(tmp_path, [i / 8 for i in range(9)], since=0)

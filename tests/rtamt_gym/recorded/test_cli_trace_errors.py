@@ -75,7 +75,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("time,x\n", "stdin: expected at least one sample below the line of names"),
     ],
 )
-def test_bad_events_are_refused_in_one_message_that_says_where(
+def test_bad_event_error_states_place(
     capsys: Output, monkeypatch: pytest.MonkeyPatch, trace: str, message: str
 ) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO(trace))
@@ -197,7 +197,7 @@ def test_traces_need_no_simulator(arguments: list[str]) -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_without_pyarrow_a_parquet_file_says_what_to_install() -> None:
+def test_parquet_without_pyarrow_error() -> None:
     ran = run_without(["pyarrow"], ["monitor", "calm.stl", "even.parquet"])
     assert (ran.returncode, ran.stdout, ran.stderr) == (
         2,

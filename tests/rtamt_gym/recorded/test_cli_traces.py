@@ -44,7 +44,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.usefixtures("folder")
-def test_explain_prints_the_way_from_the_specification_to_the_sample(capsys: Output) -> None:
+def test_explain_path_to_sample(capsys: Output) -> None:
     assert main(["explain", "spec.stl", "even.csv"]) == 1
     assert capsys.readouterr().out == (
         "robustness -2 at 0 s, decided by req >= 3 at 0.5 s\n"
@@ -64,9 +64,7 @@ def test_explain_prints_the_way_from_the_specification_to_the_sample(capsys: Out
 
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("trace", ["wide.csv", "long.csv"])
-def test_explain_prints_the_way_to_the_time_in_a_trace_of_events(
-    trace: str, capsys: Output
-) -> None:
+def test_explain_path_to_event_time(trace: str, capsys: Output) -> None:
     end, gap = ("1.5", "1.15 s of req") if trace == "wide.csv" else ("9", "7.5 s")
     assert main(["explain", "--dense", "spec.stl", trace]) == 1
     assert capsys.readouterr().out == (
@@ -88,9 +86,7 @@ def test_explain_prints_the_way_to_the_time_in_a_trace_of_events(
 
 
 @pytest.mark.usefixtures("folder")
-def test_explain_takes_several_specifications_a_view_and_a_trace_without_times(
-    capsys: Output, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_explain_several_specifications(capsys: Output, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO("req\n3\n8\n"))
     assert main(["explain", "calm.stl", "low = req < 10", "-", "--view", "step"]) == 0
     assert capsys.readouterr().out == (
@@ -142,7 +138,7 @@ def test_several_specifications_are_judged_each(capsys: Output) -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_options_may_stand_between_specifications_and_the_trace(capsys: Output) -> None:
+def test_options_between_arguments(capsys: Output) -> None:
     said = []
     specs = ["spec.stl", "calm.stl", "always(gnt < 5)"]
     for arguments in (
@@ -178,9 +174,7 @@ def rows(path: Path) -> list[list[str]]:
         return list(csv.reader(file))
 
 
-def test_out_writes_the_robustness_of_every_formula_at_every_sample(
-    capsys: Output, folder: Path
-) -> None:
+def test_out_writes_all_robustness(capsys: Output, folder: Path) -> None:
     assert main(["monitor", "spec.stl", "calm.stl", "even.csv", "--out", "r.csv"]) == 1
     assert capsys.readouterr().out.endswith("robustness: r.csv\n")
     assert rows(folder / "r.csv") == [
@@ -213,7 +207,7 @@ def test_plot_draws_signals_and_robustness(
 
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("trace", ["wide.csv", "long.csv"])
-def test_dense_takes_rows_as_events_wide_or_one_by_one(trace: str, capsys: Output) -> None:
+def test_dense_reads_wide_and_long_events(trace: str, capsys: Output) -> None:
     end, gap = (1.5, "1.15 s of req") if trace == "wide.csv" else (9, "7.5 s")
     assert main(["monitor", "--dense", "spec.stl", "calm.stl", trace, "--out", "r.csv"]) == 1
     assert capsys.readouterr().out == (
@@ -247,7 +241,7 @@ def test_dense_takes_rows_as_events_wide_or_one_by_one(trace: str, capsys: Outpu
 
 
 @pytest.mark.usefixtures("folder")
-def test_dense_judges_every_instant_in_the_view_of_steps(capsys: Output) -> None:
+def test_dense_step_view_covers_all_instants(capsys: Output) -> None:
     arguments = ["monitor", "--dense", "req < 5", "wide.csv", "--view"]
     assert main([*arguments, "step"]) == 1
     assert capsys.readouterr().out.startswith("VIOLATED, robustness 0, certain from 0.35 s on\n")
@@ -272,7 +266,7 @@ def test_parquet_is_read_like_csv(capsys: Output, folder: Path) -> None:
     assert capsys.readouterr().out.replace("msg.req", "req") == expected
 
 
-def test_dense_parquet_takes_none_and_nan_as_no_event(capsys: Output, folder: Path) -> None:
+def test_dense_parquet_ignores_empty_cells(capsys: Output, folder: Path) -> None:
     columns = {
         "time": [0, 0.35, 0.9, 1.5],
         "req": [0, 5, None, 0],
@@ -297,7 +291,7 @@ def test_dense_parquet_takes_none_and_nan_as_no_event(capsys: Output, folder: Pa
 # A format is a row. ------------------------------------------------------------------------------
 
 
-def test_a_reader_in_the_table_reads_the_files_of_its_extension(
+def test_registered_reader_reads_its_extension(
     capsys: Output, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     @contextlib.contextmanager
@@ -323,7 +317,7 @@ def test_a_reader_in_the_table_reads_the_files_of_its_extension(
 # Long files. -------------------------------------------------------------------------------------
 
 
-def test_rows_are_numbered_and_refused_alike_in_every_block(
+def test_row_numbers_in_all_blocks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     lines = ["a,b", *(f"{i},{-i}" for i in range(10)), "", '"10","-10"', "11,x"]
@@ -361,7 +355,7 @@ def calls(arguments: list[str]) -> int:
 
 
 @pytest.mark.slow
-def test_each_further_line_of_a_file_costs_a_few_calls_at_most(
+def test_lines_cost_few_calls(
     capsys: Output, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(csv_reader, "_BLOCK", 500)
@@ -399,7 +393,7 @@ def on_a_terminal(prelude: str, arguments: str = "calm.stl even.csv") -> str:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("folder")
-def test_on_a_terminal_a_bar_shows_how_far_it_is_if_tqdm_is_installed() -> None:
+def test_terminal_shows_progress_bar() -> None:
     # Short files are read at once, without a bar.
     shown = on_a_terminal("import tqdm, rtamt_gym.recorded.csv_reader as c; c._LONG = 1")
     assert "reading even.csv:   0%" in shown
@@ -409,7 +403,7 @@ def test_on_a_terminal_a_bar_shows_how_far_it_is_if_tqdm_is_installed() -> None:
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("workers", ["1", "2"])
-def test_a_bar_counts_traces_and_none_stands_inside_it(workers: str, folder: Path) -> None:
+def test_progress_bar_counts_traces(workers: str, folder: Path) -> None:
     (folder / "more.csv").write_text((folder / "even.csv").read_text())
     shown = on_a_terminal("import tqdm", f"calm.stl -j {workers} -- even.csv more.csv")
     assert "judging:   0%" in shown

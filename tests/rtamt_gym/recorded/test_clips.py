@@ -41,7 +41,7 @@ def expected(begin: float, end: float) -> pd.DataFrame:
     return whole[inside].reset_index(drop=True)
 
 
-def test_csv_keeps_all_columns_of_the_rows_around(capsys: Output) -> None:
+def test_csv_clips_keep_all_columns(capsys: Output) -> None:
     first, second = clipped("drive.csv", "--clip-around", "1s")
     assert [first.name, second.name] == ["0001_spec_3s.csv", "0002_spec_10s.csv"]
     pd.testing.assert_frame_equal(pd.read_csv(first), expected(2, 5))
@@ -136,7 +136,7 @@ def messages(path: Path) -> list[tuple[str, int, Any]]:
 
 
 @pytest.mark.parametrize("extension", [".mcap", ".bag"])
-def test_bags_become_mcap_with_the_messages_around(extension: str, tmp_path: Path) -> None:
+def test_bag_clips_are_mcap(extension: str, tmp_path: Path) -> None:
     step = 10**8
     said = [twist(START + i * step, 9.0 if i in (20, 21, 60) else 1.0) for i in range(80)]
     said += [

@@ -59,13 +59,13 @@ def refused(text: str, columns: Columns | None = None) -> str:
         ("recorded", ["2024-05-01T12:00:00", "2024-05-01T12:00:00.5", "2024-05-01T12:00:01"]),
     ],
 )
-def test_a_column_of_times_is_recognised_with_its_unit(name: str, times: Sequence[str]) -> None:
+def test_time_column_and_unit_are_recognised(name: str, times: Sequence[str]) -> None:
     assert read(timed(name, times)).period() == Fraction(1, 2)
     found, _ = events(timed(name, times)).signals["x"]
     assert np.diff(found) == pytest.approx([0.5, 0.5])
 
 
-def test_names_that_tell_of_no_times_are_no_times() -> None:
+def test_other_names_are_not_times() -> None:
     for name in ("T", "timer", "time_zone", "y", "lead.t"):
         assert read(timed(name, ["0", "0.5", "1"])).period() is None
 
@@ -82,7 +82,7 @@ def test_a_column_and_a_unit_can_be_named() -> None:
     assert read(timed("time_ns", [0, 1]), Columns(time_unit="us")).period() == Fraction(1, 10**6)
 
 
-def test_of_several_columns_time_is_taken_and_others_have_to_be_named() -> None:
+def test_time_has_priority_over_other_columns() -> None:
     rows = "\n0,7,1\n2,8,1\n"
     assert read(f"time,stamp,x{rows}").period() == 2
     assert refused(f"t,stamp,x{rows}") == (
@@ -102,7 +102,7 @@ def test_of_several_columns_time_is_taken_and_others_have_to_be_named() -> None:
         ),
     ],
 )
-def test_numbers_that_can_hardly_be_seconds_are_refused(times: Sequence[int], got: str) -> None:
+def test_implausible_seconds_error(times: Sequence[int], got: str) -> None:
     message = (
         f"t.csv: expected times in seconds in the column 'timestamp', got {got}; give the unit "
         "with --time-unit, such as ns, ms or s"
@@ -124,7 +124,7 @@ def test_numbers_that_can_hardly_be_seconds_are_refused(times: Sequence[int], go
         (["2024-05-01T12:00-0130", "2024-05-01T13:31Z", "2024-05-01T15:32+02"], 60),
     ],
 )
-def test_dates_may_be_days_and_offsets_whole_hours(dates: list[str], period: int) -> None:
+def test_dates_without_time_and_hour_offsets(dates: list[str], period: int) -> None:
     text = "\n".join(["begun,x", *(f"{date},1" for date in dates)])
     assert read(text).period() == period
 
@@ -143,7 +143,7 @@ def test_an_unknown_unit_is_refused() -> None:
     )
 
 
-def test_two_columns_of_times_of_one_name_are_refused() -> None:
+def test_duplicate_time_column_error() -> None:
     text = "time,x,time\n0,1,5\n1,2,7\n"
     message = "t.csv, line 1: expected one column 'time', got two"
     assert refused(text) == message
@@ -152,7 +152,7 @@ def test_two_columns_of_times_of_one_name_are_refused() -> None:
     assert str(caught.value) == message
 
 
-def test_a_time_that_is_none_is_refused_with_its_line() -> None:
+def test_invalid_time_error_states_line() -> None:
     assert refused("time,x\n0,1\nx,2\n") == (
         "t.csv, line 3, column 'time': expected a number, got 'x'"
     )
@@ -162,7 +162,7 @@ def test_a_time_that_is_none_is_refused_with_its_line() -> None:
 
 
 @given(st.integers(0, 2**62), st.integers(1, 10**9), st.integers(2, 30))
-def test_whole_times_are_exact_wherever_they_begin(start: int, step: int, n: int) -> None:
+def test_integer_times_are_exact(start: int, step: int, n: int) -> None:
     text = timed("time_ns", [start + i * step for i in range(n)])
     assert read(text).period() == Fraction(step, 10**9)
 
@@ -194,7 +194,7 @@ def test_a_clock_that_drifts_is_even() -> None:
     assert read(timed("time", np.cumsum(steps).tolist())).period() is not None
 
 
-def test_a_sample_off_the_grid_is_refused_or_resampled_by_holding() -> None:
+def test_off_grid_sample_error_or_resampling() -> None:
     text = timed("time", [0, 0.1, 0.2, 0.36, 0.4, 0.5, 0.8, 0.9, 1.0])
     assert refused(text) == (
         "t.csv, line 5: expected samples at even distances, got time 0.36 after 0.2, elsewhere "
@@ -224,7 +224,7 @@ def test_long_times_are_told_since_the_first() -> None:
 
 
 @given(st.lists(st.integers(1, 12), min_size=2, max_size=40), st.integers(0, 4))
-def test_resampling_holds_the_last_value_at_every_sample(steps: list[int], late: int) -> None:
+def test_resampling_holds_last_value(steps: list[int], late: int) -> None:
     """Against a walk over the grid: times in hundredths, a grid of the usual step."""
     ticks = [0, *np.cumsum(steps).tolist()]
     times = [tick / 100 for tick in ticks]
@@ -246,7 +246,7 @@ def test_resampling_holds_the_last_value_at_every_sample(steps: list[int], late:
 
 
 @pytest.mark.parametrize("columns", [Columns(), Columns(jitter=0.05, time_unit="s")])
-def test_times_whose_distance_is_no_number_are_refused(columns: Columns) -> None:
+def test_infinite_time_distance_error(columns: Columns) -> None:
     begin = -1.7e308
     times = [begin, begin + 1e300, begin + 2e300, begin + 3e300, 1.7e308]
     assert refused(timed("t", times), columns) == (
@@ -270,7 +270,7 @@ def test_a_gap_too_long_to_resample_is_refused() -> None:
     )
 
 
-def test_without_a_column_of_times_nobody_speaks_of_one() -> None:
+def test_no_time_notes_without_time_column() -> None:
     for columns, option in (
         (Columns(jitter=0.1), "--jitter"),
         (Columns(time_unit="s"), "--time-unit"),
@@ -291,7 +291,7 @@ def test_events_have_no_jitter() -> None:
 
 
 @pytest.mark.parametrize("missing", ["hold", "drop"])
-def test_nan_counts_as_an_empty_cell_where_that_is_allowed(missing: Missing) -> None:
+def test_nan_as_empty_cell(missing: Missing) -> None:
     text = "x,y\n1,1\nnan,2\n3,3\n"
     assert refused(text) == (
         "t.csv, line 3, column 'x': expected a number, got 'nan'; "
@@ -313,7 +313,7 @@ def test_nothing_is_held_before_the_first_value() -> None:
     )
 
 
-def test_separators_and_decimal_commas_are_recognised_and_said() -> None:
+def test_separators_and_decimal_commas_are_noted() -> None:
     for mark in ";\t|":
         trace = read(f"time{mark}x\n0{mark}1\n0,5{mark}-2,5e1\n")
         assert trace.columns["x"].tolist() == [1.0, -25.0]
@@ -377,7 +377,7 @@ def test_bad_words_about_columns_are_refused(arguments: dict[str, str], message:
     assert str(caught.value) == message
 
 
-def test_what_is_no_text_of_cells_is_refused_with_its_line() -> None:
+def test_malformed_text_error_states_line() -> None:
     with pytest.raises(rtamt.InputError) as caught:
         read_trace(CsvRecording(["time,x\n", "0,1\r2,3\n"], "t.csv"), ["x"])
     assert str(caught.value) == "t.csv, line 2: new-line character seen in unquoted field"

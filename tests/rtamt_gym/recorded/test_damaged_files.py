@@ -94,7 +94,7 @@ def read(path: Path) -> dict[str, list[float]]:
 
 
 @pytest.mark.slow
-def test_one_process_reads_many_files_and_another_one_after_a_crash(
+def test_process_is_reused_until_crash(
     strange: Callable[[str], Path],
 ) -> None:
     first = read(strange("good"))
@@ -126,9 +126,7 @@ def test_a_reader_that_hangs_is_ended(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("strange")
-def test_the_process_looks_for_modules_where_this_one_does_and_nowhere_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_process_uses_same_module_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     here = tmp_path / "here"
     here.mkdir()
     (here / "scipy.py").write_text("raise SystemExit('a module of a stranger')", encoding="utf-8")
@@ -140,7 +138,7 @@ def test_the_process_looks_for_modules_where_this_one_does_and_nowhere_else(
         assert recording.read(Wanted(["x"])).numbers["x"].tolist() == [0, 1, 2]
 
 
-def test_files_of_matlab_and_of_measurements_are_read_by_another_process() -> None:
+def test_matlab_and_mdf_use_another_process() -> None:
     assert {row.name for row in FORMATS if row.contained} >= {"MATLAB", "MDF"}
 
 
@@ -159,7 +157,7 @@ def whole_files(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.slow(keep=4)
 @pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet", ".feather", ".mf4"])
-def test_a_damaged_file_is_read_or_refused_with_its_name(suffix: str, tmp_path: Path) -> None:
+def test_damaged_file_error_names_file(suffix: str, tmp_path: Path) -> None:
     raw = whole_files(tmp_path)[suffix]
     chance = random.Random(suffix)
     refusals = []
@@ -189,7 +187,7 @@ def crashing_mat(path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_damaged_file_of_matlab_costs_its_own_row(
+def test_damaged_matlab_file_affects_one_row(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -216,7 +214,7 @@ def test_a_damaged_file_of_matlab_costs_its_own_row(
         OSError("seek"),
     ],
 )
-def test_what_a_library_raises_is_a_refusal_with_file_and_reason(error: Exception) -> None:
+def test_library_errors_become_input_errors(error: Exception) -> None:
     kind = type(error).__name__
     with (
         pytest.raises(InputError, match=rf"t.csv: expected a file, got an error: {kind}"),
@@ -228,7 +226,7 @@ def test_what_a_library_raises_is_a_refusal_with_file_and_reason(error: Exceptio
             raise passed
 
 
-def test_a_header_that_claims_more_numbers_than_there_are_is_refused(tmp_path: Path) -> None:
+def test_oversized_header_error(tmp_path: Path) -> None:
     path = tmp_path / "huge.npz"
     header = "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }"
     array = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header) + 1) + header.encode() + b"\n"
@@ -256,7 +254,7 @@ def test_a_line_without_an_end_is_refused(
 
 
 @pytest.mark.slow
-def test_an_error_over_many_columns_lists_the_nearest(tmp_path: Path, capsys: Output) -> None:
+def test_missing_column_error_lists_nearest(tmp_path: Path, capsys: Output) -> None:
     path = tmp_path / "wide.csv"
     names = [f"c{i:06d}" for i in range(300_000)] + ["Speed"]
     path.write_text(",".join(names) + "\n" + ",".join(["1"] * len(names)), encoding="utf-8")
@@ -270,7 +268,7 @@ def test_an_error_over_many_columns_lists_the_nearest(tmp_path: Path, capsys: Ou
 
 
 @pytest.mark.slow
-def test_the_process_ends_with_the_one_that_has_started_it(tmp_path: Path) -> None:
+def test_process_ends_with_its_parent(tmp_path: Path) -> None:
     savemat(tmp_path / "t.mat", {"x": np.arange(3.0)})
     code = (
         "import os\n"

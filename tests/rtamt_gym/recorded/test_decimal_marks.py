@@ -319,9 +319,7 @@ def test_both_splitters_select_the_same_rows(
     )
 
 
-def test_unread_columns_are_read_again_as_evidence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unread_columns_are_evidence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = ["12.500;2024-05-01T00:00:00.5;1"] * 300
     text = "\n".join(["x;time;y", *rows, "1.000;2024-05-01T00:00:01.5;3,5"])
     values, notes = reading(tmp_path, monkeypatch, text, Columns(same_time="first"))
@@ -465,7 +463,7 @@ def written(path: Path, columns: dict[str, list[str]]) -> None:
 
 
 @pytest.mark.parametrize("extension", [".ndjson", ".parquet", ".feather", ".npz", ".mat"])
-def test_texts_in_other_formats_have_the_same_readings(extension: str, tmp_path: Path) -> None:
+def test_other_formats_read_texts_alike(extension: str, tmp_path: Path) -> None:
     path = tmp_path / f"t{extension}"
 
     def result(columns: Columns | None = None, **cells: str) -> Any:  # noqa: ANN401 - as `reading`

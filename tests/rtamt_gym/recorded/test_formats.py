@@ -179,11 +179,11 @@ def test_a_trace_comes_back_as_it_was_written(ending: str, tmp_path: Path) -> No
     assert values.tolist() == TABLE["speed"].tolist()
 
 
-def test_every_table_keeps_the_contract_that_ships(extension: str, tmp_path: Path) -> None:
+def test_tables_pass_check_trace_format(extension: str, tmp_path: Path) -> None:
     check_trace_format(extension, WRITERS[extension], tmp_path)
 
 
-def test_empty_cells_are_refused_held_dropped_or_no_events(extension: str, tmp_path: Path) -> None:
+def test_empty_cell_options(extension: str, tmp_path: Path) -> None:
     path = tmp_path / f"gaps{extension}"
     gaps = {name: column.copy() for name, column in TABLE.items()}
     gaps["speed"][[3, 4, 9]] = np.nan
@@ -324,7 +324,7 @@ def test_arrays_that_are_no_columns_are_refused(arrays: Table, said: str, tmp_pa
     assert str(caught.value) == f"{path}{said}"
 
 
-def test_structures_of_numpy_have_dotted_names_and_no_variable_reads_the_longest_array(
+def test_numpy_structures_and_longest_array(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "trace.npz"
@@ -368,7 +368,7 @@ def test_a_table_without_times_is_refused(time: pa.Array, said: str, tmp_path: P
     assert str(caught.value) == f"{path}{said}"
 
 
-def test_a_missing_column_is_named_in_every_format(extension: str, tmp_path: Path) -> None:
+def test_missing_column_error_in_all_formats(extension: str, tmp_path: Path) -> None:
     path = tmp_path / f"trace{extension}"
     WRITERS[extension](path, TABLE)
     with pytest.raises(rtamt.InputError) as caught:
@@ -379,7 +379,7 @@ def test_a_missing_column_is_named_in_every_format(extension: str, tmp_path: Pat
     )
 
 
-def test_vectors_of_matlab_may_lie_and_structures_have_dotted_names(tmp_path: Path) -> None:
+def test_matlab_vectors_and_structures(tmp_path: Path) -> None:
     path = tmp_path / "m.mat"
     lying = {"t": TABLE["time"][None, :], "car": {"speed": TABLE["speed"][None, :], "mass": 3.0}}
     savemat(path, lying)
@@ -391,9 +391,7 @@ def test_vectors_of_matlab_may_lie_and_structures_have_dotted_names(tmp_path: Pa
         read(path, ["speed"])
 
 
-def test_a_long_text_is_read_by_the_library_as_a_short_one_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_long_and_short_texts_match(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     texts = [
         "time,x\n0,1\n\n0.5,+2\n1.0,1e3\n1.5,-inf\n",
         " time , x \n0, 1\n1,2 \n",
@@ -449,7 +447,7 @@ def test_the_library_reads_what_needs_no_help(
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("extension", [".csv", ".parquet", ".feather", ".ndjson"])
-def test_long_files_are_read_without_the_import_of_pandas(extension: str, tmp_path: Path) -> None:
+def test_long_files_do_not_import_pandas(extension: str, tmp_path: Path) -> None:
     path = tmp_path / f"long{extension}"
     WRITERS[extension](path, TABLE)
     code = (

@@ -66,9 +66,7 @@ def read(path: str | Path, columns: Columns, text: str = "always(x > 0)") -> Tra
     count=st.integers(4, 30),
     data=st.data(),
 )
-def test_the_head_counts_what_a_reader_counts_by_hand(
-    step: str, start: int, count: int, data: st.DataObject
-) -> None:
+def test_header_counts_match_file(step: str, start: int, count: int, data: st.DataObject) -> None:
     kept = sorted(data.draw(st.sets(st.integers(0, count), min_size=3, max_size=count)))
     times = [Fraction(float(start + k * Fraction(step))) for k in kept]  # as the file has them
     with tempfile.TemporaryDirectory() as folder:
@@ -109,7 +107,7 @@ HEADS = {
 
 @pytest.mark.parametrize(("rows", "options", "head"), HEADS.values(), ids=HEADS)
 @pytest.mark.usefixtures("folder")
-def test_the_head_of_a_judgement_says_its_length_and_its_longest_gap(
+def test_header_states_length_and_gap(
     rows: list[tuple[float, ...]], options: list[str], head: str, capsys: Output
 ) -> None:
     assert main(["monitor", "always(x > 0)", write(rows), *options]) == 0
@@ -117,7 +115,7 @@ def test_the_head_of_a_judgement_says_its_length_and_its_longest_gap(
 
 
 @pytest.mark.usefixtures("folder")
-def test_the_gap_of_a_variable_is_that_of_its_own_records(capsys: Output) -> None:
+def test_gaps_are_per_variable(capsys: Output) -> None:
     Path("run.csv").write_text("time,x,y\n0,1,1\n0.5,1,\n1,1,\n1.5,1,1\n2,1,1\n")
     assert main(["monitor", "always(x > 0 and y > 0)", "run.csv", "--missing", "hold"]) == 0
     assert ", 2 s long, longest gap 1.5 s of y\n" in " ".join(
@@ -191,7 +189,7 @@ def test_a_gap_is_long_above_ten_usual_steps(steps: int, capsys: Output) -> None
 )
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("options", [[], ["--missing", "hold"]])
-def test_times_that_contradict_the_period_are_said(
+def test_period_contradiction_note(
     rows: list[tuple[float, ...]],
     period: str,
     said: str | None,
@@ -221,7 +219,7 @@ def test_times_that_contradict_the_period_are_said(
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_whole_times_without_a_unit_are_noted_with_the_length_they_give(
+def test_integer_times_without_unit_note(
     column: str, step: float, options: list[str], noted: int, capsys: Output
 ) -> None:
     write([(i * step, 1.0) for i in range(1001)], head=f"{column},x")
@@ -234,7 +232,7 @@ def test_whole_times_without_a_unit_are_noted_with_the_length_they_give(
 
 
 @pytest.mark.usefixtures("folder")
-def test_times_of_which_a_late_one_is_no_whole_number_are_seconds(capsys: Output) -> None:
+def test_late_fractional_time_means_seconds(capsys: Output) -> None:
     write([(i + 0.5 * (i == 150), 1.0) for i in range(200)])
     assert main(["monitor", "always(x > 0)", "run.csv", "--dense"]) == 0
     assert "the times have no unit" not in capsys.readouterr().out
@@ -254,7 +252,7 @@ def test_a_saved_run_has_seconds(folder: Path, capsys: Output) -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_trace_that_is_too_short_is_named_and_is_code_3(capsys: Output) -> None:
+def test_short_trace_exits_with_3(capsys: Output) -> None:
     for name, count in {"a": 21, "b": 5, "c": 3, "d": 4, "e": 5}.items():
         write([(i / 2, 1.0) for i in range(count)], f"{name}.csv")
     words = ["always(x > 0)", "--min-duration", "10s"]
@@ -289,7 +287,7 @@ def test_a_trace_that_is_too_short_is_named_and_is_code_3(capsys: Output) -> Non
 
 
 @pytest.mark.usefixtures("folder")
-def test_files_name_the_traces_that_are_too_short(capsys: Output) -> None:
+def test_files_list_short_traces(capsys: Output) -> None:
     for name, count in {"a": 21, "b": 5, "c": 3}.items():
         write([(i / 2, 1.0) for i in range(count)], f"{name}.csv")
     judged = ["monitor", "always(x > 0)", "--json", "--junit", "o.xml"]
@@ -320,7 +318,7 @@ def test_files_name_the_traces_that_are_too_short(capsys: Output) -> None:
     end=st.sampled_from(["complete", "cut", "open"]),
     data=st.data(),
 )
-def test_every_filling_of_the_holes_lies_within_the_bounds(
+def test_hole_fillings_stay_within_bounds(
     count: int, text: str, end: rtamt.typing.End, data: st.DataObject
 ) -> None:
     cell = st.integers(-2, 3)
@@ -359,7 +357,7 @@ def test_every_filling_of_the_holes_lies_within_the_bounds(
     end=st.sampled_from(["complete", "cut", "open"]),
     data=st.data(),
 )
-def test_every_filling_of_the_holes_lies_within_the_bounds_in_dense_time(
+def test_dense_hole_fillings_stay_within_bounds(
     count: int, text: str, end: rtamt.typing.End, data: st.DataObject
 ) -> None:
     cell = st.integers(-2, 3)
@@ -407,7 +405,7 @@ def test_a_hole_is_unknown_from_its_length_on(
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_hole_is_said_and_the_verdict_goes_by_what_is_known(capsys: Output) -> None:
+def test_hole_note_and_verdict(capsys: Output) -> None:
     write(HOLE)
     assert main(["monitor", "always(x > 4)", "run.csv", "--max-gap", "1s"]) == 3
     assert capsys.readouterr().out == (
@@ -497,7 +495,7 @@ def test_what_no_gap_can_be_told_of_is_refused(
     assert said.replace("or --max-gap 0.1s", "--max-gap 0.1s") in capsys.readouterr().err
 
 
-def test_lengths_of_time_are_read_with_their_units() -> None:
+def test_durations_with_units() -> None:
     texts = {"10": 10.0, "10s": 10.0, "500ms": 0.5, "1.5h": 5400.0, "2 min": 120.0, "5e-1": 0.5}
     assert [read_seconds("--x", text) for text in texts] == [*texts.values()]
     assert Columns(max_gap="1/2").max_gap == Fraction(1, 2)  # type: ignore[arg-type]
@@ -506,7 +504,7 @@ def test_lengths_of_time_are_read_with_their_units() -> None:
             read_seconds("--x", text)
 
 
-def test_a_topic_that_falls_silent_is_unknown_after_the_gap(folder: Path, capsys: Output) -> None:
+def test_silent_topic_is_unknown_after_gap(folder: Path, capsys: Output) -> None:
     said = [twist(START + i * 10**8, 0.5) for i in (*range(20), *range(60, 80))]
     path = str(write_bag(folder / "quiet.bag", said))
     text = "cmd = always(speed < 1)"
@@ -540,7 +538,7 @@ def test_a_topic_with_one_message_has_no_hole(folder: Path) -> None:
     assert trace.notes[-1].endswith("more than 1 s (speed: a hole of 2 s after 0 s)")
 
 
-def test_a_topic_is_unknown_after_its_last_message(folder: Path, capsys: Output) -> None:
+def test_topic_is_unknown_after_last_message(folder: Path, capsys: Output) -> None:
     said = [twist(START + i * 10**8, 0.5) for i in range(20)]
     said.append(Said(START + 5 * 10**9, "/name", "std_msgs/String", {}))
     path = str(write_bag(folder / "ends.bag", said))

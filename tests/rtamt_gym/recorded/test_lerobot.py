@@ -177,7 +177,7 @@ def test_missing_rows_error(order: list[int], tmp_path: Path) -> None:
     assert len(errors) == 1
 
 
-def test_damaged_file_is_an_error_of_its_episodes(
+def test_damaged_file_affects_its_episodes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = write_data_set(tmp_path / "set", states(3, (9, 9, 9, 9)), files=2)
@@ -253,7 +253,7 @@ def test_violated_episodes_are_listed(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "expected episodes of a LeRobot data set, got" in capsys.readouterr().err
 
 
-def test_undecided_and_unreadable_episodes_are_counted(
+def test_undecided_and_failed_episodes_are_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     short, long = np.zeros((9, 2)), np.zeros((90, 2))

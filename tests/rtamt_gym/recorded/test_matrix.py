@@ -40,7 +40,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_table_says_what_every_requirement_came_to_on_every_trace(capsys: Output) -> None:
+def test_matrix_shows_all_verdicts(capsys: Output) -> None:
     assert main(["monitor", "req.stl", "--", "runs"]) == 1
     out, err = capsys.readouterr()
     assert out == (
@@ -76,7 +76,7 @@ def test_a_table_says_what_every_requirement_came_to_on_every_trace(capsys: Outp
         ["./runs"],
     ],
 )
-def test_files_folders_and_patterns_name_the_same_traces(traces: list[str], capsys: Output) -> None:
+def test_files_folders_and_patterns_match(traces: list[str], capsys: Output) -> None:
     assert main(["monitor", "req.stl", "--", "runs"]) == 1
     expected = capsys.readouterr().out
     assert main(["monitor", "req.stl", "--", *traces]) == 1
@@ -98,7 +98,7 @@ def test_options_may_stand_anywhere(capsys: Output) -> None:
     assert "4 satisfied" in said[0]
 
 
-def test_one_trace_behind_the_dashes_has_the_report_of_one_trace(capsys: Output) -> None:
+def test_one_trace_has_single_report(capsys: Output) -> None:
     assert main(["monitor", "req.stl", "runs/b.csv"]) == 1
     expected = capsys.readouterr().out
     assert main(["monitor", "req.stl", "--", "runs/b.csv"]) == 1
@@ -107,9 +107,7 @@ def test_one_trace_behind_the_dashes_has_the_report_of_one_trace(capsys: Output)
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("workers", ["1", "2", "9"])
-def test_a_trace_that_cannot_be_read_keeps_no_other_from_being_judged(
-    workers: str, folder: Path, capsys: Output
-) -> None:
+def test_unreadable_trace_does_not_stop_others(workers: str, folder: Path, capsys: Output) -> None:
     (folder / "runs" / "aa.csv").write_text(HEAD + "0,1,2,x,4\n")
     (folder / "runs" / "bb.csv").write_text("time,gap\n0,1\n0.5,2\n")
     traces = ["runs", "no.csv"]
@@ -156,9 +154,7 @@ def test_only_errors_leave_nothing_that_is_worst(folder: Path, capsys: Output) -
     ]
 
 
-def test_a_requirement_that_does_not_fit_a_trace_is_an_error_of_it_alone(
-    folder: Path, capsys: Output
-) -> None:
+def test_unfit_requirement_is_its_own_error(folder: Path, capsys: Output) -> None:
     (folder / "runs" / "b.csv").write_text("time,gap\n0,1\n0.4,2\n0.8,2\n")
     text = "near = always[0:0.5](gap > 2); far = always(gap > 0)"
     assert main(["monitor", text, "--", "runs/a.csv", "runs/b.csv"]) == 2
@@ -177,7 +173,7 @@ def test_a_requirement_that_does_not_fit_a_trace_is_an_error_of_it_alone(
     assert main(["monitor", text, "runs/b.csv", "--align", "outward"]) == 1
 
 
-def test_many_requirements_stand_in_tables_of_80_columns(capsys: Output) -> None:
+def test_many_requirements_fit_80_columns(capsys: Output) -> None:
     names = [f"requirement_number_{i}" if i % 3 else f"r{i}" for i in range(30)]
     text = "; ".join(f"{name} = always(gap > {i}.123456)" for i, name in enumerate(names))
     assert main(["monitor", text, "--", "runs/a.csv", "runs/b.csv"]) == 1
@@ -194,7 +190,7 @@ def test_many_requirements_stand_in_tables_of_80_columns(capsys: Output) -> None
     )
 
 
-def test_names_of_traces_are_cut_at_their_beginning(folder: Path, capsys: Output) -> None:
+def test_trace_names_are_shortened_at_start(folder: Path, capsys: Output) -> None:
     deep = folder / ("a_folder_with_a_long_name" * 2)
     deep.mkdir()
     for name in ("first.csv", "second.csv"):
@@ -212,9 +208,7 @@ def oracle(formulas: dict[str, str], trace: Any, end: Any) -> dict[str, rtamt.Ju
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("end", ["cut", "complete", "open"])
-def test_cells_worst_and_exit_code_are_those_of_the_judgements(
-    end: str, folder: Path, capsys: Output
-) -> None:
+def test_matrix_matches_judgements(end: str, folder: Path, capsys: Output) -> None:
     rng = np.random.default_rng(7)
     formulas = {
         "low": "always(x < 3)",
@@ -270,9 +264,7 @@ def test_cells_worst_and_exit_code_are_those_of_the_judgements(
     assert 1 in codes
 
 
-def test_an_error_of_ours_is_code_2_and_keeps_no_other_trace_from_being_judged(
-    monkeypatch: pytest.MonkeyPatch, capsys: Output
-) -> None:
+def test_internal_error_exits_with_2(monkeypatch: pytest.MonkeyPatch, capsys: Output) -> None:
     judged = judge.judge
 
     def divide(*arguments: Any, **named: Any) -> Any:  # noqa: ANN401
@@ -294,7 +286,7 @@ def test_an_error_of_ours_is_code_2_and_keeps_no_other_trace_from_being_judged(
     )
 
 
-def test_explain_takes_many_traces_and_ends_with_the_same_code(capsys: Output) -> None:
+def test_explain_many_traces_exit_code(capsys: Output) -> None:
     words = ["req.stl", "--only", "near", "--", "runs/a.csv", "runs/b.csv", "no.csv"]
     assert main(["explain", *words]) == 2
     out, err = capsys.readouterr()
@@ -339,7 +331,7 @@ def test_explain_takes_many_traces_and_ends_with_the_same_code(capsys: Output) -
 
 @pytest.mark.slow(keep=1)
 @pytest.mark.parametrize("end", ["cut", "complete", "open"])
-def test_cells_of_events_are_those_of_dense_judgements(
+def test_event_cells_match_dense_judgements(
     end: Any,  # noqa: ANN401 - a reading of the end
     folder: Path,
     capsys: Output,

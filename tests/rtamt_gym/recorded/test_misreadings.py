@@ -44,7 +44,7 @@ TENTHS = [f"{i / 10:.1f}" for i in range(30)]
 @pytest.mark.parametrize(
     "head", ["frame_time,v", "step_time,v", "epoch,v", "Sample Time [s],v", "v,foo"]
 )
-def test_overlooked_times_are_refused_and_the_hint_is_right(capsys: Output, head: str) -> None:
+def test_overlooked_times_error_and_hint(capsys: Output, head: str) -> None:
     name = write_log(head, TENTHS)  # -1 at 1.5 s; in samples, [0:2] would end before it
     column = head.replace("v", "", 1).strip(",") if head.startswith("v,") else head[:-2]
     code, text = judged(capsys, "always[0:2](v > 0)", name)
@@ -63,13 +63,13 @@ def test_falling_clock_is_refused(capsys: Output) -> None:
 
 
 @pytest.mark.parametrize("column", ["odometer", "ramp", "step", "counter", "epoch", "tick_count"])
-def test_counters_and_ramps_do_not_look_like_times(capsys: Output, column: str) -> None:
+def test_counters_and_ramps_are_not_times(capsys: Output, column: str) -> None:
     name = write_log(f"{column},v", [str(10 * i) for i in range(5)], low=1)
     assert judged(capsys, "always[0:2](v > 0)", name)[0] == 1
 
 
 @pytest.mark.parametrize("column", ["arc_length", "chainage", "xpos", "wheel_rot", "battery"])
-def test_even_quantities_behind_other_columns_are_no_times(capsys: Output, column: str) -> None:
+def test_even_later_columns_are_not_times(capsys: Output, column: str) -> None:
     name = write_log(f"v,{column}", TENTHS, low=1)
     assert judged(capsys, "always[0:2](v > 0)", name)[0] == 1
 
@@ -176,7 +176,7 @@ def test_flags_and_counts_are_no_objects(
 
 @pytest.mark.parametrize("column", ["variable", "signal", "field", "_field", "kind", "VarName"])
 @pytest.mark.parametrize("value", ["value", "_value", "VarValue", "Messwert"])
-def test_a_column_of_values_has_signals_next_to_it(capsys: Output, column: str, value: str) -> None:
+def test_value_column_next_to_signals(capsys: Output, column: str, value: str) -> None:
     name = write_blocks(column, ("a", "b"), value)
     code, text = judged(capsys, f"eventually({value} > 5)", name)
     assert (code, f"--where {column}=a" in text) == (2, True)
@@ -243,9 +243,7 @@ def test_cycles_are_one_trace(capsys: Output, column: str, cells: str) -> None:
     "head", ["t1,v,t2,w", "time,v,time.1,w", "time_v,v,time_w,w", "Time - v,v,Time - w,w"]
 )
 @pytest.mark.parametrize("formula", ["always(v < 4 or w < 4)", "always[0:0.3](v < 4 or w < 4)"])
-def test_columns_with_times_of_their_own_are_refused(
-    capsys: Output, head: str, formula: str
-) -> None:
+def test_columns_with_own_times_error(capsys: Output, head: str, formula: str) -> None:
     # v falls and w rises at the same time, but w was recorded at twice the rate
     rows = [f"{i / 10:.1f},{8 - i},{i / 20:.2f},{i}" for i in ROWS]
     Path("log.csv").write_text("\n".join([head, *rows]) + "\n")
@@ -347,7 +345,7 @@ VALUES = [-1 if i == 15 else 1 for i in range(30)]  # in samples, [0:2] would en
         "Sampling frequency [Hz]: 10",
     ],
 )
-def test_a_period_above_the_names_is_not_overlooked(capsys: Output, line: str) -> None:
+def test_period_above_names_error(capsys: Output, line: str) -> None:
     rows = "\n".join(f"{value},0" for value in VALUES)
     Path("log.csv").write_text(f"{line}\nRecord,1,a\nv,w\n{rows}\n")
     code, text = judged(capsys, "always[0:2](v > 0)", "log.csv")
@@ -358,7 +356,7 @@ def test_a_period_above_the_names_is_not_overlooked(capsys: Output, line: str) -
 
 
 @pytest.mark.parametrize("head", ["dt,v", "v,sample_time_s", "v,Delta_X"])
-def test_a_column_of_the_period_is_not_overlooked(capsys: Output, head: str) -> None:
+def test_period_column_error(capsys: Output, head: str) -> None:
     name = write_log(head, ["0.1"] * 30)
     code, text = judged(capsys, "always[0:2](v > 0)", name)
     assert (code, "Give --period 1/10" in text) == (2, True), text
@@ -367,7 +365,7 @@ def test_a_column_of_the_period_is_not_overlooked(capsys: Output, head: str) -> 
 
 @pytest.mark.parametrize(("name", "value"), [("dt", 0.1), ("Ts", 0.1), ("fs", 10)])
 @pytest.mark.parametrize("extension", ["npz", "mat"])
-def test_a_period_beside_arrays_is_not_overlooked(
+def test_period_next_to_arrays_error(
     capsys: Output, name: str, value: float, extension: str
 ) -> None:
     file = f"log.{extension}"
@@ -415,7 +413,7 @@ def test_records_over_other_axes_are_no_times(
 
 
 @pytest.mark.parametrize("step", [625, 16000, 40])
-def test_whole_numbers_long_after_a_start_are_no_seconds(capsys: Output, step: int) -> None:
+def test_late_integers_are_not_seconds(capsys: Output, step: int) -> None:
     name = write_log("timestamp,v", [str(12_345_678 + step * i) for i in range(30)])
     code, text = judged(capsys, "always(v > 0)", name)
     assert (code, "--time-unit" in text, " as ms" in text or " as us" in text) == (2, True, True)
@@ -436,7 +434,7 @@ def test_rounded_times_have_no_choice_of_records(capsys: Output) -> None:
         assert (code, "as if times were rounded" in text, "--same-time" in text) == (2, True, False)
 
 
-def test_days_without_a_name_of_times_are_no_seconds(capsys: Output) -> None:
+def test_unnamed_days_are_not_seconds(capsys: Output) -> None:
     name = write_log("A,v", [f"{45413.5 + i / 24:.8f}" for i in range(30)], low=2)
     code, text = judged(capsys, "eventually[0:3600](v < 0)", name)
     assert (code, "--period SECONDS" in text, "--time-unit" in text) == (2, True, False)
@@ -453,7 +451,7 @@ def test_days_without_a_name_of_times_are_no_seconds(capsys: Output) -> None:
     ],
 )
 @pytest.mark.parametrize("options", [[], ["--dense"], ["--jitter", "5%"]])
-def test_times_of_day_without_marks_are_no_seconds(
+def test_unmarked_times_of_day_are_not_seconds(
     capsys: Output, times: list[str], options: list[str]
 ) -> None:
     name = write_log("UTC time,v", times, low=3)
@@ -465,7 +463,7 @@ def test_times_of_day_without_marks_are_no_seconds(
 
 
 @pytest.mark.parametrize("column", ["room", "location", "zone", "wheel"])
-def test_interleaved_records_at_times_of_their_own_are_refused(capsys: Output, column: str) -> None:
+def test_interleaved_records_error(capsys: Output, column: str) -> None:
     rows = [f"{i + 0.01 * k:.2f},{name},{9 * k}" for i in ROWS for k, name in enumerate("ab")]
     Path("log.csv").write_text("\n".join([f"time,{column},v", *rows]) + "\n")
     for options in ([], ["--dense"], ["--jitter", "5%"]):

@@ -41,7 +41,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("semantics", ["output-robustness", "input-robustness", "output-vacuity"])
-def test_every_formula_of_a_trace_is_judged_under_the_semantics(
+def test_semantics_applies_to_all_formulas(
     semantics: SemanticsName, folder: Path, capsys: Output
 ) -> None:
     command = ["monitor", "roles.stl", "even.csv", "--semantics", semantics, "--out", "out.csv"]
@@ -102,9 +102,7 @@ def test_episodes_are_judged_under_the_semantics(folder: Path) -> None:
         ("output", "argument --semantics: invalid choice: 'output' (choose from 'standard', "),
     ],
 )
-def test_a_semantics_that_does_not_fit_is_refused(
-    semantics: str, message: str, capsys: Output
-) -> None:
+def test_unfit_semantics_error(semantics: str, message: str, capsys: Output) -> None:
     assert main(["monitor", "spec.stl", "even.csv", "--semantics", semantics]) == 2
     assert capsys.readouterr().err.startswith(f"rtamt: error: {message}")
 
@@ -163,7 +161,7 @@ def test_other_units_are_not_taken_for_seconds(
     assert main(["monitor", SPEC, "trace.csv", "--time-unit", unit]) == 1
 
 
-def test_a_period_and_a_jitter_contradict_each_other(capsys: pytest.CaptureFixture[str]) -> None:
+def test_period_with_jitter_error(capsys: pytest.CaptureFixture[str]) -> None:
     write("time", MS)
     assert main(["monitor", SPEC, "trace.csv", "--period", "10ms", "--jitter", "5%"]) == 2
     assert capsys.readouterr().err == (
@@ -171,7 +169,7 @@ def test_a_period_and_a_jitter_contradict_each_other(capsys: pytest.CaptureFixtu
     )
 
 
-def test_a_trace_that_is_resampled_says_so_with_its_verdict(
+def test_resampled_trace_note(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     # The rows from 0.4 s to 0.54 s were lost; what holds there was not recorded.
@@ -209,7 +207,7 @@ def test_table_has_the_robustness_of_the_headline(
     assert last.split() == ["(result)", *row]
 
 
-def test_an_interrupt_is_left_to_the_process_that_has_asked() -> None:
+def test_interrupt_reaches_main_process() -> None:
     code = (
         "import os, signal, rtamt_gym.commands.judging as j; j._begin_worker();"
         "os.kill(os.getpid(), signal.SIGINT); print('at work')"
@@ -230,7 +228,7 @@ def dying(path: str) -> tuple[Trial, judging.Seen]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [6, 200])  # the processes get one trace at once, or several
-def test_a_process_that_dies_keeps_no_other_trace_from_being_judged(
+def test_dead_process_does_not_stop_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output, count: int
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -267,7 +265,7 @@ def test_only_a_process_of_one_thread_forks() -> None:
     assert (ran.stdout, ran.stderr) == ("fork\nforkserver\n", "")
 
 
-def test_processes_ignore_interrupts_before_they_run_a_line() -> None:
+def test_processes_ignore_early_interrupts() -> None:
     code = (
         "import signal, sys; from concurrent.futures import ProcessPoolExecutor;"
         "from multiprocessing import get_context; import rtamt_gym.commands.judging as j\n"

@@ -60,9 +60,7 @@ WAY_OUT = "if nothing follows (--end complete), the verdict is VIOLATED"
 BAD = "bad.csv, line 2: expected 4 values (time, gap, req, gnt), got 3"
 
 
-def test_junit_has_a_suite_for_each_trace_and_a_case_for_each_requirement(
-    folder: Path, capsys: Output
-) -> None:
+def test_junit_suites_and_cases(folder: Path, capsys: Output) -> None:
     assert main(["monitor", "req.stl", "--junit", "out.xml", "--", *TRACES]) == 2
     assert capsys.readouterr().out.endswith("\noutcomes: out.xml\n")
     root = ET.parse(folder / "out.xml").getroot()  # noqa: S314 - our own
@@ -109,7 +107,7 @@ def test_junit_has_a_suite_for_each_trace_and_a_case_for_each_requirement(
     }
 
 
-def test_junit_says_how_often_a_requirement_was_put_to_the_test(folder: Path) -> None:
+def test_junit_reports_trigger_counts(folder: Path) -> None:
     main(["monitor", "req.stl", "--junit", "out.xml", "--", *TRACES])
     root = ET.parse(folder / "out.xml").getroot()  # noqa: S314 - our own
     found = {
@@ -128,7 +126,7 @@ def test_junit_says_how_often_a_requirement_was_put_to_the_test(folder: Path) ->
     assert [each.tag for each in root[2][2]] == ["properties", "skipped", "system-out"]
 
 
-def test_the_counts_of_junit_are_those_of_its_cases(folder: Path) -> None:
+def test_junit_counts_match_cases(folder: Path) -> None:
     main(["monitor", "req.stl", "--junit", "out.xml", "--", *TRACES])
     root = ET.parse(folder / "out.xml").getroot()  # noqa: S314 - our own
     tags = {"failures": "failure", "errors": "error", "skipped": "skipped", "tests": "testcase"}
@@ -156,7 +154,7 @@ def failures_in(path: Path) -> dict[tuple[str | None, str | None], tuple[str, st
     }
 
 
-def test_what_nothing_has_asked_fails_in_junit_and_markdown_where_that_is_asked_for(
+def test_untriggered_requirements_fail_with_option(
     folder: Path,
 ) -> None:
     never = "rare = always(req >= 9 implies eventually[0:1](gnt >= 3))"
@@ -189,7 +187,7 @@ def test_what_nothing_has_asked_fails_in_junit_and_markdown_where_that_is_asked_
     assert (folder / "out.md").read_text().startswith("# VIOLATED\n")
 
 
-def test_a_trace_that_is_too_short_fails_in_junit_and_markdown(folder: Path) -> None:
+def test_short_traces_fail_in_junit_and_markdown(folder: Path) -> None:
     (folder / "long.csv").write_text(HEAD + "".join(f"{i},5,0,0\n" for i in range(9)))
     files = ["--junit", "out.xml", "--markdown", "out.md", "--min-duration", "5s"]
     words = ["monitor", "calm = always(gap > 2)", "answered = always(req >= 9 implies gnt > 0)"]
@@ -266,7 +264,7 @@ def test_parts_of_json_are_one_document(count: int) -> None:
 
 
 @pytest.mark.parametrize("form", ["json", "junit"])
-def test_outcomes_of_many_traces_are_written_in_parts(form: str) -> None:
+def test_many_outcomes_are_written_in_parts(form: str) -> None:
     """The text of all traces is never in memory at once."""
     matrix, size = many(10_001), 0
     tracemalloc.start()
@@ -283,7 +281,7 @@ def test_outcomes_of_many_traces_are_written_in_parts(form: str) -> None:
     assert peak < size / 2
 
 
-def test_markdown_is_a_table_with_what_is_wrong_below(folder: Path, capsys: Output) -> None:
+def test_markdown_table_and_failures(folder: Path, capsys: Output) -> None:
     assert main(["monitor", "req.stl", "--markdown", "out.md", "--", *TRACES]) == 2
     assert capsys.readouterr().out.endswith("\noutcomes: out.md\n")
     assert (
@@ -355,7 +353,7 @@ def test_names_are_no_markdown(folder: Path) -> None:
     assert "| a\\|b\\_c.csv | VIOLATED | -1 V |" in lines
 
 
-def test_only_some_cells_are_explained_in_markdown(folder: Path) -> None:
+def test_markdown_limits_explanations(folder: Path) -> None:
     for i in range(60):
         (folder / f"run{i}.csv").write_text((folder / "near.csv").read_text())
     main(["monitor", "always(gap > 2)", "--markdown", "out.md", "--", "run*.csv"])
@@ -364,7 +362,7 @@ def test_only_some_cells_are_explained_in_markdown(folder: Path) -> None:
     assert text.endswith("\n10 more are not explained here.\n")
 
 
-def test_an_explanation_ends_no_block_of_markdown() -> None:
+def test_explanation_keeps_markdown_block() -> None:
     why = "decided by\n```\nx > 0"
     found = Outcome(-1.0, -1.0, -1.0, rtamt.Verdict.VIOLATED, explanation=why)
     matrix = Matrix([Trial.of_trace("a.csv", "", {"near": found})], {"near": "always(x > 0)"})
@@ -380,7 +378,7 @@ def strict(text: str) -> Any:  # noqa: ANN401
     return json.loads(text, parse_constant=refuse)
 
 
-def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
+def test_json_is_alone_on_stdout(capsys: Output) -> None:
     options = ["--json", "--junit", "out.xml"]
     assert main(["monitor", "req.stl", *options, "--", "near.csv", "bad.csv"]) == 2
     out, err = capsys.readouterr()
@@ -484,9 +482,7 @@ def results(height: float, **counts: Any) -> dict[str, Any]:  # noqa: ANN401
     return {**found, **numbers, **counts}
 
 
-def test_json_says_why_a_verdict_is_open_and_keeps_the_sign_of_zeros(
-    folder: Path, capsys: Output
-) -> None:
+def test_json_open_verdicts_and_signed_zeros(folder: Path, capsys: Output) -> None:
     assert main(["monitor", "req.stl", "--json", "open.csv"]) == 3
     cell = strict(capsys.readouterr().out)["trials"][0]["outcomes"]["answered"]
     assert (cell["not_recorded"], cell["way_out"]) == ([WHY_OPEN], WAY_OUT)
@@ -495,7 +491,7 @@ def test_json_says_why_a_verdict_is_open_and_keeps_the_sign_of_zeros(
     assert '"robustness": -0.0,' in capsys.readouterr().out
 
 
-def test_one_trace_that_cannot_be_read_is_in_the_files_too(folder: Path, capsys: Output) -> None:
+def test_unreadable_trace_is_in_files(folder: Path, capsys: Output) -> None:
     assert main(["monitor", "req.stl", "--junit", "out.xml", "bad.csv"]) == 2
     assert capsys.readouterr() == ("outcomes: out.xml\n", f"rtamt: error: {BAD}\n")
     assert (folder / "out.xml").read_text().count("<error ") == 2
@@ -503,9 +499,7 @@ def test_one_trace_that_cannot_be_read_is_in_the_files_too(folder: Path, capsys:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
-def test_what_is_written_does_not_depend_on_the_number_of_processes(
-    dense: list[str], folder: Path
-) -> None:
+def test_files_do_not_depend_on_jobs(dense: list[str], folder: Path) -> None:
     written = set()
     for workers in ("1", "3"):
         command = [sys.executable, "-m", "rtamt_gym", "monitor", "req.stl", "-j", workers]

@@ -59,7 +59,7 @@ def test_values_come_back_bit_by_bit(
 
 
 @pytest.mark.parametrize("long", [1 << 30, 0])
-def test_events_come_back_in_the_order_of_their_times(
+def test_events_are_written_in_time_order(
     path: Path, long: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(output, "_LONG", long)
@@ -81,7 +81,7 @@ def test_events_come_back_in_the_order_of_their_times(
     assert read.numbers["value"][rows].tobytes() == series.values.tobytes()
 
 
-def test_an_extension_that_is_not_written_is_refused_before_anything_is_judged(
+def test_unknown_extension_error_before_judging(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "x.csv").write_text("x\n1\n")
@@ -121,7 +121,7 @@ def said(figure: Figure) -> str:
     return figure.axes[0].get_title(loc="left")
 
 
-def test_a_few_requirements_are_drawn_in_order_with_the_formulas_that_they_use() -> None:
+def test_few_requirements_are_all_drawn() -> None:
     figure = drawn({"b": "near = v3 < 5 \n b = always(near)", "a": "always(v1 > 3)"})
     assert panels(figure) == ["v3", "v1", "near", "b", "a"]
     assert said(figure) == ""
@@ -132,7 +132,7 @@ def many() -> dict[str, str]:
     return texts | {"late": "always[0:90](v14 > 1)"}
 
 
-def test_of_many_requirements_the_worst_are_drawn_and_the_others_counted() -> None:
+def test_worst_requirements_are_drawn() -> None:
     figure = drawn(many())
     # v0 is farthest below 4.5; of the six requirements that are drawn none is satisfied.
     assert panels(figure) == ["v0", "v1", "v2", "v3", "r0", "r1", "r2", "r3", "r4", "late"]
@@ -142,7 +142,7 @@ def test_of_many_requirements_the_worst_are_drawn_and_the_others_counted() -> No
     )
 
 
-def test_a_curve_says_how_it_reads_the_end_where_that_is_another_verdict() -> None:
+def test_curve_states_other_end_mode() -> None:
     texts = {"late": "eventually[50:90](true) or v3 > 5", "now": "always(v3 < 5)"}
     axes = drawn(texts, reading=EvaluationOptions(end="cut")).axes
     assert [ax.get_xlabel() for ax in axes] == [
@@ -158,7 +158,7 @@ def test_all_can_be_drawn() -> None:
     assert said(figure) == ""
 
 
-def test_what_is_left_out_has_its_verdict_counted() -> None:
+def test_omitted_panels_are_counted_by_verdict() -> None:
     texts = {f"r{i}": f"always(v{i % 15} < {1 + i / 100})" for i in range(30)}
     figure = drawn(texts)
     assert "; others: 20 VIOLATED, 4 SATISFIED; " in said(figure)

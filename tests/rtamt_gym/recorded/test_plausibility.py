@@ -51,7 +51,7 @@ def test_values_outside_declared_ranges_are_counted(dense: list[str], capsys: Ou
     assert notes([worse, "out.csv", "--strict-ranges", *dense], 1, capsys) == [OUTSIDE, constant]
 
 
-def test_types_are_ranges_and_unknown_values_are_not_compared(capsys: Output) -> None:
+def test_type_ranges_ignore_unknown_values(capsys: Output) -> None:
     Path("t.csv").write_text('gear\n0\n""\n300\n-1\n')
     words = ["uint8 gear; always(gear > -9)", "t.csv", "--missing", "unknown"]
     expected = (
@@ -124,9 +124,7 @@ def test_what_is_not_satisfied_does_not_pass(
 
 @pytest.mark.parametrize("text", ["always[20:30](x > 5)", "always[20:inf](x > 5)"])
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
-def test_the_end_decides_what_a_window_that_was_not_recorded_says(
-    text: str, dense: list[str], capsys: Output
-) -> None:
+def test_end_mode_decides_unrecorded_windows(text: str, dense: list[str], capsys: Output) -> None:
     codes = [
         main(["monitor", text, "trace.csv", "--end", end, *dense])
         for end in ("open", "cut", "complete")
@@ -135,7 +133,7 @@ def test_the_end_decides_what_a_window_that_was_not_recorded_says(
     capsys.readouterr()
 
 
-def test_an_undecided_verdict_says_what_was_not_recorded_and_the_way_out(capsys: Output) -> None:
+def test_undecided_verdict_states_remedy(capsys: Output) -> None:
     assert main(["monitor", "late = always[20:30](x > 5)", "trace.csv"]) == 3
     assert capsys.readouterr().out == (
         "UNDECIDED, robustness inf\n"
@@ -148,9 +146,7 @@ def test_an_undecided_verdict_says_what_was_not_recorded_and_the_way_out(capsys:
     )
 
 
-def test_what_was_not_recorded_is_told_in_the_times_of_the_trace(
-    folder_passes: Path, capsys: Output
-) -> None:
+def test_unrecorded_intervals_use_trace_times(folder_passes: Path, capsys: Output) -> None:
     (folder_passes / "later.csv").write_text("time,x\n100,4\n101,8\n102,4\n")
     text = "always(x < 5 implies eventually[0:4](x > 9))"
     assert main(["monitor", text, "later.csv"]) == 3
@@ -161,7 +157,7 @@ def test_what_was_not_recorded_is_told_in_the_times_of_the_trace(
     assert "\n    eventually[0:4](x > 9) at 100 s: not recorded: 102 s to 104 s\n" in said
 
 
-def test_each_requirement_is_named_with_its_verdict(capsys: Output) -> None:
+def test_verdicts_name_requirements(capsys: Output) -> None:
     text = "near = always(x > 6); limit = x < 9; slow = always(limit); late = always[20:30](x > 5)"
     assert main(["monitor", text, "trace.csv"]) == 1
     assert capsys.readouterr().out == (
@@ -182,7 +178,7 @@ def test_each_requirement_is_named_with_its_verdict(capsys: Output) -> None:
     )
 
 
-def test_a_helper_that_nothing_uses_is_refused_by_its_name(capsys: Output) -> None:
+def test_unused_helper_error(capsys: Output) -> None:
     assert main(["monitor", "near = x > 6; slow = always(x < 9)", "trace.csv"]) == 2
     assert capsys.readouterr().err == (
         "rtamt: error: requirement 'near' is about the first sample only; no other formula uses "
@@ -225,7 +221,7 @@ def test_nanoseconds_are_no_seconds(
 
 
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
-def test_times_that_can_hardly_be_seconds_need_a_unit(
+def test_implausible_times_need_a_unit(
     dense: list[str], folder_passes: Path, capsys: Output
 ) -> None:
     write_late(folder_passes, "timestamp", 1e9)
@@ -274,7 +270,7 @@ def write(
 
 @pytest.mark.parametrize("kind", ["f8", "f4", "i4"])
 @pytest.mark.parametrize("time", [[], ["--dense"]])
-def test_what_is_marked_as_not_valid_does_not_pass(
+def test_invalid_samples_do_not_pass(
     time: list[str], kind: str, tmp_path: Path, capsys: Output
 ) -> None:
     path = write(tmp_path / "run.mf4", MARKED, kind=kind)
@@ -326,7 +322,7 @@ def test_a_marked_sample_is_an_empty_cell(
         assert np.round(at, 9).tolist() == [0.0, 0.1, 0.4, 0.5]
 
 
-def test_channels_of_other_times_are_no_invalid_samples(tmp_path: Path) -> None:
+def test_other_channel_times_are_not_invalid(tmp_path: Path) -> None:
     with MDF(version="4.10") as file:
         file.append([Signal(np.ones(3), np.array([0.0, 0.2, 0.4]), name="x")])
         file.append([Signal(np.ones(5), np.arange(5) / 10, name="y")])

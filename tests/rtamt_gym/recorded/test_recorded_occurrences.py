@@ -46,7 +46,7 @@ def judged(capsys: Output, *words: str) -> dict[str, Any]:
     return found
 
 
-def test_report_lists_bodies_with_the_times_of_the_file(capsys: Output) -> None:
+def test_report_lists_bodies_with_file_times(capsys: Output) -> None:
     assert main(["monitor", SPEC, "drive.csv", "--occurrences"]) == 1
     assert capsys.readouterr().out.partition("\n\n")[2].partition("\n\n")[2] == (
         "speed <= 10: violated 2 times, 42.9 % of the time, 2057 an hour\n"
@@ -131,7 +131,7 @@ def test_unknown_cells_are_unknown_rows(folder: Path, capsys: Output) -> None:
     assert (row["start"], row["end"], row["duration"], row["to_end"]) == (1.0, 3.0, 2.0, False)
 
 
-def test_late_start_counts_from_the_first_known_event(folder: Path, capsys: Output) -> None:
+def test_late_start_at_first_known_event(folder: Path, capsys: Output) -> None:
     (folder / "late.csv").write_text("time,x,y\n0,9,\n1,9,1\n2,1,1\n3,9,1\n4,9,1\n")
     found = judged(capsys, "always(x < 5 or y < 0)", "late.csv", "--dense", "--missing", "drop")
     rows = found["trials"][0]["outcomes"]["spec"]["occurrences"]["bodies"][0]["violations"]

@@ -86,7 +86,7 @@ def test_times_that_go_back_are_refused(write: Writer, tmp_path: Path, capsys: O
     assert "expected times that increase, got" in capsys.readouterr().err
 
 
-def test_clocks_that_differ_in_the_last_bit_are_one(tmp_path: Path, capsys: Output) -> None:
+def test_last_bit_differences_are_one_clock(tmp_path: Path, capsys: Output) -> None:
     fast: Rows = [
         (float(time), 1 - 2 * (index == 150)) for index, time in enumerate(np.arange(0, 2, 0.01))
     ]
@@ -191,7 +191,7 @@ TABLES = [
 
 
 @pytest.mark.parametrize(("suffix", "text", "dense"), TABLES)
-def test_tables_need_a_choice_where_values_differ(
+def test_different_values_need_a_choice(
     suffix: str, text: Callable[[Rows], str], dense: list[str], tmp_path: Path, capsys: Output
 ) -> None:
     path = tmp_path / f"t{suffix}"
@@ -216,7 +216,7 @@ def test_tables_need_a_choice_where_values_differ(
     assert "expected times" in capsys.readouterr().err
 
 
-def test_cells_of_one_time_in_several_rows_are_one_sample(tmp_path: Path, capsys: Output) -> None:
+def test_rows_at_one_time_are_one_sample(tmp_path: Path, capsys: Output) -> None:
     path = tmp_path / "t.csv"
     path.write_text("time,a,b\n0,1,\n0,,1\n1,2,\n1,,-2\n2,3,\n2,,3\n")
     words = ["monitor", "always(a > 0 and b > 0)", str(path)]

@@ -204,7 +204,7 @@ def test_other_requirements_keep_their_own_start(tmp_path: Path) -> None:
     ]
 
 
-def test_an_event_that_holds_at_the_start_is_not_left_out(tmp_path: Path) -> None:
+def test_event_at_start_is_kept(tmp_path: Path) -> None:
     path = csv(tmp_path / "late.csv", a=[(0, 1), (0.5, 1), (1, -5), (3, 1)], b=B)
     found = judged(path, "always(a > 0 and b > 0)", Columns(start="known"))
     assert found.late_start is not None
@@ -226,7 +226,7 @@ def test_defaults_hold_for_any_time(tmp_path: Path) -> None:
     assert (found.verdict, found.found.unknown) == (Verdict.SATISFIED, ())
 
 
-def test_mutants_are_judged_on_the_extent_of_their_requirement(tmp_path: Path) -> None:
+def test_mutants_use_requirement_extent(tmp_path: Path) -> None:
     path = csv(tmp_path / "late.csv", a=[(0, 1), (1, -5), (2, 1)], b=B)
     spec = rtamt.parse("always(a > 0 and b > 0)")
     (mutant,) = [

@@ -138,7 +138,7 @@ def test_step_is_that_of_the_file(
     assert (trial["extent"]["samples"], trial["verdict"]) == (steps[-1] + 1, "UNDECIDED")
 
 
-def test_object_of_one_step_has_the_step_of_the_file(tmp_path: Path) -> None:
+def test_single_step_object_has_file_step(tmp_path: Path) -> None:
     path = write_fcd(tmp_path / "fcd.xml", [*TWO, ("vehicle", "c", 1, [3])])
     spec = {"": rtamt.parse("always[0:1](speed < 9)")}
     _, period = read_ruled(f"{path}[id=c]", spec, EvaluationOptions(), Columns())

@@ -45,7 +45,7 @@ def table(folder: Path, text: str) -> str:
         (LATE, "drop", [0.75], ["2 rows with an empty cell left out"]),
     ],
 )
-def test_a_default_counts_where_a_table_has_no_value_yet(
+def test_default_before_first_value(
     tmp_path: Path, text: str, missing: Missing, limits: list[float], notes: list[str]
 ) -> None:
     columns = Columns(missing=missing, time_unit="s")
@@ -108,7 +108,7 @@ def test_a_default_is_an_event_at_the_first_row(
     assert trace.notes == notes
 
 
-def test_a_column_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
+def test_missing_requested_column_error(tmp_path: Path) -> None:
     path = table(tmp_path, ABSENT)
     with pytest.raises(rtamt.InputError) as caught:
         read_ruled(path, {"": SPEC}, EvaluationOptions(), Columns({"limit": "lim"}))
@@ -131,7 +131,7 @@ NEAR = """\
         ("speed_limit", "speed limit (m/s)"),
     ],
 )
-def test_a_default_beside_a_column_of_nearly_the_same_name_is_refused(
+def test_default_with_misspelt_column_error(
     variable: str, near: str, reading: EvaluationOptions, tmp_path: Path
 ) -> None:
     path = table(tmp_path, f"time,x,{near}\n1,0.25,1\n2,0.125,1\n")
@@ -156,14 +156,14 @@ def test_a_column_of_another_name_is_no_slip(other: str, tmp_path: Path) -> None
     assert trace.defaults == {"limit": 0.5}
 
 
-def test_a_column_that_another_variable_reads_is_no_slip(tmp_path: Path) -> None:
+def test_column_of_other_variable_is_not_misspelt(tmp_path: Path) -> None:
     text = "input float64 limit = 0.5; input float64 limits; always(limits < limit)"
     path = table(tmp_path, "time,limits\n1,0.25\n2,0.125\n")
     trace, _ = read_ruled(path, {"": rtamt.parse(text)}, EvaluationOptions(), Columns())
     assert trace.defaults == {"limit": 0.5}
 
 
-def test_an_event_of_nearly_the_same_name_is_refused(tmp_path: Path) -> None:
+def test_misspelt_event_error(tmp_path: Path) -> None:
     path = table(tmp_path, "time,variable,value\n1,x,0.25\n2,x,0.125\n2,Limit,0.75\n")
     with pytest.raises(rtamt.InputError, match="but 'Limit'; give --signal limit=Limit"):
         read_ruled(path, {"": SPEC}, EvaluationOptions(dense=True), Columns())
@@ -171,7 +171,7 @@ def test_an_event_of_nearly_the_same_name_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("reading", [EvaluationOptions(), EvaluationOptions(dense=True)])
 @pytest.mark.parametrize(("text", "missing"), [(ABSENT, "raise"), (LATE, "hold")])
-def test_defaults_are_refused_where_that_is_asked_for(
+def test_defaults_error_with_no_defaults(
     text: str, missing: Missing, reading: EvaluationOptions, tmp_path: Path
 ) -> None:
     path = table(tmp_path, text)
@@ -229,7 +229,7 @@ def test_verdicts_that_rest_on_a_default_say_so(
         (["--default", "gear"], "no specification declares one for 'gear'; they declare one for '"),
     ],
 )
-def test_a_default_that_nothing_declares_is_refused(
+def test_undeclared_default_error(
     options: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["monitor", TEXT, table(tmp_path, ABSENT), *options]) == 2
@@ -261,7 +261,7 @@ def test_defaults_alone_pass_no_gate(
     )
 
 
-def test_the_other_requirements_are_judged_where_one_has_defaults_alone(
+def test_defaults_only_requirement_does_not_stop_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     alone = "input float64 limit = 0.5; alone = always(limit > 0)"
@@ -271,9 +271,7 @@ def test_the_other_requirements_are_judged_where_one_has_defaults_alone(
     assert verdicts == {"out": "SATISFIED", "alone": "ERROR"}
 
 
-def test_two_defaults_of_one_variable_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_defaults_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     texts = [TEXT, TEXT.replace("= 0.5", "= 0.75").replace("out", "other")]
     assert main(["monitor", *texts, table(tmp_path, ABSENT)]) == 2
     assert capsys.readouterr().err == (

@@ -137,7 +137,7 @@ def test_dates_of_two_readings_are_refused(capsys: Output) -> None:
     assert code == 2 or "86400" not in text
 
 
-def test_a_column_that_looks_like_times_stops_time_bounds(capsys: Output) -> None:
+def test_time_like_column_stops_time_bounds(capsys: Output) -> None:
     name = write("log.csv", {"clk": [0, 20, 40, 60, 80], "v": V})
     for bound in ("always[0:40]", "always(once[0:20]", "always(once[9,)"):
         spec = f"{bound}(v > 0)" + ")" * bound.count("(")
@@ -211,7 +211,7 @@ def test_other_columns_do_not_look_like_times(
     assert (code, text[:8]) == (1, "VIOLATED"), text
 
 
-def test_an_uncertain_unit_is_refused_with_its_readings(capsys: Output) -> None:
+def test_uncertain_unit_error_lists_readings(capsys: Output) -> None:
     name = write("log.csv", {"timestamp": [0, 4000, 8000, 12000, 16000], "v": V})
     code, text = judged(capsys, "always[0:8ms](v > 0)", name)
     assert code == 2
@@ -319,7 +319,7 @@ def test_one_object_stays_readable(capsys: Output, column: Columns) -> None:
     assert judged(capsys, "eventually(speed > 5)", write("log.csv", table))[0] == 0
 
 
-def test_events_of_different_variables_are_one_trace(capsys: Output) -> None:
+def test_different_variables_are_one_trace(capsys: Output) -> None:
     Path("wide.csv").write_text("time,id,a,b\n0,7,1,\n0.5,8,,1\n1,7,1,\n1.5,8,,1\n")
     assert judged(capsys, "always(a > 0 or b > 0)", "wide.csv", "--dense")[0] == 0
     Path("long.csv").write_text("time,variable,value\n0,a,1\n0,b,1\n1,a,1\n1,b,1\n")
@@ -441,7 +441,7 @@ def test_all_commands_read_tables_alike(capsys: Output, command: str) -> None:
     assert main([*command_of, *options, "--where", "vehicle_id=0"]) in (0, 3)
 
 
-def test_a_result_keeps_the_rows_that_were_selected(capsys: Output) -> None:
+def test_result_keeps_selected_rows(capsys: Output) -> None:
     where = ["--where", "vehicle_id=1", "--json"]
     assert main(["monitor", "always(speed > 5)", write("fcd.csv", FCD), *where]) == 1
     columns = json.loads(capsys.readouterr().out)["reading"]["columns"]
@@ -473,7 +473,7 @@ def turns(column: str, values: Sequence[int], offsets: Sequence[float]) -> Colum
 @pytest.mark.parametrize("options", [[], ["--dense"], ["--max-gap", "1s"], ["--jitter", "5%"]])
 @pytest.mark.parametrize("values", [(3, 7, 12), (1, 2, 3), (5, 4), (0, 1, 2)])
 @pytest.mark.parametrize("end", [".csv", ".parquet"])
-def test_numbered_objects_that_take_turns_are_refused(
+def test_alternating_objects_error(
     values: tuple[int, ...], options: list[str], end: str, capsys: Output
 ) -> None:
     path = write(f"run{end}", turns("zone", values, (0, 0.03, 0.06)))

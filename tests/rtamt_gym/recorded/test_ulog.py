@@ -67,7 +67,7 @@ def names_of(path: Path) -> list[str]:
         return list(recording.names)
 
 
-def test_fields_are_named_after_topics_and_instances(tmp_path: Path) -> None:
+def test_field_names_state_topic_and_instance(tmp_path: Path) -> None:
     path = flight().save(tmp_path / "flight.ulg")
     accelerometers = {f"sensor_accel.{n}.{name}" for n in (0, 1) for name in ("x", "error_count")}
     positions = {f"vehicle_local_position.{name}" for name in ("x", "z", "z_valid")}
@@ -81,7 +81,7 @@ def test_fields_are_named_after_topics_and_instances(tmp_path: Path) -> None:
     assert len(names) == len({*names})
 
 
-def test_times_are_seconds_and_values_those_that_were_written(tmp_path: Path) -> None:
+def test_times_in_seconds_and_exact_values(tmp_path: Path) -> None:
     path = flight().save(tmp_path / "flight.ulg")
     found = events(
         path,
@@ -111,7 +111,7 @@ def test_times_are_seconds_and_values_those_that_were_written(tmp_path: Path) ->
     steps=st.lists(st.integers(1, 10**7), min_size=1, max_size=12),
     numbers=st.integers(0, 127),
 )
-def test_what_is_written_is_what_pyulog_and_the_reader_read(
+def test_reader_matches_pyulog(
     kinds: list[str], steps: list[int], numbers: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     topic = Topic("made", tuple((kind, f"field{at}") for at, kind in enumerate(kinds)))
@@ -132,7 +132,7 @@ def test_what_is_written_is_what_pyulog_and_the_reader_read(
         assert data.data[name.removeprefix("made.")].tolist() == found.numbers[name].tolist()
 
 
-def test_a_log_written_by_pyulog_is_read_as_the_one_it_was_read_from(tmp_path: Path) -> None:
+def test_log_rewritten_by_pyulog_matches(tmp_path: Path) -> None:
     first = flight().save(tmp_path / "first.ulg")
     second = tmp_path / "second.ulg"
     ULog(str(first)).write_ulog(str(second))
@@ -144,7 +144,7 @@ def test_a_log_written_by_pyulog_is_read_as_the_one_it_was_read_from(tmp_path: P
         assert values.tolist() == others.tolist()
 
 
-def test_fields_of_other_rates_are_held_in_samples(tmp_path: Path, capsys: Output) -> None:
+def test_samples_hold_slower_fields(tmp_path: Path, capsys: Output) -> None:
     path = str(flight().save(tmp_path / "flight.ulg"))
     spec = "always(vehicle_local_position.x >= 20 * vehicle_attitude.q[3] - 1.5)"
     assert main(["monitor", spec, path, "--missing", "hold"]) == 0
@@ -185,7 +185,7 @@ def test_data_that_the_autopilot_lost_is_said(tmp_path: Path, capsys: Output) ->
     assert "lost data: 2 times, 0.12 s in all, the longest 0.07 s after 1.9 s;" in said
 
 
-def test_records_without_a_time_of_their_own_are_left_out_and_counted(tmp_path: Path) -> None:
+def test_records_without_time_are_counted(tmp_path: Path) -> None:
     log = Ulog()
     rows: list[tuple[int, Sequence[float]]] = [
         (at, [x, 0, 0]) for at, x in [(0, 9), (900, 1), (1000, 2), (1000, 3), (1100, 4)]
@@ -218,7 +218,7 @@ def test_records_without_a_time_of_their_own_are_left_out_and_counted(tmp_path: 
     )
 
 
-def test_a_log_that_ends_within_a_message_is_read_up_to_there_and_it_is_said(
+def test_truncated_log_is_read_with_note(
     tmp_path: Path,
 ) -> None:
     log = flight()
@@ -262,9 +262,7 @@ def test_a_log_that_ends_within_a_message_is_read_up_to_there_and_it_is_said(
         ("empty", "expected a ULog file with data; it holds none"),
     ],
 )
-def test_a_damaged_log_is_refused_with_the_reason(
-    damage: str, why: str, tmp_path: Path, capsys: Output
-) -> None:
+def test_damaged_log_error(damage: str, why: str, tmp_path: Path, capsys: Output) -> None:
     log = flight()
     path = log.save(tmp_path / "bad.ulg")
     whole, begin = path.read_bytes(), sum(map(len, log.definitions))
@@ -286,7 +284,7 @@ def test_a_damaged_log_is_refused_with_the_reason(
     assert not capsys.readouterr().out
 
 
-def test_a_column_that_is_missing_in_a_log_of_many_is_named_with_the_nearest(
+def test_missing_log_column_error_lists_nearest(
     tmp_path: Path,
 ) -> None:
     log = flight()
@@ -302,9 +300,7 @@ def test_a_column_that_is_missing_in_a_log_of_many_is_named_with_the_nearest(
     )
 
 
-def test_a_time_that_the_clock_of_the_requirement_cannot_count_is_refused_with_the_log(
-    tmp_path: Path, capsys: Output
-) -> None:
+def test_oversized_time_error_names_log(tmp_path: Path, capsys: Output) -> None:
     log = flight()
     log.data(ATTITUDE, 5_000_000_000_000_000, [1.0, 0.0, 0.0, 0.0, 0])
     path = log.save(tmp_path / "flight.ulg")

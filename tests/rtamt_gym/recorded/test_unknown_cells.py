@@ -61,7 +61,7 @@ def columns() -> st.SearchStrategy[list[tuple[int | None, int | None]]]:
     end=st.sampled_from(["complete", "cut", "open"]),
     fills=st.lists(st.integers(-4, 4), min_size=12, max_size=12),
 )
-def test_every_filling_of_the_cells_lies_within_the_bounds(
+def test_cell_fillings_stay_within_bounds(
     rows: list[tuple[int | None, int | None]], text: str, end: rtamt.typing.End, fills: list[int]
 ) -> None:
     cells = [",".join("" if each is None else str(each) for each in row) for row in rows]
@@ -101,9 +101,7 @@ def test_every_filling_of_the_cells_lies_within_the_bounds(
         assert whole.verdict is found.verdict
 
 
-def test_the_report_says_what_is_unknown_where_and_what_it_leaves_out(
-    folder: Path, capsys: Output
-) -> None:
+def test_report_states_unknown_values(folder: Path, capsys: Output) -> None:
     assert folder.is_dir()
     assert main(["monitor", "specs.stl", "run.csv", "--missing", "unknown"]) == 1
     assert capsys.readouterr().out == (
@@ -135,9 +133,7 @@ def test_the_exit_code_is_that_of_the_verdict(
     assert ("empty cells" in out) == (only != "calm")
 
 
-def test_an_unknown_value_that_cannot_matter_leaves_the_verdict_certain(
-    folder: Path, capsys: Output
-) -> None:
+def test_irrelevant_unknown_value_keeps_verdict(folder: Path, capsys: Output) -> None:
     (folder / "run.csv").write_text('x\n4\n""\nnan\n')
     assert main(["monitor", "always(abs(x) >= 0)", "run.csv", "--missing", "unknown"]) == 0
     out = capsys.readouterr().out
@@ -147,7 +143,7 @@ def test_an_unknown_value_that_cannot_matter_leaves_the_verdict_certain(
     assert "(x: 2, the first in run.csv, line 3)" in out
 
 
-def test_an_unknown_value_stays_so_until_the_next_row_where_rows_are_resampled(
+def test_unknown_value_lasts_until_next_row(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "run.csv"
@@ -185,14 +181,14 @@ def test_unknown_row_that_resampling_leaves_out(
     assert found[0] == found[1]
 
 
-def test_unknown_values_before_a_late_start_do_not_count() -> None:
+def test_unknown_values_before_start_are_ignored() -> None:
     values = {"x": np.array([1, np.nan, 1, 1]), "y": np.array([np.nan, np.nan, 2, 3])}
     trace = Trace("run", values, 4, None, str, known_from={"y": 2}, unknown=["x"])
     found = judge(rtamt.parse("always(x + y < 5)"), trace, None, EvaluationOptions())
     assert found.found.robustness == 1
 
 
-def test_outcomes_keep_their_form_and_a_page_shows_them(folder: Path, capsys: Output) -> None:
+def test_outcome_files_show_unknown_values(folder: Path, capsys: Output) -> None:
     assert main(["monitor", "specs.stl", "run.csv", "--missing", "unknown", "--json"]) == 1
     text = capsys.readouterr().out
     kept = json.loads(text)
@@ -224,7 +220,7 @@ def test_outcomes_keep_their_form_and_a_page_shows_them(folder: Path, capsys: Ou
         (["mine", "--range", "v=0:9"], "--missing: rtamt mine compares the robustness of traces"),
     ],
 )
-def test_what_needs_a_robustness_of_instants_is_refused_with_the_reason(
+def test_robustness_of_unknown_values_error(
     folder: Path, capsys: Output, command: list[str], message: str
 ) -> None:
     spec = "always(req < ?v)" if "mine" in command else "specs.stl"
@@ -238,7 +234,7 @@ def test_what_needs_a_robustness_of_instants_is_refused_with_the_reason(
     assert sorted(folder.iterdir()) == before
 
 
-def test_what_is_known_is_explained_and_the_rest_says_why_not(folder: Path, capsys: Output) -> None:
+def test_known_verdicts_are_explained(folder: Path, capsys: Output) -> None:
     assert folder.is_dir()
     assert main(["explain", "specs.stl", "run.csv", "--missing", "unknown"]) == 1
     said = capsys.readouterr().out
@@ -253,7 +249,7 @@ def test_what_is_known_is_explained_and_the_rest_says_why_not(folder: Path, caps
     end=st.sampled_from(["complete", "cut", "open"]),
     fills=st.lists(st.integers(-4, 4), min_size=12, max_size=12),
 )
-def test_every_filling_of_the_cells_lies_within_the_bounds_in_dense_time(
+def test_dense_cell_fillings_stay_within_bounds(
     rows: list[tuple[int | None, int | None]], text: str, end: rtamt.typing.End, fills: list[int]
 ) -> None:
     rows = [(0, 0), *rows, (0, 0)]
@@ -293,7 +289,7 @@ def test_events_without_a_number_are_said(folder: Path, capsys: Output) -> None:
     assert "late: UNDECIDED, robustness between -1 and inf" in said
 
 
-def test_a_message_without_a_number_leaves_the_value_unknown_until_the_next(
+def test_message_without_number_is_unknown(
     tmp_path: Path,
 ) -> None:
     spec = rtamt.parse("""

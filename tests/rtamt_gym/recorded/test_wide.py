@@ -261,7 +261,7 @@ CELLS = st.lists(
 
 @settings(max_examples=examples(40), deadline=None)
 @given(CELLS, st.sampled_from(["hold", "drop", "unknown"]), st.booleans())
-def test_empty_values_of_long_tables_equal_those_of_columns(
+def test_empty_values_match_in_long_and_wide_tables(
     tmp_path_factory: pytest.TempPathFactory,
     cells: list[tuple[str, str]],
     missing: str,
